@@ -1,0 +1,1 @@
+"""Linearisation, normal equations, factorisation, selected inverse, datum, solver."""

@@ -1,0 +1,1 @@
+"""Start values that nobody has to give: relative orientation, resection, intersection, transfer."""

@@ -1,0 +1,1 @@
+"""Rotations, frames, camera models, similarity: mathematics only."""

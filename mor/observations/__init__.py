@@ -1,0 +1,1 @@
+"""Observation types: one file each, every one a value of :class:`ObservationType`."""

@@ -1,0 +1,1 @@
+"""Kinds of parameter blocks, their values, and the index from block to column."""

@@ -1,0 +1,1 @@
+"""What follows the solution: redundancy, reliability, precision, tests."""

@@ -1,0 +1,1 @@
+"""Reports: one file per section; text, JSON, CSV as renderers."""
