@@ -1,0 +1,57 @@
+"""What can go wrong, as data: every problem has a place, and every failure an exit code."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
+
+    DONE = 0
+    REJECTED = 1
+    INPUT = 2
+    NOT_CONVERGED = 3
+    SINGULAR = 4
+    INTERNAL = 70
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in the input: where it stands, what was found, what was expected.
+
+    ``file`` and ``line`` may be empty (``""``, 0) where a problem belongs to no single place.
+    """
+
+    message: str
+    file: str = ""
+    line: int = 0
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
+        return f"{place}{self.message}"
+
+
+class MorError(Exception):
+    """Base of every failure that is the user's to mend; never shown with a traceback."""
+
+    exit_code = ExitCode.INTERNAL
+
+
+class InputError(MorError):
+    """The input is wrong. Carries *all* problems found, not only the first one."""
+
+    exit_code = ExitCode.INPUT
+
+    def __init__(self, problems: Iterable[Problem]):
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
+    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {matches[0]!r}?" if matches else ""
