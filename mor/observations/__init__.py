@@ -1,1 +1,65 @@
 """Observation types: one file each, every one a value of :class:`ObservationType`."""
+
+from mor.observations._contract import (
+    Computed,
+    ObservationGroup,
+    ObservationType,
+    Reference,
+    Slot,
+    wrap,
+)
+from mor.observations.angle import ANGLE_TYPE
+from mor.observations.bearing import BEARING
+from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
+from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
+from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
+from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.observations.level import LEVEL
+from mor.observations.local import LOCAL
+from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
+
+PLAIN_TYPES = {
+    kind.key: kind
+    for kind in (
+        DISTANCE,
+        HORIZONTAL_DISTANCE,
+        DIRECTIONS,
+        ZENITH_DIRECTIONS,
+        BEARING,
+        VERTICAL_DIRECTION,
+        ZENITH_ANGLE,
+        ANGLE_TYPE,
+        VECTOR,
+        HEIGHT_DIFFERENCE,
+        LOCAL,
+        LEVEL,
+    )
+}
+"""Types a project names directly; image coordinates are chosen by the model of the camera."""
+
+ALL_TYPES = {
+    kind.key: kind
+    for kind in (
+        *IMAGE_TYPES.values(),
+        *FOLLOWER_TYPES.values(),
+        *PLAIN_TYPES.values(),
+        *OBSERVED_PARAMETERS.values(),
+        *OBSERVED_DIFFERENCES.values(),
+    )
+}
+
+__all__ = [
+    "ALL_TYPES",
+    "FOLLOWER_TYPES",
+    "IMAGE_TYPES",
+    "OBSERVED_DIFFERENCES",
+    "OBSERVED_PARAMETERS",
+    "PLAIN_TYPES",
+    "Computed",
+    "ObservationGroup",
+    "ObservationType",
+    "Reference",
+    "Slot",
+    "wrap",
+]

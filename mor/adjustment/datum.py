@@ -1,0 +1,103 @@
+"""The datum: which null directions are free movements of the whole network, and how the datum binds them.
+
+The inner constraint binds the total correction of the masked components to their reference,
+Bᵀ(x − x₀) = 0 with B = M G₀, G₀ the null vectors at the start values. Any solution of a minimal datum is carried there
+by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ, S = I − G (BᵀG)⁻¹ Bᵀ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.adjustment.problem import Datum
+from mor.geometry.arrays import BoolArray, FloatArray
+from mor.parameters.index import Index, Values
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Inner constraints Bᵀ(x − x₀) = 0."""
+
+    normals: FloatArray
+    """(u, d) B."""
+    mask: BoolArray
+    """(u,) components that carry the datum."""
+
+
+@dataclass(frozen=True)
+class STransformation:
+    """S = I − G H Bᵀ with H = (BᵀG)⁻¹, applied to a minimal-datum solution and to its cofactors."""
+
+    null: FloatArray
+    """(u, d) G."""
+    binding: FloatArray
+    """(d, d) H."""
+    through: FloatArray
+    """(u, d) U = Q B of the minimal datum."""
+    core: FloatArray
+    """(d, d) BᵀQB."""
+
+    def correction(self, one: FloatArray, other: FloatArray) -> FloatArray:
+        """What S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
+
+        Negative numbers stand for fixed components and yield zeros.
+        """
+        g, u = _rows(self.null @ self.binding, one), _rows(self.through, one)
+        h, w = _rows(self.null @ self.binding, other), _rows(self.through, other)
+        return _outer(g @ self.core, h) - _outer(g, w) - _outer(u, h)
+
+
+def datum_mask(datum: Datum, index: Index) -> BoolArray:
+    """(u,) the unknowns that carry the datum."""
+    mask = np.zeros(index.count, dtype=bool)
+    for kind, chosen in datum.mask.items():
+        columns = index.columns[kind][chosen]
+        mask[columns[columns >= 0]] = True
+    return mask
+
+
+def constraint(null: FloatArray, mask: BoolArray) -> Constraint:
+    """Inner constraints over the masked unknowns for null vectors (u, d)."""
+    return Constraint(np.where(mask[:, None], null, 0.0), mask)
+
+
+def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
+    """(u,) total corrections x − x₀ of the masked unknowns, zero elsewhere."""
+    total = np.zeros(index.count)
+    for kind, chosen in datum.mask.items():
+        columns = index.columns[kind]
+        used = chosen & (columns >= 0)
+        total[columns[used]] = (values[kind] - datum.reference[kind])[used]
+    return total
+
+
+def binds(null: FloatArray, constraint: Constraint) -> bool:
+    """True where the constraint determines every null direction."""
+    together = constraint.normals.T @ null
+    if together.size == 0:
+        return True
+    size = np.linalg.norm(constraint.normals, axis=0).max() * np.linalg.norm(null, axis=0).max()
+    return bool(size > 0.0 and np.linalg.svd(together, compute_uv=False)[-1] > 1e-9 * size)
+
+
+def into_datum(step: FloatArray, null: FloatArray, constraint: Constraint, total: FloatArray) -> FloatArray:
+    """Step (u,) moved along the null directions so that the total corrections satisfy the constraint."""
+    missing = constraint.normals.T @ (total + np.where(constraint.mask, step, 0.0))
+    turned: FloatArray = step - null @ np.linalg.solve(constraint.normals.T @ null, missing)
+    return turned
+
+
+def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:
+    """S-transformation from the minimal datum with U = Q B (u, d) into the datum of the constraint."""
+    binding = np.linalg.inv(constraint.normals.T @ null)
+    return STransformation(null, binding, through, constraint.normals.T @ through)
+
+
+def _rows(matrix: FloatArray, columns: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> FloatArray:
+    return np.where((columns >= 0)[..., None], matrix[columns], 0.0)
+
+
+def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
+    return one @ np.swapaxes(other, -1, -2)

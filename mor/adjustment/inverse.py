@@ -1,0 +1,146 @@
+"""The solved system: factorisation, directions that are null or nearly so, steps and cofactors.
+
+A few unknowns are *anchored*: N' = N + C Cᵀ, C their unit vectors in units of the scaled system, as many as there are
+directions the observations hardly determine. N' is regular and as sparse as N. With Y = N'⁻¹ C, T = CᵀY and M = YᵀNY
+(formed from A Y itself, hence exact) it follows that M = T (I − T), and in the common eigenvectors w of M and T
+
+    M w = 0     : g = Y w is a null vector of N,
+    M w = m w   : a weak direction, and N⁻¹ = N'⁻¹ + Σ (Y w)(Y w)ᵀ t/m gives back exactly what the anchors took.
+
+So nothing weak is lost, nothing singular is hidden, and which unknowns are anchored changes no result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from mor.adjustment.block_matrix import BlockMatrix
+from mor.adjustment.cholesky import Factor, factorise
+from mor.adjustment.normals import Normals, image_of
+from mor.adjustment.plan import Plan
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.parameters.index import Values
+
+NULL = 1e-17
+"""‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""
+HARDLY_DETERMINED = 1e-8
+"""‖A g‖²/‖g‖² below which a direction is anchored, so that the factorisation keeps its accuracy."""
+_PROBES = 12
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """A factorised normal system."""
+
+    factor: Factor
+    scale: FloatArray
+    """(u,) 1/√N_ii."""
+    null: FloatArray
+    """(u, d) null vectors, in the units of the unknowns."""
+    weak: FloatArray
+    """(u, w) weak directions, scaled so that weak·weakᵀ is their part of the cofactors."""
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """A solution x of N x = rhs, (u,) or (u, k), for a right-hand side in the range of N."""
+        scale = self.scale if rhs.ndim == 1 else self.scale[:, None]
+        anchored: FloatArray = scale * self.factor.solve(scale * rhs)
+        return anchored + self.weak @ (self.weak.T @ rhs)
+
+    def selected(self) -> BlockMatrix:
+        """Cofactors at the stored pattern, without the part of the weak directions."""
+        return self.factor.selected_inverse().scaled(self.scale)
+
+
+def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
+    """Factorise with the given anchors (k,) and split what they hold into null and weak directions."""
+    scale = _unit_diagonal(normals.matrix)
+    matrix = normals.matrix.scaled(scale)
+    factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
+    units = _unit_vectors(matrix, anchors)
+    Y = factor.solve(units)
+    if len(anchors) == 0:
+        return Inverse(factor, scale, Y, Y)
+    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * Y))
+    directions = Y @ vectors
+    is_null = eigenvalues < NULL * np.sum(directions**2, axis=0)
+    share = np.einsum("kw,kw->w", vectors, Y[anchors] @ vectors)
+    weak = directions[:, ~is_null] * np.sqrt(share[~is_null] / eigenvalues[~is_null])
+    return Inverse(factor, scale, scale[:, None] * directions[:, is_null], scale[:, None] * weak)
+
+
+def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
+    """Unknowns to anchor: vanishing pivots first, then whatever inverse iteration still finds hardly determined."""
+    scale = _unit_diagonal(normals.matrix)
+    matrix = normals.matrix.scaled(scale)
+    anchors = np.zeros(0, dtype=np.int64)
+    for _ in range(matrix.structure.unknowns):
+        factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
+        found = factor.set_aside
+        directions = factor.solve(_unit_vectors(matrix, anchors)) if len(anchors) else np.zeros((len(scale), 0))
+        if len(found):
+            loose = _released(matrix, factor)
+        else:
+            loose = _hardly_determined(plan, values, factor, scale)
+        if loose.shape[1] == 0:
+            return anchors
+        anchors = _spread_out(np.concatenate([directions, loose], axis=1))
+    return anchors
+
+
+def damped_step(plan: Plan, normals: Normals, damping: float) -> FloatArray:
+    """Levenberg-Marquardt step (N + μ diag N)⁻¹ b; unknowns that nothing observes stay."""
+    scale = _unit_diagonal(normals.matrix)
+    matrix = normals.matrix.scaled(scale)
+    everywhere = np.arange(matrix.structure.unknowns)
+    factor = factorise(_with_diagonal(matrix, everywhere, damping), plan.elimination, tolerance=1e-16)
+    step: FloatArray = scale * factor.solve(scale * normals.rhs)
+    return step
+
+
+def _hardly_determined(plan: Plan, values: Values, factor: Factor, scale: FloatArray) -> FloatArray:
+    """Directions (u, k) with ‖A g‖² small against ‖g‖², by block inverse iteration from seeded random probes."""
+    count = min(_PROBES, len(scale))
+    probes = np.random.default_rng(1984).standard_normal((len(scale), count))
+    for _ in range(2):
+        probes, _ = np.linalg.qr(factor.solve(probes))
+    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * probes))
+    return probes @ vectors[:, eigenvalues < HARDLY_DETERMINED]
+
+
+def _released(matrix: BlockMatrix, factor: Factor) -> FloatArray:
+    """One direction (u, k) for each set-aside unknown: itself 1, all else as the factor answers."""
+    units = _unit_vectors(matrix, factor.set_aside)
+    answer = factor.solve(matrix.multiply(units))
+    answer[factor.set_aside] = 0.0
+    return units - answer
+
+
+def _spread_out(directions: FloatArray) -> IntArray:
+    """As many unknowns as directions (u, k), such that the directions differ most on them (pivoted QR)."""
+    normed = directions / np.linalg.norm(directions, axis=0)
+    _, _, order = scipy.linalg.qr(np.linalg.qr(normed)[0].T, mode="economic", pivoting=True)
+    return np.sort(order[: directions.shape[1]]).astype(np.int64)
+
+
+def _unit_diagonal(matrix: BlockMatrix) -> FloatArray:
+    diagonal = matrix.diagonal()
+    scale: FloatArray = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    return scale
+
+
+def _unit_vectors(matrix: BlockMatrix, unknowns: IntArray) -> FloatArray:
+    units = np.zeros((matrix.structure.unknowns, len(unknowns)))
+    units[unknowns, np.arange(len(unknowns))] = 1.0
+    return units
+
+
+def _with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> BlockMatrix:
+    structure = matrix.structure
+    block = np.searchsorted(structure.offsets, unknowns, side="right") - 1
+    within = unknowns - structure.offsets[block]
+    values = matrix.values.copy()
+    values[structure.position[structure.indptr[block]] + within * (structure.sizes[block] + 1)] += amount
+    return BlockMatrix(structure, values)

@@ -1,0 +1,56 @@
+"""The adjustment problem: unknowns, observation groups, correlations, datum. Data, complete before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup
+from mor.parameters.index import Index, Values
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Correlated observations: entry numbers (k,) and their covariance matrix (k, k)."""
+
+    entries: IntArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Datum:
+    """Which components carry the datum where observations leave it open, and what they refer to.
+
+    ``mask[kind]`` (n, size) is true for the components whose total corrections from ``reference[kind]`` the inner
+    constraints bind. ``free`` is false where the user wants no free network: then a defect is an error.
+    """
+
+    name: str
+    free: bool
+    mask: Mapping[str, BoolArray]
+    reference: Values
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything the solver needs. Entry (i, c) of group g has the number ``offsets[g] + i·m + c``."""
+
+    index: Index
+    groups: tuple[ObservationGroup, ...]
+    clusters: tuple[Cluster, ...]
+    datum: Datum
+
+    @property
+    def offsets(self) -> IntArray:
+        """(g+1,) first entry number of each group."""
+        return np.concatenate([[0], np.cumsum([group.observed.size for group in self.groups])]).astype(
+            np.int64
+        )
+
+    @property
+    def observations(self) -> int:
+        """Number of observations n."""
+        return int(sum(np.count_nonzero(group.mask) for group in self.groups))

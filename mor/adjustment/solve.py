@@ -1,0 +1,199 @@
+"""The one loop of the program: linearise, normal equations, step, until nothing moves any more.
+
+Gauss-Newton; where a full step would make the objective larger, Levenberg-Marquardt damping shortens it, and is taken
+back as soon as it is not needed. Convergence is judged on √(δᵀNδ), which bounds the change of every unknown in units of
+its own σ (σ0 = 1), so that noise-free data converge too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from mor.adjustment.datum import Constraint, binds, constraint, corrections, datum_mask, into_datum
+from mor.adjustment.defect import Defect, explain_defect
+from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert
+from mor.adjustment.normals import Normals, build_normals, objective
+from mor.adjustment.plan import Plan, make_plan
+from mor.adjustment.problem import Problem
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.parameters.index import Values, move
+
+TINY_STEP = 1e-9
+"""Largest change in units of σ at which the iteration is over."""
+ROUND_OFF_STEP = 1e-3
+"""Changes below this that no longer shrink are round-off of the data, not progress."""
+
+
+class Outcome(Enum):
+    """How an adjustment ended."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    DIVERGED = "diverged"
+    SINGULAR = "singular"
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One step: objective before it, its size in units of σ, and the damping it needed."""
+
+    number: int
+    objective: float
+    largest_change: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user may set of the solver."""
+
+    max_iterations: int = 50
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Outcome of the solver, complete with the system at the solution."""
+
+    problem: Problem
+    plan: Plan
+    outcome: Outcome
+    reason: str
+    start: Values
+    values: Mapping[str, FloatArray]
+    normals: Normals
+    anchors: IntArray
+    inverse: Inverse
+    defect: Defect
+    constraint: Constraint
+    iterations: tuple[Iteration, ...]
+
+
+Watcher = Callable[[Iteration], None]
+
+
+def adjust(
+    problem: Problem, start: Values, settings: Settings | None = None, watch: Watcher | None = None
+) -> Adjustment:
+    """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
+    settings = settings or Settings()
+    plan = make_plan(problem)
+    state = _begin(plan, start)
+    while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
+        state = _advance(state)
+        if watch is not None and state.iterations:
+            watch(state.iterations[-1])
+    return state
+
+
+def _begin(plan: Plan, start: Values) -> Adjustment:
+    problem = plan.problem
+    normals = build_normals(plan, start)
+    anchors = find_anchors(plan, normals, start)
+    inverse = invert(plan, normals, start, anchors)
+    defect = explain_defect(inverse.null, problem.index, start)
+    bound = constraint(defect.datum, datum_mask(problem.datum, problem.index))
+    state = Adjustment(
+        problem=problem,
+        plan=plan,
+        outcome=Outcome.NOT_CONVERGED,
+        reason="",
+        start=start,
+        values=start,
+        normals=normals,
+        anchors=anchors,
+        inverse=inverse,
+        defect=defect,
+        constraint=bound,
+        iterations=(),
+    )
+    return _judge_defect(state)
+
+
+def _judge_defect(state: Adjustment) -> Adjustment:
+    """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
+    defect, datum = state.defect, state.problem.datum
+    if defect.undetermined:
+        return replace(
+            state, outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations"
+        )
+    if defect.datum.shape[1] and not datum.free:
+        return replace(state, outcome=Outcome.SINGULAR, reason="the datum is not defined")
+    if not binds(defect.datum, state.constraint):
+        return replace(state, outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
+    return state
+
+
+def _advance(state: Adjustment) -> Adjustment:
+    """One accepted step, or the end."""
+    step = _full_step(state)
+    change = float(np.sqrt(max(step @ state.normals.rhs, 0.0)))
+    done = change <= TINY_STEP or _stalled(state, change)
+    values, damping = _accept(state, step, change)
+    if values is None:
+        return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
+    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, damping)
+    moved = _at(state, values, (*state.iterations, iteration))
+    if moved.outcome is Outcome.NOT_CONVERGED and done and damping == 0.0:
+        return replace(moved, outcome=Outcome.CONVERGED)
+    return moved
+
+
+def _full_step(state: Adjustment) -> FloatArray:
+    step = state.inverse.solve(state.normals.rhs)
+    return _bound(state, step)
+
+
+def _bound(state: Adjustment, step: FloatArray) -> FloatArray:
+    if state.defect.datum.shape[1] == 0:
+        return step
+    total = corrections(state.problem.datum, state.problem.index, state.values)
+    return into_datum(step, state.defect.datum, state.constraint, total)
+
+
+def _stalled(state: Adjustment, change: float) -> bool:
+    if change > ROUND_OFF_STEP or not state.iterations:
+        return False
+    last = state.iterations[-1]
+    return last.damping == 0.0 and last.largest_change < ROUND_OFF_STEP and change > 0.5 * last.largest_change
+
+
+def _accept(
+    state: Adjustment, step: FloatArray, change: float
+) -> tuple[Mapping[str, FloatArray] | None, float]:
+    """Values after the first step that does not make the objective larger: full, or ever more damped."""
+    index = state.problem.index
+    before = state.normals.objective
+    values = move(index, state.values, step)
+    if change <= ROUND_OFF_STEP or objective(state.plan, values) <= before:
+        return values, 0.0
+    damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
+    while damping < 1e6:
+        damped = damped_step(state.plan, state.normals, damping)
+        values = move(index, state.values, damped)
+        if objective(state.plan, values) < before:
+            return values, damping
+        damping *= 10.0
+    return None, damping
+
+
+def _at(state: Adjustment, values: Mapping[str, FloatArray], iterations: tuple[Iteration, ...]) -> Adjustment:
+    normals = build_normals(state.plan, values)
+    inverse = invert(state.plan, normals, values, state.anchors)
+    defect = explain_defect(inverse.null, state.problem.index, values)
+    bound = state.constraint
+    if defect.datum.shape[1] != bound.normals.shape[1]:
+        bound = constraint(defect.datum, bound.mask)
+    moved = replace(
+        state,
+        values=values,
+        normals=normals,
+        inverse=inverse,
+        defect=defect,
+        constraint=bound,
+        iterations=iterations,
+    )
+    return _judge_defect(moved)

@@ -1,0 +1,102 @@
+"""What an observation type is: a value with its components, its slots and one vectorised equation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.units import Component
+
+
+class Computed(NamedTuple):
+    """What an equation returns for n observations of m components."""
+
+    values: FloatArray
+    """(n, m) computed values."""
+    jacobians: tuple[FloatArray, ...]
+    """One (n, m, k) array per slot; k columns as the kind of block has components."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A name an observation row carries (``image``, ``from``) and the namespaces it may come from."""
+
+    name: str
+    among: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One block an observation depends on: its kind, whose it is, and which part of that one."""
+
+    kind: str
+    of: str
+    part: str
+
+
+Equation = Callable[[Sequence[FloatArray], FloatArray], Computed]
+
+
+@dataclass(frozen=True)
+class ObservationType:
+    """An observation type.
+
+    ``equation(blocks, constants)`` takes one array per slot, (n, size) or (n, 3, 3) for rotations, and the
+    constants of each observation (n, q).
+    """
+
+    key: str
+    components: tuple[Component, ...]
+    references: tuple[Reference, ...]
+    slots: tuple[Slot, ...]
+    equation: Equation
+    constants: tuple[Component, ...] = ()
+    """Constants a row may carry besides, e.g. the face of the instrument."""
+    distances: tuple[str, str] | None = None
+    """The two references whose distance the σ model a ⊕ b·d and centring errors refer to."""
+
+    @property
+    def wraps(self) -> BoolArray:
+        """(m,) true for angular components: their residuals wrap at the full circle."""
+        return np.array([component.quantity.angle == 1 for component in self.components])
+
+
+@dataclass(frozen=True)
+class ObservationGroup:
+    """All observations of one type that were given together."""
+
+    name: str
+    type: ObservationType
+    blocks: tuple[IntArray, ...]
+    """One (n,) array of block numbers per slot."""
+    observed: FloatArray
+    """(n, m); NaN where a component was not observed."""
+    sigma: FloatArray
+    """(n, m) standard deviations, > 0 where observed."""
+    constants: FloatArray
+    """(n, q)."""
+    references: tuple[tuple[str, ...], ...]
+    """One tuple of n identifiers per reference of the type."""
+    image_unit: str = "mm"
+    lines: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    file: str = ""
+
+    @property
+    def count(self) -> int:
+        """Number of rows n, each of up to m observations."""
+        return len(self.observed)
+
+    @property
+    def mask(self) -> BoolArray:
+        """(n, m) true where there is an observation."""
+        return np.isfinite(self.observed)
+
+
+def wrap(angle: FloatArray) -> FloatArray:
+    """Angles folded into [−π, π]."""
+    folded: FloatArray = np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
+    return folded

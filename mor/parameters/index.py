@@ -1,0 +1,123 @@
+"""From blocks to columns: which component of which block is which unknown, and how a step moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
+from mor.parameters.kinds import KINDS, BlockKind
+
+Values: TypeAlias = Mapping[str, FloatArray]
+"""Values of all blocks by kind: (n, size), rotations (n, 3, 3)."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """All blocks of one kind."""
+
+    kind: BlockKind
+    ids: tuple[str, ...]
+    free: BoolArray
+    """(n, size) true where the component is estimated."""
+    owner: IntArray
+    """(n, size) the block whose component this one is: itself, or another one it shares the component with."""
+
+
+@dataclass(frozen=True)
+class Index:
+    """Columns of all blocks. ``columns[kind]`` is (n, size), −1 where a component is fixed."""
+
+    blocks: Mapping[str, Blocks]
+    columns: Mapping[str, IntArray]
+    unknown_kind: tuple[str, ...]
+    """Kind keys, in the order in which ``kind_of`` numbers them."""
+    kind_of: IntArray
+    block_of: IntArray
+    component_of: IntArray
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns u."""
+        return len(self.kind_of)
+
+    def label(self, column: int) -> tuple[str, str, str]:
+        """Kind, block identifier and component name of an unknown."""
+        blocks = self.blocks[self.unknown_kind[self.kind_of[column]]]
+        return (
+            blocks.kind.key,
+            blocks.ids[self.block_of[column]],
+            blocks.kind.names[self.component_of[column]],
+        )
+
+
+def index_unknowns(blocks: Mapping[str, Blocks]) -> Index:
+    """Number the free components: kind by kind, block by block, shared components once."""
+    columns: dict[str, IntArray] = {}
+    kind_of, block_of, component_of = [], [], []
+    count = 0
+    keys = tuple(key for key in KINDS if key in blocks)
+    for number, key in enumerate(keys):
+        table = blocks[key]
+        own = table.owner == np.arange(len(table.ids))[:, None]
+        mask = table.free & own
+        numbered = np.full(mask.shape, -1, dtype=np.int64)
+        numbered[mask] = count + np.arange(np.count_nonzero(mask))
+        columns[key] = numbered[table.owner, np.arange(table.kind.size)]
+        where = np.nonzero(mask)
+        kind_of.append(np.full(len(where[0]), number))
+        block_of.append(where[0])
+        component_of.append(where[1])
+        count += len(where[0])
+    none = [np.zeros(0, dtype=np.int64)]
+    return Index(
+        dict(blocks),
+        columns,
+        keys,
+        np.concatenate(kind_of or none),
+        np.concatenate(block_of or none),
+        np.concatenate(component_of or none),
+    )
+
+
+def partly_free(blocks: Blocks) -> BoolArray:
+    """(n,) rotations of which some angles are free and others fixed: they move by angles, not by vectors."""
+    return np.asarray(blocks.free.any(axis=1) & ~blocks.free.all(axis=1))
+
+
+def move(index: Index, values: Values, step: FloatArray) -> dict[str, FloatArray]:
+    """Values after a step (u,): added to plain components, applied as small rotations to attitudes."""
+    moved: dict[str, FloatArray] = {}
+    for key, columns in index.columns.items():
+        delta = np.where(columns >= 0, step[columns], 0.0) if len(step) else np.zeros(columns.shape)
+        moved[key] = (
+            _move_rotations(index.blocks[key], values[key], delta)
+            if index.blocks[key].kind.is_rotation
+            else values[key] + delta
+        )
+    return moved
+
+
+def _move_rotations(blocks: Blocks, D: FloatArray, delta: FloatArray) -> FloatArray:
+    by_angles = partly_free(blocks)
+    moved = D.copy()
+    turned = (delta != 0.0).any(axis=1)
+    whole = turned & ~by_angles
+    moved[whole] = rotate(D[whole], delta[whole])
+    part = turned & by_angles
+    moved[part] = rotation_from_angles(angles_from_rotation(D[part]) + delta[part])
+    return moved
+
+
+def tangents(blocks: Blocks, D: FloatArray) -> FloatArray | None:
+    """dδ/d(columns) (n, 3, 3) of rotations, or ``None`` where every rotation moves by its vector."""
+    by_angles = partly_free(blocks)
+    if not by_angles.any():
+        return None
+    result = np.broadcast_to(np.eye(3), D.shape).copy()
+    result[by_angles] = tangent_of_angles(angles_from_rotation(D[by_angles]))
+    return result

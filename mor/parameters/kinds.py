@@ -1,0 +1,73 @@
+"""The kinds of parameter blocks. A position is a point, whatever stands there; an attitude is a rotation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.units import ANGLE, LENGTH, NUMBER, Component
+
+
+@dataclass(frozen=True)
+class BlockKind:
+    """A kind of parameter block: its key and its components, in the order of their columns."""
+
+    key: str
+    components: tuple[Component, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of components, and of columns where all are free."""
+        return len(self.components)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the components."""
+        return tuple(component.name for component in self.components)
+
+    @property
+    def is_rotation(self) -> bool:
+        """True for attitudes, which are stored as matrices and updated by small rotations."""
+        return self.key == "rotation"
+
+
+POINT = BlockKind("point", (Component("x", LENGTH), Component("y", LENGTH), Component("z", LENGTH)))
+ROTATION = BlockKind(
+    "rotation", (Component("omega", ANGLE), Component("phi", ANGLE), Component("kappa", ANGLE))
+)
+ECCENTRICITY = BlockKind(
+    "eccentricity", (Component("rx", LENGTH), Component("ry", LENGTH), Component("rz", LENGTH))
+)
+BASE = BlockKind("base", (Component("bx", LENGTH), Component("by", LENGTH), Component("bz", LENGTH)))
+HEIGHT = BlockKind("height", (Component("height", LENGTH),))
+SCALE = BlockKind("scale", (Component("scale", NUMBER, default=1.0),))
+DISTANCE_METER = BlockKind(
+    "distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH))
+)
+REFRACTION = BlockKind("refraction", (Component("refraction", NUMBER),))
+
+
+def interior_key(model: str) -> str:
+    """Key of the interior orientation block of a camera model."""
+    return f"interior/{model}"
+
+
+INTERIORS = {
+    model.key: BlockKind(interior_key(model.key), model.components) for model in CAMERA_MODELS.values()
+}
+
+KINDS = {
+    kind.key: kind
+    for kind in (
+        *INTERIORS.values(),
+        DISTANCE_METER,
+        REFRACTION,
+        SCALE,
+        HEIGHT,
+        ECCENTRICITY,
+        BASE,
+        ROTATION,
+        POINT,
+    )
+}
+"""All kinds; the order is the order of their columns."""
