@@ -194,7 +194,7 @@ def ascending(pointers: IntArray, numbers: IntArray) -> IntArray:
 
 
 def _scalar_unknowns(structure: BlockStructure) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-    """Yield, shape by shape, the scalar rows (m, r) and columns (m, c) of m stored blocks, and their numbers."""
+    """Yield, shape by shape, the scalar rows (m, r) and columns (m, c) of m blocks, and their numbers."""
     starts_of_rows, starts_of_columns = (
         structure.offsets[structure.indices],
         structure.offsets[structure.columns],
@@ -208,7 +208,7 @@ def _scalar_unknowns(structure: BlockStructure) -> Iterator[tuple[IntArray, IntA
 
 
 def _entries(structure: BlockStructure, rows: int, columns: int, blocks: IntArray) -> IntArray:
-    """Return the places (m, rows, columns) in the flat values of the entries of stored blocks of one shape."""
+    """Return where the entries (m, rows, columns) of blocks of one shape stand in the flat values."""
     return structure.position[blocks, None, None] + np.arange(rows * columns).reshape(rows, columns)
 
 

@@ -149,7 +149,7 @@ def _assembled_front(
 def _eliminate_pivots(
     pivots: FloatArray, below: FloatArray, rest: FloatArray, tolerance: float
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return L11, L21, the pivots set aside; subtract L21 L21ᵀ from the lower triangle of ``rest`` in place."""
+    """Return L11, L21, the pivots set aside; subtract L21 L21ᵀ from the lower half of ``rest`` in place."""
     factor, vanished = _factor_dense(pivots, tolerance)
     if not below.size:
         return factor, below, vanished

@@ -14,7 +14,7 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 @compile_kernel
 def elimination_tree(indptr: IntArray, indices: IntArray) -> IntArray:
-    """Return the parent of each step, -1 for roots (J. W. H. Liu, SIAM J. Matrix Anal. 11, 1990, algorithm 4.2)."""
+    """Return the parent of each step, -1 for roots (J. W. H. Liu, SIAM J. Matrix Anal. 11, 1990)."""
     steps = indptr.size - 1
     parent = np.full(steps, -1, dtype=np.int64)
     ancestor = np.full(steps, -1, dtype=np.int64)
@@ -78,7 +78,7 @@ def column_orders(indptr: IntArray, indices: IntArray, parent: IntArray, sizes: 
 
 @compile_kernel
 def chains(parent: IntArray, orders: IntArray, sizes: IntArray) -> IntArray:
-    """Return the chain each step belongs to: neighbouring steps whose columns have the same rows below them."""
+    """Return the chain each step belongs to: neighbours whose columns have the same rows below them."""
     chain = np.zeros(parent.size, dtype=np.int64)
     for j in range(1, parent.size):
         same = parent[j - 1] == j and orders[j - 1] - sizes[j - 1] == orders[j]
@@ -183,7 +183,7 @@ def places_in_parents(
 def places_of_unknowns(
     pivot_pointers: IntArray, row_pointers: IntArray, rows: IntArray, fronts: IntArray, unknowns: IntArray
 ) -> IntArray:
-    """Return the place of ``unknowns[i]`` (in elimination order) among the pivots and rows of ``fronts[i]``."""
+    """Return the place of ``unknowns[i]`` (in elimination order) in the rows of ``fronts[i]``."""
     places = np.empty(unknowns.size, dtype=np.int64)
     for i in range(unknowns.size):
         f = fronts[i]

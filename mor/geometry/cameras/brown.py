@@ -1,4 +1,4 @@
-"""Brown's model at the measured image coordinates, as PhotoModeler, Australis and DBAT (model 3) have it."""
+"""Brown's model at the measured image coordinates, as PhotoModeler and DBAT (model 3) have it."""
 
 from __future__ import annotations
 

@@ -62,6 +62,15 @@ def test_positive_k1_is_barrel_distortion() -> None:
     assert np.hypot(*fitting) < 5.0
 
 
+def test_without_distortion_its_affinity_is_that_of_mor() -> None:
+    interior, affine = np.zeros((N, 10)), np.zeros((N, 10))
+    interior[:, :3] = affine[:, :3] = VALUES[:3]
+    interior[:, 8:] = b1, b2 = 0.1, -0.2
+    affine[:, 8:] = 1.0 / (1.0 + b1) - 1.0, -b2 / (1.0 + b1)
+    seen = CAMERA_MODELS["mor"].project(STAR, affine, np.zeros((N, 1)), MEASURED).xy
+    np.testing.assert_allclose(residuals(STAR, interior, seen), 0.0, atol=1e-14)
+
+
 def test_residuals_in_the_measured_image_against_a_known_shift() -> None:
     # truth: the point belongs to measured + shift; to first order that is what must come out
     shift = np.array([[0.3, -0.7]] * N) * 1e-5

@@ -52,13 +52,12 @@ def test_radial_distortion_vanishes_at_the_zero_crossing() -> None:
 
 
 def test_another_zero_crossing_is_another_camera_constant() -> None:
-    # x_s [1 − Σ A_i r0^2i] takes over the role of x_s: c' = c (1 − Σ A_i r0^2i), A_i' scaled to c'
+    # x_s [1 − Σ A_i r0^2i] takes over the role of x_s; the coefficients are scaled to it
     r0, a1, a2, a3 = 13.488, *VALUES[3:6]
-    interior = INTERIOR.copy()
-    interior[:, 6:] = 0.0
-    with_crossing = MODEL.project(STAR, interior, R0, NOT_LOOKED_AT).xy
+    with_crossing = MODEL.project(STAR, INTERIOR, R0, NOT_LOOKED_AT).xy
     factor = 1.0 - a1 * r0**2 - a2 * r0**4 - a3 * r0**6
+    interior = INTERIOR.copy()
     interior[:, 0] *= factor
-    interior[:, 3:6] /= factor ** np.array([3, 5, 7])
+    interior[:, 3:] /= factor ** np.array([3, 5, 7, 2, 2, 1, 1])
     without = MODEL.project(STAR, interior, np.zeros_like(R0), NOT_LOOKED_AT).xy
     np.testing.assert_allclose(with_crossing, without, atol=1e-13)

@@ -57,6 +57,19 @@ def test_image_points_and_derivatives_agree_with_opencv(cv2: Any) -> None:
     np.testing.assert_allclose(projection.by_star, by_star, rtol=1e-11, atol=1e-9)
 
 
+def test_an_opencv_pose_is_a_pose_of_this_program(cv2: Any) -> None:
+    # X_c = R X + t becomes D = diag(1, −1, −1) R, X0 = −Rᵀ t, as docs/camera-models.md says
+    rotation_vector, shift = np.array([0.3, -0.5, 1.1]), np.array([0.2, -0.1, 4.0])
+    points = np.random.default_rng(8).uniform(-1.0, 1.0, (N, 3))
+    camera = np.array([[VALUES[0], 0.0, VALUES[2]], [0.0, VALUES[1], VALUES[3]], [0.0, 0.0, 1.0]])
+    uv, _ = cv2.projectPoints(points, rotation_vector, shift, camera, VALUES[4:])
+    rotation = cv2.Rodrigues(rotation_vector)[0]
+    to_image = np.diag([1.0, -1.0, -1.0]) @ rotation
+    star = (points + rotation.T @ shift) @ to_image.T
+    xy = MODEL.project(star, INTERIOR, NOTHING, NOT_LOOKED_AT).xy
+    np.testing.assert_allclose(xy * [1.0, -1.0], uv[:, 0], rtol=1e-12)
+
+
 def test_it_is_mor_when_both_leave_out_what_the_other_lacks() -> None:
     # fx = fy = c; A_i = k_i / c^2i; b points down, so B1 = p2/c, B2 = −p1/c; principal point (cx, −cy)
     c, cx, cy = VALUES[0], 3.0, -5.0

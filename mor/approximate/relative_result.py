@@ -1,0 +1,146 @@
+"""Judgement of adjusted relative orientations: front, fit, precision, ambiguity."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.coplanarity import Coplanarity, in_front
+from mor.approximate.relative_outcome import Candidate, RelativeOrientation, RelativeOutcome, SceneGeometry
+from mor.approximate.rinner import auxiliary_unknowns, four_candidates
+from mor.geometry.arrays import FloatArray
+from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
+
+AS_GOOD = 16.0
+"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (4 σ)."""
+WEAK = 0.1
+"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
+WRONG = 6.0
+"""σ0 beyond which rays and orientation do not belong together."""
+BEHIND = 0.9
+"""Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
+
+
+class Judged(NamedTuple):
+    """What the result is made of."""
+
+    geometry: SceneGeometry
+    singular_values: FloatArray
+    adjusted: list[Coplanarity]
+    """Distinct adjusted orientations, best objective first."""
+
+
+def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = None) -> RelativeOrientation:
+    """Return a result without an orientation; of a pure rotation the attitude is known."""
+    nothing = np.full(3, np.nan)
+    attitude = np.full((3, 3), np.nan) if rotation is None else rotation
+    return RelativeOrientation(
+        outcome=outcome,
+        geometry=SceneGeometry.UNKNOWN,
+        points=points,
+        base=nothing,
+        rotation=attitude,
+        angles=nothing if rotation is None else angles_from_rotation(rotation),
+        covariance=np.full((6, 6), np.nan),
+        sigma_base=nothing,
+        sigma_angles=nothing,
+        sigma0=float("nan"),
+        residuals=np.full(points, np.nan),
+        front=np.zeros((points, 2), dtype=bool),
+        candidates=(),
+        alternatives=(),
+        unknowns=np.full((3, 3), np.nan),
+        singular_values=np.full(9, np.nan),
+    )
+
+
+def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
+    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
+    if not judged.adjusted:
+        return failed(RelativeOutcome.NO_BASE, len(a))
+    limit = judged.adjusted[0].objective + AS_GOOD * max(1.0, _variance(judged.adjusted[0], len(a)))
+    fitting = [one for one in judged.adjusted if one.objective <= limit]
+    ranked = sorted(fitting, key=lambda one: -_front_count(a, b, one))
+    chosen = ranked[0]
+    most = _front_count(a, b, chosen)
+    rivals = [one for one in ranked[1:] if _front_count(a, b, one) == most and one.converged]
+    covariance = orientation_covariance(chosen)
+    angles = angles_from_rotation(chosen.rotation)
+    return RelativeOrientation(
+        outcome=_outcome(a, b, chosen, rivals, covariance),
+        geometry=judged.geometry,
+        points=len(a),
+        base=chosen.base,
+        rotation=chosen.rotation,
+        angles=angles,
+        covariance=covariance,
+        sigma_base=np.sqrt(np.diag(covariance)[:3]),
+        sigma_angles=_sigma_angles(angles, covariance[3:, 3:]),
+        sigma0=float(np.sqrt(_variance(chosen, len(a)))),
+        residuals=chosen.residuals,
+        front=in_front(a, b, chosen.base, chosen.rotation),
+        candidates=candidates_of(a, b, chosen),
+        alternatives=tuple(candidate(a, b, one.base, one.rotation) for one in rivals),
+        unknowns=auxiliary_unknowns(chosen.base, chosen.rotation),
+        singular_values=judged.singular_values,
+    )
+
+
+def candidate(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Candidate:
+    """Count the points in front of an orientation."""
+    front = in_front(a, b, base, rotation)
+    both = int(np.sum(np.all(front, axis=1)))
+    return Candidate(base, rotation, int(np.sum(front[:, 0])), int(np.sum(front[:, 1])), both)
+
+
+def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate, ...]:
+    """Return the four candidates of an adjusted orientation, that orientation first."""
+    four = four_candidates(auxiliary_unknowns(chosen.base, chosen.rotation))
+    ordered = sorted(four, key=lambda c: -float(c[0] @ chosen.base) - float(np.sum(c[1] * chosen.rotation)))
+    return tuple(candidate(a, b, *pair) for pair in ordered)
+
+
+def orientation_covariance(chosen: Coplanarity) -> FloatArray:
+    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
+    scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
+    values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
+    inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
+    spread = np.zeros((6, 5))
+    spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
+    return np.asarray(spread @ inverse @ spread.T)
+
+
+def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
+    jacobian = angles_by_tangent(angles)
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(3, np.inf)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)))
+
+
+def _variance(one: Coplanarity, points: int) -> float:
+    return one.objective / (points - 5)
+
+
+def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
+    return max(c.in_front_of_both for c in candidates_of(a, b, one))
+
+
+def _outcome(
+    a: Bundle, b: Bundle, chosen: Coplanarity, rivals: list[Coplanarity], covariance: FloatArray
+) -> RelativeOutcome:
+    if np.sqrt(_variance(chosen, len(a))) > WRONG:
+        return RelativeOutcome.DOES_NOT_FIT
+    if _front_count(a, b, chosen) < BEHIND * len(a):
+        mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
+        return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
+    if rivals:
+        return RelativeOutcome.AMBIGUOUS
+    if float(np.sqrt(np.max(np.linalg.eigvalsh(covariance)))) > WEAK:
+        return RelativeOutcome.WEAK
+    return RelativeOutcome.DETERMINED
+
+
+def _same_but_behind(c: Candidate) -> int:
+    return min(c.in_front_of_a, c.in_front_of_a + c.in_front_of_b - 2 * c.in_front_of_both)

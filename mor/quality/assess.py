@@ -1,0 +1,81 @@
+"""From an adjustment to its quality: everything a report says about trust."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.adjustment.datum import STransformation
+from mor.adjustment.solve import Adjustment
+from mor.geometry.arrays import BoolArray, FloatArray
+from mor.quality.precision import datum_transformation, parameter_cofactors
+from mor.quality.redundancy import ObservationQuality, observation_quality
+from mor.quality.tests import GlobalTest, critical_value, global_test, normalised_residuals
+
+DATA_SNOOPING_LEVEL = 0.001
+GLOBAL_TEST_LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Quality of an adjustment. Standard deviations are those of the report: a posteriori where there is redundancy."""
+
+    adjustment: Adjustment
+    redundancy: int
+    redundancy_sum: float
+    """Σ r, which must equal the redundancy: a self-check."""
+    sigma0: float
+    """A-posteriori standard deviation of unit weight; the a-priori one is 1."""
+    sigma_factor: float
+    """What cofactors are multiplied with to become standard deviations: σ0 a posteriori, 1 without redundancy."""
+    global_test: GlobalTest
+    critical: float
+    """Critical value of |w|."""
+    groups: tuple[ObservationQuality, ...]
+    w: tuple[FloatArray, ...]
+    """Normalised residuals of each group (n, m)."""
+    cofactors: Mapping[str, FloatArray]
+    """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment."""
+    datum: STransformation
+
+    @property
+    def flagged(self) -> tuple[BoolArray, ...]:
+        """Observations whose |w| exceeds the critical value, by group."""
+        return tuple(np.abs(np.nan_to_num(w)) > self.critical for w in self.w)
+
+
+def assess(adjustment: Adjustment) -> Quality:
+    """Quality of a converged adjustment."""
+    problem = adjustment.problem
+    cofactors = adjustment.inverse.selected()
+    groups = observation_quality(adjustment, cofactors)
+    datum = datum_transformation(adjustment)
+    redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
+    omega = adjustment.normals.objective
+    sigma0 = float(np.sqrt(omega / redundancy)) if redundancy > 0 else 1.0
+    blocks = {
+        kind: parameter_cofactors(adjustment, cofactors, datum, kind) for kind in problem.index.columns
+    }
+    return Quality(
+        adjustment=adjustment,
+        redundancy=redundancy,
+        redundancy_sum=float(sum(np.nansum(group.r) for group in groups)),
+        sigma0=sigma0,
+        sigma_factor=sigma0,
+        global_test=global_test(omega, redundancy, GLOBAL_TEST_LEVEL),
+        critical=critical_value(DATA_SNOOPING_LEVEL),
+        groups=groups,
+        w=tuple(normalised_residuals(group.v, group.q_residual, group.r) for group in groups),
+        cofactors=blocks,
+        datum=datum,
+    )
+
+
+def standard_deviations(quality: Quality, kind: str) -> FloatArray:
+    """Standard deviations (n, size) of the blocks of a kind; 0 where fixed."""
+    variances = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
+    with np.errstate(invalid="ignore"):
+        sigma: FloatArray = quality.sigma_factor * np.sqrt(np.maximum(variances, 0.0))
+    return sigma

@@ -1,0 +1,49 @@
+"""Statistical tests on the outcome: the global test and the normalised residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri, ndtri
+
+from mor.geometry.arrays import FloatArray
+
+CONTROLLED = 1e-6
+"""Redundancy number below which an observation cannot be tested: nothing else would notice an error in it."""
+
+
+@dataclass(frozen=True)
+class GlobalTest:
+    """Two-sided χ² test of vᵀPv against the redundancy, for σ0 a priori = 1."""
+
+    statistic: float
+    lower: float
+    upper: float
+    level: float
+    redundancy: int
+
+    @property
+    def accepted(self) -> bool:
+        """True where the statistic lies between the limits, or where there is no redundancy to test."""
+        return self.redundancy == 0 or self.lower <= self.statistic <= self.upper
+
+
+def global_test(statistic: float, redundancy: int, level: float) -> GlobalTest:
+    """χ² test of Ω = vᵀPv with f = redundancy degrees of freedom at the given level."""
+    if redundancy == 0:
+        return GlobalTest(statistic, 0.0, 0.0, level, 0)
+    lower, upper = (float(chdtri(redundancy, q)) for q in (1.0 - level / 2.0, level / 2.0))
+    return GlobalTest(statistic, lower, upper, level, redundancy)
+
+
+def normalised_residuals(v: FloatArray, q_residual: FloatArray, r: FloatArray) -> FloatArray:
+    """w = v/σ_v for σ0 = 1; NaN where r is (nearly) zero, for then there is no test."""
+    testable = np.nan_to_num(r, nan=0.0) > CONTROLLED
+    safe = np.where(testable, q_residual, 1.0)
+    return np.where(testable & (safe > 0.0), v / np.sqrt(np.where(safe > 0.0, safe, 1.0)), np.nan)
+
+
+def critical_value(level: float) -> float:
+    """Two-sided critical value of the standard normal distribution, 3.29 for 0.001."""
+    return float(ndtri(1.0 - level / 2.0))
