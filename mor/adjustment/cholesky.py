@@ -94,7 +94,6 @@ class Factor:
             if self.below[f].size:
                 y = y - self.below[f].T @ x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]]
             x[first:end] = dtrsm(1.0, self.pivots[f], y.T, side=1, lower=1, trans_a=0, overwrite_b=1).T
-        x[self.set_aside_places] = 0.0
 
 
 def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:

@@ -1,8 +1,9 @@
 """A bundle of rays in one frame, and how precisely each was measured.
 
-Images and theodolites give the same thing: directions in a frame. They differ in where the measuring error lies,
-in the image plane or across the ray. Both are a *measuring plane*: h·q = h·p for the ray p, with two axes in it.
-For an image the plane is z = −c and the axes are x and y; for a theodolite it touches the unit sphere at p.
+Images and theodolites give the same thing: directions in a frame. They differ in where the measuring error
+lies, in the image plane or across the ray. Both are a *measuring plane*: h·q = h·p for the ray p, with two
+axes in it. For an image the plane is z = −c and the axes are x and y; for a theodolite it touches the unit
+sphere at p.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mor.approximate.vectors import tangent_axes, unit
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -48,22 +50,6 @@ class Bundle:
     def noise(self) -> float:
         """Mean angular standard deviation of a ray in radians."""
         return float(np.mean(self.sigma / np.linalg.norm(self.rays, axis=1)))
-
-
-def unit(vectors: FloatArray) -> FloatArray:
-    """Vectors (…, 3) at length one; a zero vector stays zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length == 0.0, 1.0, length))
-
-
-def tangent_axes(normals: FloatArray) -> FloatArray:
-    """Two orthonormal vectors (…, 3, 2) across each of the vectors (…, 3)."""
-    direction = unit(np.asarray(normals, dtype=float))
-    helper = np.zeros_like(direction)
-    smallest = np.argmin(np.abs(direction), axis=-1)
-    np.put_along_axis(helper, smallest[..., None], 1.0, axis=-1)
-    first = unit(np.cross(direction, helper))
-    return np.stack([first, np.cross(direction, first)], axis=-1)
 
 
 def image_bundle(rays: FloatArray, sigma: float | FloatArray) -> Bundle:

@@ -1,16 +1,18 @@
 """The conditions among Rinner's auxiliary unknowns, and the corrections they give to the ik (Nr. 4).
 
-Nine unknowns and five parameters leave four conditions. The paper takes det(ik) = 0 (13), Σ ik² = 2 (14) and two of
+Nine unknowns and five parameters leave four conditions. The paper takes det(ik) = 0 (13), Σ ik² = 2 (14)
+and two of
 
     |n_k|² + λ_k² = 1,  k = 1, 2, 3                                                                  (16)
 
-with λ_k² the square sum of column k of the adjoint. That set loses a rank exactly in the normal case (base along
-an axis of B): it is the diagonal of the matrix equation that the orthonormality of the e_k'' amounts to,
+with λ_k² the square sum of column k of the adjoint. That set loses a rank exactly in the normal case (base
+along an axis of B): it is the diagonal of the matrix equation that the orthonormality of the e_k'' amounts
+to,
 
     (ik)ᵀ(ik) + adjᵀ adj = 1        (n_k · n_l + λ_k λ_l = δ_kl)                                      (16*)
 
-and the diagonal alone does not see the shear of the two axes across the base. With (13) and all six of (16*) the
-rank is four for every orientation. (14), and (15) to first order, follow from (16*).
+and the diagonal alone does not see the shear of the two axes across the base. With (13) and all six of
+(16*) the rank is four for every orientation. (14), and (15) to first order, follow from (16*).
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.approximate.rinner import adjoint
+from mor.approximate.vectors import cross
 from mor.geometry.arrays import FloatArray
 
 UPPER = np.triu_indices(3)
@@ -59,14 +62,15 @@ def conditions_by_unknowns(ik: FloatArray) -> FloatArray:
     moved = np.empty((9, 3, 3))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        moved[:, :, k] = np.cross(changes[:, :, i], columns[j]) + np.cross(columns[i], changes[:, :, j])
+        moved[:, :, k] = cross(changes[:, :, i], columns[j]) + cross(columns[i], changes[:, :, j])
     half = np.einsum("mi,nmj->nij", ik, changes) + np.einsum("mi,nmj->nij", cofactors, moved)
     symmetric = half + np.swapaxes(half, 1, 2)
     return np.vstack([cofactors.reshape(1, 9), symmetric[:, UPPER[0], UPPER[1]].T])
 
 
 def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20) -> Compatible:
-    """Corrections dik of least (dik)ᵀ N (dik) that make ``ik`` (3, 3) compatible; N the ``normal`` (9, 9) of (5).
+    """Corrections dik of least (dik)ᵀ N (dik) that make ``ik`` (3, 3) compatible; N the ``normal`` (9, 9)
+    of (5).
 
     Gauss–Newton on the conditions; each step solves the least-squares problem with linearised conditions. The
     unit matrix as ``normal`` gives the nearest compatible unknowns.

@@ -1,8 +1,9 @@
 """Rigorous adjustment of a relative orientation: image coordinates observed, one condition per point.
 
-Gauss–Helmert with the condition g = p'ᵀ (ik) p'' = p' · (u × b) = 0, u = D*ᵀ p'', and five parameters: two of the
-unit base b across itself, three of the small rotation δ of D* ← exp(−[δ]×) D*. The compatibility conditions
-hold by the choice of the parameters, which is the same adjustment as Rinner's n + 4 equations in ik (Nr. 4).
+Gauss–Helmert with the condition g = p'ᵀ (ik) p'' = p' · (u × b) = 0, u = D*ᵀ p'', and five parameters: two
+of the unit base b across itself, three of the small rotation δ of D* ← exp(−[δ]×) D*. The compatibility
+conditions hold by the choice of the parameters, which is the same adjustment as Rinner's n + 4 equations in
+ik (Nr. 4).
 
     ∂g/∂δ = D* (u × (b × p')),    ∂g/∂b = p' × u,    ∂g/∂p' = u × b,    ∂g/∂p'' = D* (b × p')
 
@@ -15,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import Bundle, tangent_axes
+from mor.approximate.bundle import Bundle
 from mor.approximate.rinner import auxiliary_unknowns
+from mor.approximate.vectors import cross, tangent_axes
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import rotate
 
@@ -96,7 +98,8 @@ def adjust_coplanarity(
 ) -> Coplanarity:
     """Adjust ``base`` (3,) and ``rotation`` (3, 3) to n ≥ 5 homologous rays, with Levenberg–Marquardt steps.
 
-    Converged when a step no longer changes the parameters by more than rounding, or the objective stands still.
+    Converged when a step no longer changes the parameters by more than rounding, or the objective stands
+    still.
     """
     state = misfit(a, b, base, rotation)
     objective = float(state.residuals @ state.residuals)
@@ -129,9 +132,9 @@ def adjust_coplanarity(
 
 def _design(state: Misfit, base: FloatArray, rotation: FloatArray, axes: FloatArray) -> FloatArray:
     turned = state.rays_b @ rotation
-    across = np.cross(base, state.rays_a)
-    by_base = np.cross(state.rays_a, turned) @ axes
-    by_rotation = np.cross(turned, across) @ rotation.T
+    across = cross(base, state.rays_a)
+    by_base = cross(state.rays_a, turned) @ axes
+    by_rotation = cross(turned, across) @ rotation.T
     return np.asarray(np.concatenate([by_base, by_rotation], axis=1) / state.spread[:, None])
 
 
@@ -143,11 +146,12 @@ def _step(normal: FloatArray, side: FloatArray, damping: float) -> FloatArray:
 
 
 def in_front(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:
-    """Return (n, 2): is the intersection in front of A, of B? Rays parallel within their noise count as they point."""
+    """Return (n, 2): is the intersection in front of A, of B? Rays parallel within their noise count as
+    they point."""
     turned = b.rays @ rotation
-    normal = np.cross(a.rays, turned)
-    depth_a = np.einsum("ni,ni->n", np.cross(base, turned), normal)
-    depth_b = np.einsum("ni,ni->n", np.cross(base, a.rays), normal)
+    normal = cross(a.rays, turned)
+    depth_a = np.einsum("ni,ni->n", cross(base, turned), normal)
+    depth_b = np.einsum("ni,ni->n", cross(base, a.rays), normal)
     lengths = np.linalg.norm(a.rays, axis=1) * np.linalg.norm(b.rays, axis=1)
     noise = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     parallel = np.linalg.norm(normal, axis=1) < PARALLAX * noise * lengths

@@ -1,10 +1,10 @@
 """Compatible auxiliary unknowns from five homologous points: every real solution, no approximation.
 
-Five equations (5) leave a four-dimensional space ik = x E1 + y E2 + z E3 + E4. The conditions of Rinner, written as
-polynomials, det E = 0 and 2 E Eᵀ E − tr(E Eᵀ) E = 0, are ten cubics in x, y, z. Elimination of the ten cubic
-monomials leaves the multiplication by x as a 10 × 10 matrix whose eigenvectors carry the solutions (the Gröbner
-basis form of H. Stewénius, C. Engels, D. Nistér, ISPRS J. 60 (2006) 284–294, of the relation that E. Kruppa found
-in 1913: ten solutions, here with multiplicities and complex pairs).
+Five equations (5) leave a four-dimensional space ik = x E1 + y E2 + z E3 + E4. The conditions of Rinner,
+written as polynomials, det E = 0 and 2 E Eᵀ E − tr(E Eᵀ) E = 0, are ten cubics in x, y, z. Elimination of
+the ten cubic monomials leaves the multiplication by x as a 10 × 10 matrix whose eigenvectors carry the
+solutions (the Gröbner basis form of H. Stewénius, C. Engels, D. Nistér, ISPRS J. 60 (2006) 284–294, of the
+relation that E. Kruppa found in 1913: ten solutions, here with multiplicities and complex pairs).
 
 It also bears plane scenes, where the eight-point system loses rank.
 """
@@ -19,10 +19,11 @@ from mor.geometry.arrays import FloatArray
 
 QUADRATIC = list(combinations_with_replacement(range(4), 2))
 CUBIC = list(combinations_with_replacement(range(4), 3))
-# Cubic monomials proper first, then the basis of the quotient ring: x² xy y² xz yz z² x y z 1 (3 stands for 1).
-PROPER = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1), (0, 0, 2), (0, 1, 2), (1, 1, 2), (0, 2, 2), (1, 2, 2), (2, 2, 2)]
-REST = [(0, 0, 3), (0, 1, 3), (1, 1, 3), (0, 2, 3), (1, 2, 3), (2, 2, 3), (0, 3, 3), (1, 3, 3), (2, 3, 3), (3, 3, 3)]
-ORDER = [CUBIC.index(m) for m in PROPER + REST]
+# Cubic monomials proper first, then the basis of the quotient ring: x² xy y² xz yz z² x y z 1. The digits
+# name the variables, 3 stands for the constant 1.
+PROPER = ["000", "001", "011", "111", "002", "012", "112", "022", "122", "222"]
+REST = ["003", "013", "113", "023", "123", "223", "033", "133", "233", "333"]
+ORDER = [CUBIC.index((int(m[0]), int(m[1]), int(m[2]))) for m in PROPER + REST]
 TIMES_X_CUBIC = {0: 0, 1: 1, 2: 2, 3: 4, 4: 5, 5: 7}
 TIMES_X_BASIS = {6: 0, 7: 1, 8: 3, 9: 6}
 REAL = 1e-4
@@ -47,7 +48,7 @@ LINEAR_TIMES_LINEAR, QUADRATIC_TIMES_LINEAR = _product_tables()
 
 def _mixing() -> FloatArray:
     # A fixed rotation of the null space: keeps "E4 with coefficient one" away from special positions.
-    return np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))[0]
+    return np.asarray(np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))[0])
 
 
 MIXING = _mixing()
@@ -57,7 +58,7 @@ def null_spaces(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """Four matrices (s, 4, 3, 3) that span the solutions of (5) for s samples of five rays (s, 5, 3)."""
     rows = np.einsum("spi,spk->spik", rays_a, rays_b).reshape(len(rays_a), 5, 9)
     basis = np.linalg.svd(rows, full_matrices=True)[2][:, 5:]
-    return np.einsum("ab,sbm->sam", MIXING, basis).reshape(len(rays_a), 4, 3, 3)
+    return np.asarray(np.einsum("ab,sbm->sam", MIXING, basis).reshape(len(rays_a), 4, 3, 3))
 
 
 def cubic_conditions(basis: FloatArray) -> FloatArray:
@@ -83,8 +84,8 @@ def _minor(E: FloatArray, k: int) -> FloatArray:
 def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """All real compatible ik (m, 3, 3), at the norm Σ ik² = 2, of s samples of five rays (s, 5, 3).
 
-    Samples without a finite solution contribute none; degenerate samples may contribute spurious matrices, which
-    the caller's residuals sort out.
+    Samples without a finite solution contribute none; degenerate samples may contribute spurious matrices,
+    which the caller's residuals sort out.
     """
     basis = null_spaces(rays_a, rays_b)
     conditions = cubic_conditions(basis)

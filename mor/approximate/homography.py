@@ -1,7 +1,7 @@
 """The collineation between two bundles that see a plane: p'' ~ H p' (four points and more).
 
-For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular value as
-scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
+For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular
+value as scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import Bundle, tangent_axes, unit
+from mor.approximate.bundle import Bundle
+from mor.approximate.vectors import tangent_axes, unit
 from mor.geometry.arrays import FloatArray
 
 

@@ -1,23 +1,23 @@
 """Shape of a plane quadrilateral from two images, no orientation known (K. Killian).
 
 S is the crossing of the diagonals 12 and 34. From an image come the angles at the projection centre O: α1, α2
-between S and 1, 2; β1, β2 between S and 3, 4; and k = cos of the angle of the two diagonal planes at OS. Unknown are
-the angles φ, ψ at S between SO and S1, S3, and the distance r = OS; the second image has bars, here an index: image
-"a" has r = 1, image "b" has r² = ϱ. Both see the same a1, a2, b1, b2 (sine rule) and the same angle α of the diagonals,
-which gives
+between S and 1, 2; β1, β2 between S and 3, 4; and k = cos of the angle of the two diagonal planes at OS.
+Unknown are the angles φ, ψ at S between SO and S1, S3, and the distance r = OS; the second image has bars,
+here an index: image "a" has r = 1, image "b" has r² = ϱ. Both see the same a1, a2, b1, b2 (sine rule) and
+the same angle α of the diagonals, which gives
 
-    cot φ_b = C1 cot φ_a + K1,      cot ψ_b = C2 cot ψ_a + K2                                        (1a), (1b)
-    sin φ_b = (r/C1) sin φ_a,       sin ψ_b = (r/C2) sin ψ_a                                         (2a), (2b)
+    cot φ_b = C1 cot φ_a + K1,      cot ψ_b = C2 cot ψ_a + K2                                       (1a), (1b)
+    sin φ_b = (r/C1) sin φ_a,       sin ψ_b = (r/C2) sin ψ_a                                        (2a), (2b)
     cot φ_a cot ψ_a + k_a = ϱ/(C1 C2) (cot φ_b cot ψ_b + k_b)                                        (7)
-    (1 − ϱ) cot² φ_b − 2 K1 cot φ_b + G1 − ϱ = 0,   G1 = C1² + K1²                                   (8a), (8b)
+    (1 − ϱ) cot² φ_b − 2 K1 cot φ_b + G1 − ϱ = 0,   G1 = C1² + K1²                                  (8a), (8b)
 
 Elimination of the cotangents: with R0 = K1 K2 + k_a C1 C2 − ϱ k_b and R_i = K_i² − (1 − ϱ)(G_i − ϱ)
 
     √R1 √R2 = K1 K2 − (1 − ϱ) R0                                                                     (*)
 
-squared and divided by (1 − ϱ) is the cubic (9). Its roots are always real and positive: ϱ_i = |H s|²/σ_i² with the
-collineation H of the bundles, s the unit ray to S, and σ_i the singular values of H. Only for the middle one are R1
-and R2 not negative, so the cotangents are real: two solutions, one where R1 = R2 = 0.
+squared and divided by (1 − ϱ) is the cubic (9). Its roots are always real and positive: ϱ_i = |H s|²/σ_i²
+with the collineation H of the bundles, s the unit ray to S, and σ_i the singular values of H. Only for the
+middle one are R1 and R2 not negative, so the cotangents are real: two solutions, one where R1 = R2 = 0.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import unit
+from mor.approximate.vectors import cross, unit
 from mor.geometry.arrays import FloatArray
 
 REAL = 1e-5
@@ -94,8 +94,8 @@ def angles_in_image(corners: FloatArray) -> Angles:
     The diagonals must cross between the corners in the image (a convex quadrilateral, rightly paired).
     """
     one, two, three, four = unit(corners)
-    plane_12, plane_34 = np.cross(one, two), np.cross(three, four)
-    crossing = unit(np.cross(plane_12, plane_34))
+    plane_12, plane_34 = cross(one, two), cross(three, four)
+    crossing = unit(cross(plane_12, plane_34))
     if crossing @ (one + two + three + four) < 0.0:
         crossing = -crossing
     cotangents = [_cot(crossing, ray) for ray in (one, two, three, four)]
@@ -105,7 +105,7 @@ def angles_in_image(corners: FloatArray) -> Angles:
 
 
 def _cot(first: FloatArray, second: FloatArray) -> float:
-    return float(first @ second) / max(float(np.linalg.norm(np.cross(first, second))), 1e-300)
+    return float(first @ second) / max(float(np.linalg.norm(cross(first, second))), 1e-300)
 
 
 def linking_constants(a: Angles, b: Angles) -> Linking:
@@ -121,7 +121,8 @@ def _constants(cot_a: FloatArray, cot_b: FloatArray) -> tuple[float, float]:
 
 
 def cubic(link: Linking) -> FloatArray:
-    """Coefficients (4,) of (9), highest power of ϱ first, with the sign of the errata in the coefficient of ϱ."""
+    """Coefficients (4,) of (9), highest power of ϱ first, with the sign of the errata in the coefficient of
+    ϱ."""
     square, total = link.k_b**2 - 1.0, link.g1 + link.g2
     h, product = link.k1 * link.k2 + link.k_a * link.c1 * link.c2, link.g1 * link.g2
     k12, k_b = link.k1 * link.k2, link.k_b
@@ -145,8 +146,9 @@ def cubic_roots(link: Linking) -> FloatArray:
 def solve_quadrilateral(corners_a: FloatArray, corners_b: FloatArray) -> list[Quadrilateral]:
     """All solutions for the rays (4, 3) to the corners in two images; diagonals 12 and 34.
 
-    Every real root of the cubic is put back, with both signs of the roots in (8a) and (8b), into the unsquared (7)
-    and (2a), (2b). Admissible solutions come first. The list is empty where the corners make no quadrilateral.
+    Every real root of the cubic is put back, with both signs of the roots in (8a) and (8b), into the
+    unsquared (7) and (2a), (2b). Admissible solutions come first. The list is empty where the corners make
+    no quadrilateral.
     """
     angles_a, angles_b = angles_in_image(corners_a), angles_in_image(corners_b)
     link = linking_constants(angles_a, angles_b)
@@ -185,7 +187,9 @@ def _quadratic(leading: float, half: float, constant: float) -> list[float]:
     return roots
 
 
-def _complete(link: Linking, a: Angles, b: Angles, rho: float, cot_phi_b: float, cot_psi_b: float) -> Quadrilateral:
+def _complete(
+    link: Linking, a: Angles, b: Angles, rho: float, cot_phi_b: float, cot_psi_b: float
+) -> Quadrilateral:
     cot_phi_a, cot_psi_a = (cot_phi_b - link.k1) / link.c1, (cot_psi_b - link.k2) / link.c2
     factor = rho / (link.c1 * link.c2)
     left, right = cot_phi_a * cot_psi_a + link.k_a, factor * (cot_phi_b * cot_psi_b + link.k_b)
@@ -218,11 +222,14 @@ def _halves(cot: FloatArray, cot_at_crossing: float) -> FloatArray:
 def _same(first: Quadrilateral, second: Quadrilateral) -> bool:
     near = np.abs(np.array([first.r_b - second.r_b, *(first.cot_phi - second.cot_phi)]))
     also = np.abs(first.cot_psi - second.cot_psi)
-    return bool(np.all(near < 1e-9 * (1.0 + first.r_b)) and np.all(also < 1e-9 * (1.0 + np.abs(first.cot_psi))))
+    return bool(
+        np.all(near < 1e-9 * (1.0 + first.r_b)) and np.all(also < 1e-9 * (1.0 + np.abs(first.cot_psi)))
+    )
 
 
 def corners_in_plane(solution: Quadrilateral) -> FloatArray:
-    """Corners (4, 2) in the plane: S the origin, corner 1 on the first axis, corner 3 on the side of the second."""
+    """Corners (4, 2) in the plane: S the origin, corner 1 on the first axis, corner 3 on the side of the
+    second."""
     sine = np.sqrt(max(0.0, 1.0 - solution.cos_alpha**2))
     a1, a2, b1, b2 = solution.halves
     second = np.array([solution.cos_alpha, sine])

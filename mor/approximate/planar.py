@@ -1,7 +1,8 @@
-"""Two images of a plane object: from four or more rays to the orientation and the plane, by Killian's quadrilateral.
+"""Two images of a plane object: from four or more rays to the orientation and the plane, by Killian's
+quadrilateral.
 
-With more than four points all of them fix the collineation of the bundles; a quadrilateral inside the field of the
-points is then carried over by it, so that every point has its share in the shape.
+With more than four points all of them fix the collineation of the bundles; a quadrilateral inside the field
+of the points is then carried over by it, so that every point has its share in the shape.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import Bundle, unit
+from mor.approximate.bundle import Bundle
 from mor.approximate.homography import Homography, fit_homography
 from mor.approximate.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.rinner import nearest_rotation
+from mor.approximate.vectors import unit
 from mor.geometry.arrays import FloatArray, IntArray
 
 COLLINEAR = 3.0
@@ -31,15 +33,18 @@ class PlaneOutcome(Enum):
     COLLINEAR = "three of four points, or all, lie in one line"
     NO_BASE = "no base: the second image is the first one turned, the shape of the plane is open"
     BASE_ALONG_NORMAL = (
-        "dangerous locus: both projection centres lie on one normal of the plane; the two solutions coincide, "
+        "dangerous locus: both projection centres lie on one normal of the plane; the two solutions coincide "
         "and errors of the image coordinates enter with their square root"
     )
-    NOT_VISIBLE = "no solution has all points in front of both images: mirrored coordinates or mismatched points"
+    NOT_VISIBLE = (
+        "no solution has all points in front of both images: mirrored coordinates or mismatched points"
+    )
     NOT_PLANE = "the points do not lie in one plane, or identities are mismatched"
 
 
 class PlaneOrientation(NamedTuple):
-    """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X = 1."""
+    """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X =
+    1."""
 
     normal: FloatArray
     """(3,) unit normal n in A, pointing from A to the plane."""
@@ -75,12 +80,16 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
 
 
 def misfit_limit(redundancy: int) -> float:
-    """Value of Σ (v/σ)² beyond which the model does not hold: expectation plus five standard deviations, σ doubled."""
-    return 4.0 * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 1.0)
+    """Value of Σ (v/σ)² beyond which the model does not hold: expectation plus five standard deviations, σ
+    doubled."""
+    return float(4.0 * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 1.0))
 
 
-def solutions_of_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> list[PlaneOrientation]:
-    """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3) first."""
+def solutions_of_homography(
+    matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> list[PlaneOrientation]:
+    """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3)
+    first."""
     corners = corners_within(rays_a)
     image = corners @ matrix.T
     found = []
@@ -90,7 +99,9 @@ def solutions_of_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: Floa
     return sorted(found, key=lambda orientation: -orientation.front)
 
 
-def _orientation(in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
+def _orientation(
+    in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> PlaneOrientation:
     centre_a, centre_b = in_a.mean(axis=0), in_b.mean(axis=0)
     rotation = nearest_rotation((in_b - centre_b).T @ (in_a - centre_a))
     normal = np.linalg.svd(in_a - centre_a)[2][2]
@@ -106,7 +117,8 @@ def _orientation(in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b:
 def corners_within(rays: FloatArray) -> FloatArray:
     """Quadrilateral (4, 3) of rays inside the field of the rays (n, 3), convex; 12 and 34 are its diagonals.
 
-    Of the hull of the field (seen along its mean) the four corners of largest area; of a triangle a trapezoid.
+    Of the hull of the field (seen along its mean) the four corners of largest area; of a triangle a
+    trapezoid.
     """
     directions = unit(rays)
     axis = unit(directions.sum(axis=0))
@@ -116,7 +128,7 @@ def corners_within(rays: FloatArray) -> FloatArray:
         one, two, three = directions[hull]
         return np.stack([one, unit(two + three), two, unit(one + three)])
     first, second = _diagonal(flat, hull)
-    return directions[np.array([first[0], first[1], second[0], second[1]])]
+    return np.asarray(directions[[first[0], first[1], second[0], second[1]]])
 
 
 def _flat(directions: FloatArray, axis: FloatArray) -> FloatArray:
@@ -167,19 +179,21 @@ def _thin(bundle: Bundle) -> bool:
 
 
 def thickness(bundle: Bundle) -> float:
-    """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of points."""
+    """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of
+    points."""
     values = np.linalg.svd(bundle.directions, compute_uv=False)
     return float(values[2] / np.sqrt(len(bundle)))
 
 
 def _three_in_line(bundle: Bundle) -> bool:
     directions = bundle.directions
-    return any(thickness(bundle.take(np.delete(np.arange(4), k))) < COLLINEAR * bundle.noise for k in range(len(directions)))
+    return any(
+        thickness(bundle.take(np.delete(np.arange(4), k))) < COLLINEAR * bundle.noise
+        for k in range(len(directions))
+    )
 
 
-def _outcome(
-    homography: Homography, solutions: list[PlaneOrientation], a: Bundle, b: Bundle
-) -> PlaneOutcome:
+def _outcome(homography: Homography, solutions: list[PlaneOrientation], a: Bundle, b: Bundle) -> PlaneOutcome:
     values = np.linalg.svd(homography.matrix, compute_uv=False)
     noise = np.hypot(a.noise, b.noise) / max(min(thickness(a), thickness(b)), 1e-300)
     spread, gaps = values[0] - values[2], (values[0] - values[1], values[1] - values[2])

@@ -1,8 +1,8 @@
 """Relative orientation of two bundles: from eight or more homologous rays to one adjusted, judged result.
 
-Seeds come from Rinner's linear system, made compatible; from five-point samples where that system is weak, where
-few points make its noise large, or where its result does not fit; from Killian's quadrilateral where the points
-lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
+Seeds come from Rinner's linear system, made compatible; from five-point samples where that system is weak,
+where few points make its noise large, or where its result does not fit; from Killian's quadrilateral where
+the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
 """
 
 from __future__ import annotations
@@ -38,8 +38,6 @@ SEEDS = 6
 """Best five-point seeds that are adjusted."""
 RANK = 10.0
 """A singular value of the linear system below so many σ is no rank."""
-AS_GOOD = 16.0
-"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (4 σ)."""
 
 
 class Seed(NamedTuple):
@@ -53,26 +51,34 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     """Orientation of bundle ``b`` in ``a`` from n ≥ 8 homologous rays, without approximate values.
 
     All rays are believed (see :func:`mor.approximate.relative_robust.robust_relative_orientation` otherwise).
-    Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see :mod:`mor.approximate.rinner`.
+    Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see
+    :mod:`mor.approximate.rinner`.
     """
     refusal = _refusal(a, b)
     if refusal is not None:
         return failed(refusal, len(a))
     turned = turn_without_base(a, b)
     if turned.misfit < 1.0:
-        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
+        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(
+            a.noise, b.noise
+        )
         outcome = RelativeOutcome.IDENTICAL if identical else RelativeOutcome.NO_BASE
         return failed(outcome, len(a), turned.rotation)
     linear = linear_system(a, b)
     geometry, seeds = _seeds(a, b, linear)
     adjusted = adjust_seeds(a, b, seeds)
-    if geometry is not SceneGeometry.PLANE and (len(a) <= FEW or _doubtful(a, b, adjusted, geometry)):
+    if geometry is SceneGeometry.PLANE:
+        # The plane is a strong constraint that the adjustment lets go of: what it says itself stays in the
+        # race.
+        adjusted += [adjust_coplanarity(a, b, *seed, iterations=1) for seed in seeds]
+    elif len(a) <= FEW or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
     return result(a, b, Judged(geometry, linear.singular_values, adjusted))
 
 
 def linear_system(a: Bundle, b: Bundle) -> LinearSolution:
-    """Rinner's linear system (5) with rows in units of σ: solved, weighted anew with its own solution, solved again.
+    """Rinner's linear system (5) with rows in units of σ: solved, weighted anew with its own solution,
+    solved again.
 
     The rays are scaled to length one first; ik and singular values belong to unit rays.
     """
@@ -124,18 +130,17 @@ def _refusal(a: Bundle, b: Bundle) -> RelativeOutcome | None:
 
 
 def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry, list[Seed]]:
-    values = linear.singular_values
-    if values[6] < RANK * np.sqrt(len(a)):
-        homography = fit_homography(a, b)
-        redundancy = homography.redundancy
-        if homography.objective <= redundancy + 5.0 * np.sqrt(2.0 * redundancy):
-            planes = solutions_of_homography(homography.matrix, a.rays, b.rays)
-            return SceneGeometry.PLANE, [
-                Seed(plane.base / np.linalg.norm(plane.base), plane.rotation)
-                for plane in planes
-                if np.linalg.norm(plane.base) > 0.0
-            ]
-    geometry = SceneGeometry.CRITICAL_SURFACE if values[7] < RANK else SceneGeometry.GENERAL
+    homography = fit_homography(a, b)
+    redundancy = homography.redundancy
+    if homography.objective <= redundancy + 5.0 * np.sqrt(2.0 * redundancy):
+        planes = solutions_of_homography(homography.matrix, a.rays, b.rays)
+        return SceneGeometry.PLANE, [
+            Seed(plane.base / np.linalg.norm(plane.base), plane.rotation)
+            for plane in planes
+            if np.linalg.norm(plane.base) > 0.0
+        ]
+    critical = linear.singular_values[7] < RANK
+    geometry = SceneGeometry.CRITICAL_SURFACE if critical else SceneGeometry.GENERAL
     corrected = compatible_unknowns(linear.ik, linear.normal).ik
     return geometry, [best_of_four(a, b, ik) for ik in (corrected, linear.ik)]
 
@@ -169,8 +174,17 @@ def _apart(first: FloatArray, second: FloatArray) -> bool:
 
 
 def adjust_seeds(a: Bundle, b: Bundle, seeds: list[Seed]) -> list[Coplanarity]:
-    """Adjust every seed; distinct results, the best objective first."""
-    return distinct([adjust_coplanarity(a, b, *seed) for seed in seeds])
+    """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective
+    first."""
+    return distinct([_facing(a, b, adjust_coplanarity(a, b, *seed)) for seed in seeds])
+
+
+def _facing(a: Bundle, b: Bundle, adjusted: Coplanarity) -> Coplanarity:
+    # On its way the adjustment can pass to the twisted orientation, which fits alike with the points behind.
+    best = best_of_four(a, b, auxiliary_unknowns(adjusted.base, adjusted.rotation))
+    if float(best.base @ adjusted.base) > 0.0 and float(np.sum(best.rotation * adjusted.rotation)) > 2.99:
+        return adjusted
+    return adjust_coplanarity(a, b, *best)
 
 
 def distinct(adjusted: list[Coplanarity]) -> list[Coplanarity]:

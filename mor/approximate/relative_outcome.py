@@ -12,7 +12,9 @@ class RelativeOutcome(Enum):
     """How far the orientation is known, in words."""
 
     DETERMINED = "one orientation fits, with all points in front of both bundles"
-    AMBIGUOUS = "several orientations fit equally well; a further image, a distance or a known attitude decides"
+    AMBIGUOUS = (
+        "several orientations fit equally well; a further image, a distance or a known attitude decides"
+    )
     WEAK = "the orientation fits but is hardly determined by these points: more base, or points better spread"
     TOO_FEW = "fewer than eight homologous points"
     INVALID = "a ray is zero or not a number, or the bundles differ in length"
@@ -21,7 +23,9 @@ class RelativeOutcome(Enum):
     NO_BASE = "no base: the second bundle is the first one turned; its attitude is known, the base is open"
     BEHIND = "no orientation has the points in front of both bundles: wrong pairs, or a camera looking away"
     MIRRORED = "one bundle is mirrored: with its coordinates reversed the points would lie in front of both"
-    DOES_NOT_FIT = "the rays do not meet within their precision: wrong pairs, a wrong focal length or a mirrored image"
+    DOES_NOT_FIT = (
+        "the rays do not meet within their precision: wrong pairs, a wrong focal length or a mirrored image"
+    )
 
     @property
     def usable(self) -> bool:
@@ -35,8 +39,8 @@ class SceneGeometry(Enum):
     GENERAL = "points in general position: the linear system has one solution"
     PLANE = "all points in one plane: the linear system loses three ranks; solved as a plane object"
     CRITICAL_SURFACE = (
-        "points and both centres on a ruled quadric (critical surface) or nearly so: the linear system loses rank; "
-        "solved with the compatibility conditions"
+        "points and both centres on a ruled quadric (critical surface) or nearly so: the linear system loses "
+        "rank; solved with the compatibility conditions"
     )
     UNKNOWN = "not examined"
 

@@ -13,10 +13,13 @@ from mor.approximate.rinner import auxiliary_unknowns, four_candidates
 from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
-AS_GOOD = 16.0
-"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (4 σ)."""
+AS_GOOD = 25.0
+"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
+APART = 8.0
+"""Standard deviations beyond which two orientations are different ones."""
 WEAK = 0.1
-"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
+"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is
+weak."""
 WRONG = 6.0
 """σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
@@ -57,15 +60,11 @@ def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = 
 
 
 def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
-    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
+    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the
+    choice."""
     if not judged.adjusted:
         return failed(RelativeOutcome.NO_BASE, len(a))
-    limit = judged.adjusted[0].objective + AS_GOOD * max(1.0, _variance(judged.adjusted[0], len(a)))
-    fitting = [one for one in judged.adjusted if one.objective <= limit]
-    ranked = sorted(fitting, key=lambda one: -_front_count(a, b, one))
-    chosen = ranked[0]
-    most = _front_count(a, b, chosen)
-    rivals = [one for one in ranked[1:] if _front_count(a, b, one) == most and one.converged]
+    chosen, rivals = _choice(a, b, judged.adjusted)
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     return RelativeOrientation(
@@ -86,6 +85,38 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
         unknowns=auxiliary_unknowns(chosen.base, chosen.rotation),
         singular_values=judged.singular_values,
     )
+
+
+def _choice(a: Bundle, b: Bundle, adjusted: list[Coplanarity]) -> tuple[Coplanarity, list[Coplanarity]]:
+    """Of all that fit the one with most points in front, then of least objective; rivals that are as good."""
+    redundancy = len(a) - 5
+    excess = AS_GOOD * max(1.0, adjusted[0].objective / redundancy)
+    limit = max(adjusted[0].objective + excess, redundancy + 5.0 * np.sqrt(2.0 * redundancy))
+    fitting = [one for one in adjusted if one.objective <= limit]
+    chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
+    most = _front_count(a, b, chosen)
+    tolerance = APART * float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
+    rivals = [
+        one
+        for one in fitting
+        if _front_count(a, b, one) >= BEHIND * most
+        and one.objective <= chosen.objective + excess
+        and _distance(one, chosen) > tolerance + 1e-6
+    ]
+    return chosen, _one_each(rivals, tolerance)
+
+
+def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:
+    kept: list[Coplanarity] = []
+    for one in rivals:
+        if all(_distance(one, other) > tolerance + 1e-6 for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _distance(first: Coplanarity, second: Coplanarity) -> float:
+    rotation = float(np.linalg.norm(first.rotation - second.rotation)) / np.sqrt(2.0)
+    return float(np.hypot(rotation, np.linalg.norm(first.base - second.base)))
 
 
 def candidate(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Candidate:
@@ -124,7 +155,7 @@ def _variance(one: Coplanarity, points: int) -> float:
 
 
 def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
-    return max(c.in_front_of_both for c in candidates_of(a, b, one))
+    return int(np.sum(np.all(in_front(a, b, one.base, one.rotation), axis=1)))
 
 
 def _outcome(

@@ -6,9 +6,9 @@ Homologous rays p' (frame A) and p'' (frame B) and the base b lie in one plane (
 
 with nine auxiliary unknowns ik = (e_i', e_k'', b) = e_i' · n_k, n_k = e_k'' × b                       (6)–(8)
 
-where e_k'' are the axes of B seen from A: the rows of D*, so that X_B = D* (X_A − b). All triads are right-handed
-and the third image coordinate is −c; the f of the paper points the other way. In the words of today
-(ik) = −[b]× D*ᵀ is the essential matrix: singular values 1, 1, 0 at the norm (14).
+where e_k'' are the axes of B seen from A: the rows of D*, so that X_B = D* (X_A − b). All triads are
+right-handed and the third image coordinate is −c; the f of the paper points the other way. In the words of
+today (ik) = −[b]× D*ᵀ is the essential matrix: singular values 1, 1, 0 at the norm (14).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import unit
+from mor.approximate.vectors import cross, unit
 from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import cross_matrix
 
@@ -49,11 +49,12 @@ class Basis(NamedTuple):
 
 def coplanarity_rows(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """Coefficients (n, 9) of the ik, row by row, in (5)."""
-    return np.einsum("ni,nk->nik", rays_a, rays_b).reshape(len(rays_a), 9)
+    return np.asarray(np.einsum("ni,nk->nik", rays_a, rays_b).reshape(len(rays_a), 9))
 
 
 def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
-    """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least value."""
+    """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least
+    value."""
     _, values, right = np.linalg.svd(rows, full_matrices=True)
     padded = np.zeros(9)
     padded[: len(values)] = values
@@ -61,7 +62,8 @@ def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
 
 
 def inhomogeneous_unknowns(rows: FloatArray, lm: tuple[int, int]) -> FloatArray:
-    """Solve (5) for ik' = ik : lm by least squares, n ≥ 8 ``rows`` (n, 9); returns ik (3, 3) at the norm (14).
+    """Solve (5) for ik' = ik : lm by least squares, n ≥ 8 ``rows`` (n, 9); returns ik (3, 3) at the norm
+    (14).
 
     The chosen unknown ``lm`` must not vanish (it does, for instance, when A and B see along a base that is an
     axis of both); its size follows from Σ ik'² lm² = 2, lm itself included in the sum as 1 (18).
@@ -70,17 +72,18 @@ def inhomogeneous_unknowns(rows: FloatArray, lm: tuple[int, int]) -> FloatArray:
     others = np.delete(np.arange(9), column)
     solution = np.ones(9)
     solution[others] = np.linalg.lstsq(rows[:, others], -rows[:, column], rcond=None)[0]
-    return solution.reshape(3, 3) * (NORM / np.linalg.norm(solution))
+    return np.asarray(solution.reshape(3, 3) * (NORM / np.linalg.norm(solution)))
 
 
 def adjoint(ik: FloatArray) -> FloatArray:
     """Matrix of the cofactors (…, 3, 3): its columns are n2 × n3, n3 × n1, n1 × n2."""
     first, second, third = ik[..., :, 0], ik[..., :, 1], ik[..., :, 2]
-    return np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=-1)
+    return np.stack([cross(second, third), cross(third, first), cross(first, second)], axis=-1)
 
 
 def base_in_three_ways(ik: FloatArray) -> Basis:
-    """Base from the adjoint (9), (10a). The signs of the λ come from the products, not from the roots (10b)."""
+    """Base from the adjoint (9), (10a). The signs of the λ come from the products, not from the roots
+    (10b)."""
     products = adjoint(ik).T
     lengths = np.linalg.norm(products, axis=1)
     base = products[np.argmax(lengths)] / np.max(lengths)
@@ -93,12 +96,15 @@ def triad(ik: FloatArray, base: FloatArray) -> FloatArray:
 
     Exactly orthonormal where the ik are compatible; otherwise brought to the nearest rotation.
     """
-    axes = np.cross(base, ik.T) + np.outer(adjoint(ik).T @ base, base)
+    axes = cross(base, ik.T) + np.outer(adjoint(ik).T @ base, base)
     return nearest_rotation(axes)
 
 
 def four_candidates(ik: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Return (b, D*) for both signs of b and of the ik: two triads, twisted about the base by 200 gon, two bases each."""
+    """Return (b, D*) for both signs of b and of the ik.
+
+    Two triads, twisted about the base by 200 gon, with two bases each.
+    """
     base = base_in_three_ways(ik).base
     return [(side, triad(sign * ik, side)) for sign in (1.0, -1.0) for side in (base, -base)]
 

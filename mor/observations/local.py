@@ -13,15 +13,19 @@ from mor.observations._contract import Computed, ObservationType, Reference, Slo
 from mor.units import LENGTH, Component
 
 
-
 def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
-    """(X̄, Ȳ, Z̄) = λ D (X − X0)."""
-    origin, rotation, scale, point = blocks
+    """(X̄, Ȳ, Z̄) = λ D (X − X0) + r̄.
+
+    The offset r̄ in local axes is zero for a transferred system; for a plane its third component is the distance of
+    the plane from X0, which keeps the parametrisation regular for every attitude.
+    """
+    origin, rotation, scale, offset, point = blocks
     turned = np.einsum("nij,nj->ni", rotation, point - origin)
     to_point = scale[:, :, None] * rotation
-    scaled = np.broadcast_to(np.eye(3), rotation.shape) * scale[:, :, None]
+    identity = np.broadcast_to(np.eye(3), rotation.shape)
     return Computed(
-        scale * turned, (-to_point, by_rotation(scaled, turned), turned[:, :, None], to_point)
+        scale * turned + offset,
+        (-to_point, by_rotation(identity * scale[:, :, None], turned), turned[:, :, None], identity, to_point),
     )
 
 
@@ -33,6 +37,7 @@ LOCAL = ObservationType(
         Slot("point", "system", "position"),
         Slot("rotation", "system", "rotation"),
         Slot("scale", "system", "scale"),
+        Slot("eccentricity", "system", "offset"),
         Slot("point", "point", "position"),
     ),
     equation=equation,

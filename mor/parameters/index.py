@@ -26,6 +26,8 @@ class Blocks:
     """(n, size) true where the component is estimated."""
     owner: IntArray
     """(n, size) the block whose component this one is: itself, or another one it shares the component with."""
+    about_axes: BoolArray | None = None
+    """(n,) rotations whose free and fixed components are turns about the axes of the frame, not ω, φ, κ."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ def index_unknowns(blocks: Mapping[str, Blocks]) -> Index:
 
 def partly_free(blocks: Blocks) -> BoolArray:
     """(n,) rotations of which some angles are free and others fixed: they move by angles, not by vectors."""
-    return np.asarray(blocks.free.any(axis=1) & ~blocks.free.all(axis=1))
+    partly = blocks.free.any(axis=1) & ~blocks.free.all(axis=1)
+    return np.asarray(partly if blocks.about_axes is None else partly & ~blocks.about_axes)
 
 
 def move(index: Index, values: Values, step: FloatArray) -> dict[str, FloatArray]:

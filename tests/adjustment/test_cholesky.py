@@ -31,7 +31,7 @@ SYSTEMS = {
 
 
 def normal_matrix(blocks, cliques, seed=0, size=None, equations=None):
-    """Return AᵀA of random observations that each see one clique, scaled to unit diagonal, and as dense matrix."""
+    """Return AᵀA of observations that each see one clique, scaled to unit diagonal, also as dense matrix."""
     rng = np.random.default_rng(seed)
     sizes = np.full(blocks, size) if size else rng.integers(1, 9, blocks)
     cliques = [[b] for b in range(blocks)] + list(cliques)
@@ -56,7 +56,7 @@ def from_dense(structure, dense):
 
 
 def levelling(blocks, cliques, size=3):
-    """Return the matrix of coordinate differences between tied blocks: one null vector per component and part."""
+    """Return the matrix of coordinate differences between tied blocks: one null vector per component."""
     pointers = np.cumsum([0] + [len(c) for c in cliques])
     structure = structure_from_cliques(np.full(blocks, size), pointers, np.concatenate(cliques))
     dense = np.zeros((structure.unknowns, structure.unknowns))

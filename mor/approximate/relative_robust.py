@@ -1,0 +1,126 @@
+"""Relative orientation against a few per cent of wrong pairs: sampling, then adjustment of what agrees.
+
+Samples of five pairs give compatible unknowns (also for plane scenes); each is judged by the truncated sum of
+squared residuals of all pairs (M. A. Fischler, R. C. Bolles 1981; truncation after P. Torr, A. Zisserman 2000).
+The best set of agreeing pairs is adjusted and drawn anew until it stands. The seed is fixed: same input, same
+result.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.coplanarity import adjust_coplanarity, first_order_residuals, in_front
+from mor.approximate.five_points import five_point_unknowns
+from mor.approximate.relative import MINIMUM, best_of_four, relative_orientation
+from mor.approximate.relative_outcome import RelativeOrientation, RelativeOutcome
+from mor.approximate.relative_result import failed
+from mor.approximate.rinner import auxiliary_unknowns
+from mor.geometry.arrays import BoolArray, FloatArray
+
+BATCH = 25
+MOST_BATCHES = 40
+CERTAINTY = 1e-4
+"""Probability left that no sample was free of wrong pairs."""
+TRUNCATION = 5.0
+"""Residual v/σ at which a pair stops counting while samples are compared."""
+AGREES = 4.0
+"""Residual v/σ up to which a pair agrees with an adjusted orientation."""
+ROUNDS = 10
+HALF = 0.5
+"""Part of the pairs that must agree for an orientation to be believed."""
+
+
+class RobustOrientation(NamedTuple):
+    """A relative orientation and the pairs it rests on."""
+
+    orientation: RelativeOrientation
+    """Of the agreeing pairs; its residuals and front flags belong to these, in their order."""
+    agreeing: BoolArray
+    """(n,) the pairs that were used."""
+    residuals: FloatArray
+    """(n,) v/σ of all pairs; not a number where nothing was found."""
+    samples: int
+    """Number of samples drawn; 0 if all pairs agreed at once."""
+
+
+def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> RobustOrientation:
+    """Orientation of ``b`` in ``a`` from n ≥ 8 homologous rays, some of which may be wrong pairs.
+
+    If all agree this is :func:`mor.approximate.relative.relative_orientation` itself. Wrong pairs that lie on
+    the right plane through the base cannot be seen, except by their depth. Outcomes are data, as there.
+    """
+    everything = relative_orientation(a, b)
+    believable = everything.outcome not in (
+        RelativeOutcome.DOES_NOT_FIT,
+        RelativeOutcome.BEHIND,
+        RelativeOutcome.MIRRORED,
+    )
+    agree = bool(np.all(np.abs(np.nan_to_num(everything.residuals)) < AGREES)) and bool(np.all(everything.front))
+    if not everything.outcome.usable and believable or believable and agree:
+        return RobustOrientation(everything, np.ones(len(a), dtype=bool), everything.residuals, 0)
+    ik, samples = _sampled(a, b, np.random.default_rng(seed))
+    if ik is None:
+        return _nothing(everything, len(a), samples)
+    found = _settled(a, b, ik)
+    if found is None or np.sum(found) < max(MINIMUM, HALF * len(a)):
+        return _nothing(everything, len(a), samples)
+    orientation = relative_orientation(a.take(found), b.take(found))
+    if not orientation.outcome.usable:
+        return RobustOrientation(orientation, found, np.full(len(a), np.nan), samples)
+    unknowns = auxiliary_unknowns(orientation.base, orientation.rotation)
+    return RobustOrientation(orientation, found, first_order_residuals(a, b, unknowns[None])[0], samples)
+
+
+def _nothing(everything: RelativeOrientation, points: int, samples: int) -> RobustOrientation:
+    kept = everything if not everything.outcome.usable else failed(RelativeOutcome.DOES_NOT_FIT, points)
+    return RobustOrientation(kept, np.zeros(points, dtype=bool), np.full(points, np.nan), samples)
+
+
+def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[FloatArray | None, int]:
+    """Best unknowns over samples, drawn until one free of wrong pairs is all but certain."""
+    best, best_cost = None, np.inf
+    drawn = 0
+    for _ in range(MOST_BATCHES):
+        chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(BATCH)])
+        drawn += BATCH
+        unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
+        if len(unknowns):
+            residuals = first_order_residuals(a, b, unknowns)
+            costs = np.sum(np.minimum(residuals, TRUNCATION) ** 2, axis=1)
+            index = int(np.argmin(costs))
+            if costs[index] < best_cost:
+                best, best_cost = unknowns[index], float(costs[index])
+                agreeing = float(np.mean(residuals[index] < TRUNCATION))
+        # A sample free of wrong pairs may still be too noisy to tell: three of them are asked for.
+        if best is not None and drawn / 3.0 >= _samples_needed(agreeing):
+            break
+    return best, drawn
+
+
+def _samples_needed(agreeing: float) -> float:
+    clean = min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5
+    return float(np.log(CERTAINTY) / np.log(1.0 - clean))
+
+
+def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
+    """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a sample."""
+    agreeing = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
+    base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
+    for _ in range(ROUNDS):
+        if np.sum(agreeing) < MINIMUM:
+            return None
+        adjusted = adjust_coplanarity(a.take(agreeing), b.take(agreeing), base, rotation)
+        base, rotation = best_of_four(
+            a.take(agreeing), b.take(agreeing), auxiliary_unknowns(adjusted.base, adjusted.rotation)
+        )
+        unknowns = auxiliary_unknowns(base, rotation)
+        front = np.all(in_front(a, b, base, rotation), axis=1)
+        now = (first_order_residuals(a, b, unknowns[None])[0] < AGREES) & front
+        if np.array_equal(now, agreeing):
+            break
+        agreeing = now
+    return agreeing if np.sum(agreeing) >= MINIMUM else None

@@ -1,0 +1,230 @@
+"""The project file as a model: every key there is, its type and what it means. The JSON Schema is made from it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Text = Annotated[str, Field(min_length=1)]
+Measure = Annotated[
+    str,
+    Field(
+        pattern=r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*[A-Za-zµμ%°/\-]+[0-9^]*)?\s*$",
+        description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon",
+    ),
+]
+Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors, nothing changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True)
+
+
+class Units(Strict):
+    """Units of all values that carry none of their own."""
+
+    length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = "m"
+    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = "gon"
+
+
+class Axes(Strict):
+    """Axes of the object system: compass directions of x and y, and how horizontal angles and bearings count."""
+
+    xy: Literal["en", "nw", "ws", "se", "ne", "sw", "es", "wn"] = Field(
+        default="en", description="Directions of the x and y axes: en is x east, y north"
+    )
+    angles: Literal["clockwise", "counterclockwise"] = "clockwise"
+    bearings_from: Literal["north", "east", "south", "west"] = "north"
+
+
+class Value(Strict):
+    """A component with its status: exactly one of free, fixed, observed."""
+
+    free: Measure | None = None
+    fixed: Measure | None = None
+    observed: Measure | None = None
+    sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
+
+    @model_validator(mode="after")
+    def _one_status(self) -> Value:
+        given = [key for key in ("free", "fixed", "observed") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError("give exactly one of free, fixed, observed")
+        if (self.observed is not None) != (self.sigma is not None):
+            raise ValueError("sigma belongs to an observed value, and an observed value needs one")
+        return self
+
+
+Setting = Measure | Value
+"""A plain number (with the status its section says) or a value with its status."""
+
+
+class ImageFormat(Strict):
+    """Size of the image and of a pixel; needed where image coordinates come in pixels."""
+
+    width: Measure = Field(description="Image width in px")
+    height: Measure = Field(description="Image height in px")
+    pixel: Measure = Field(description="Pixel size, e.g. 0.00414 mm")
+
+
+class Camera(Strict):
+    """A camera: its model, its interior orientation, and the coordinates it is measured in."""
+
+    model: Literal["mor", "brown", "brown-forward", "opencv", "fisheye"] = "mor"
+    unit: Literal["mm", "um", "px", "m"] = Field(default="mm", description="Unit of interior orientation and residuals")
+    image: ImageFormat | None = None
+    coordinates: Literal["centred", "corner"] = Field(
+        default="centred",
+        description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
+    )
+    r0: Measure | None = Field(default=None, description="Second zero crossing of the radial distortion (model mor)")
+    interior: dict[str, Setting] = Field(
+        description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
+    )
+    image_variant: list[Text] | dict[str, Measure | None] = Field(
+        default_factory=list,
+        description="Components that every image has of its own, with the σ of their difference from the camera's",
+    )
+
+
+class Table(Strict):
+    """Rows, here or in a file beside the project."""
+
+    name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
+    file: Text | None = Field(default=None, description="CSV or Parquet, relative to the project file; may be .gz")
+    rows: list[list[str | None]] | None = Field(default=None, description="Rows in place, in the order of columns")
+    columns: list[Text | None] | dict[str, Text | None] | None = Field(
+        default=None,
+        description="A list declares the columns of rows or of a file without header (null skips one); "
+        "a mapping renames columns of a file with header (null skips one)",
+    )
+    values: dict[str, Text] = Field(default_factory=dict, description="Columns with the same value in every row")
+    units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
+    delimiter: str | None = Field(default=None, min_length=1, max_length=1)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Table:
+        if (self.file is None) == (self.rows is None):
+            raise ValueError("give either a file or rows")
+        if self.rows is not None and not isinstance(self.columns, list):
+            raise ValueError("rows need a list of columns")
+        return self
+
+
+class Points(Table):
+    """Points: id, x, y, z; sigma columns make components observed."""
+
+    fixed: list[Literal["x", "y", "z"]] = Field(default_factory=list, description="Components held as they are")
+    group: Text | None = Field(default=None, description="Name of this class of points, to refer to in the datum")
+
+
+class Images(Table):
+    """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
+
+    fixed: list[Text] = Field(default_factory=list)
+
+
+class Stations(Table):
+    """Theodolite stations or sets: id, point, height, set-up orientation."""
+
+    level: Literal["fixed", "free"] | Measure = Field(
+        default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
+    )
+    fixed: list[Text] = Field(default_factory=list)
+
+
+class Systems(Table):
+    """Local systems: id, x, y, z, omega, phi, kappa, scale, offsets."""
+
+    fixed: list[Text] = Field(default_factory=list)
+
+
+class Feature(Strict):
+    """A plane, a line or a right angle that points lie on, with the σ of their distances from it."""
+
+    type: Literal["plane", "line", "right angle"]
+    id: Name
+    points: list[Name] = Field(description="Points on the plane, on the line, or on the first plane")
+    other: list[Name] = Field(default_factory=list, description="Points on the second plane of a right angle")
+    sigma: Measure
+
+
+class Pairs(Table):
+    """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
+
+    fixed: list[Text] = Field(default_factory=list)
+
+
+class Instrument(Strict):
+    """Parameters that a group of distances or vertical angles shares; a plain number is fixed."""
+
+    scale: Setting | None = Field(default=None, description="Distance scale m, s_obs = (s - a)/m")
+    offset: Setting | None = Field(default=None, description="Zero offset a")
+    refraction: Setting | None = Field(default=None, description="Refraction coefficient k")
+
+
+class Centring(Strict):
+    """Centring errors of instrument and target, added to the σ of an observation."""
+
+    instrument: Measure = "0"
+    target: Measure = "0"
+
+
+class Observations(Table):
+    """A group of observations of one type."""
+
+    type: Text
+    instrument: Name | None = None
+    ppm: float = Field(default=0.0, ge=0.0, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
+    centring: Centring | None = None
+    factor: float = Field(default=1.0, gt=0.0, description="Factor on every σ of this group")
+    covariance: Text | list[list[float]] | None = Field(
+        default=None, description="Full covariance matrix over the observations of this group, or a CSV file with it"
+    )
+    cluster: Text | None = Field(default=None, description="Groups of one cluster name share one covariance matrix")
+
+
+class Datum(Strict):
+    """Datum of a free or partly free network."""
+
+    free: Literal["all"] | list[Name] = Field(
+        default="all", description="Points (or groups of points) whose coordinates carry the datum"
+    )
+    components: list[Literal["x", "y", "z"]] = Field(default_factory=lambda: ["x", "y", "z"])
+
+
+class Settings(Strict):
+    """How to solve and to test."""
+
+    max_iterations: int = Field(default=50, ge=1)
+    sigma0: float = Field(default=1.0, gt=0.0, description="A-priori standard deviation of unit weight, as reported")
+    dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    snooping_level: float = Field(default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations")
+    power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
+    global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of the global test")
+    sigma: Literal["aposteriori", "apriori"] = Field(
+        default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
+    )
+
+
+class Project(Strict):
+    """A project file of mor, version 1."""
+
+    mor: Literal["1"] = Field(description="Version of the project file")
+    title: str = ""
+    units: Units = Units()
+    axes: Axes = Axes()
+    cameras: dict[Name, Camera] = Field(default_factory=dict)
+    images: list[Images] = Field(default_factory=list)
+    pairs: list[Pairs] = Field(default_factory=list)
+    points: list[Points] = Field(default_factory=list)
+    stations: list[Stations] = Field(default_factory=list)
+    systems: list[Systems] = Field(default_factory=list)
+    features: list[Feature] = Field(default_factory=list)
+    instruments: dict[Name, Instrument] = Field(default_factory=dict)
+    observations: list[Observations] = Field(default_factory=list)
+    datum: Literal["fixed", "free"] | Datum = "fixed"
+    settings: Settings = Settings()

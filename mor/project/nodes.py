@@ -1,0 +1,86 @@
+"""YAML text to plain data in which every scalar is still text and every value knows its line.
+
+PyYAML's own constructors lose a key given twice, read point 010 as 8 and point no as False. Here nodes are composed and
+walked instead; what a text means is decided by the model that asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import yaml
+
+from mor.errors import InputError, Problem
+
+Path: TypeAlias = tuple[str | int, ...]
+
+_NULLS = {"", "~", "null", "Null", "NULL"}
+
+
+@dataclass(frozen=True)
+class Document:
+    """Plain data (dicts, lists, texts, None), and the line of every value by its path."""
+
+    data: dict[str, Any]
+    lines: Mapping[Path, int]
+    file: str
+
+    def line(self, path: Path) -> int:
+        """Line of the value at a path, or of the nearest value above it."""
+        while path and path not in self.lines:
+            path = path[:-1]
+        return self.lines.get(path, 1)
+
+
+def read_yaml(text: str, file: str) -> Document:
+    """Plain data of a YAML document with a mapping at its top.
+
+    Raises :class:`InputError` for broken YAML, a key given twice (all of them at once), or another kind of document.
+    """
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        node = yaml.compose(text, Loader=loader)
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        words = " ".join(part for part in (error.context, error.problem) if part)
+        raise InputError([Problem(f"this is not valid YAML: {words}", file, line)]) from None
+    if not isinstance(node, yaml.MappingNode):
+        raise InputError([Problem("expected a mapping of keys and values (mor: 1, title: …)", file, 1)])
+    lines: dict[Path, int] = {}
+    problems: list[Problem] = []
+    data = _walk(node, (), lines, problems, file)
+    if problems:
+        raise InputError(problems)
+    return Document(data, lines, file)
+
+
+def _walk(node: yaml.Node, path: Path, lines: dict[Path, int], problems: list[Problem], file: str) -> Any:
+    lines[path] = node.start_mark.line + 1
+    if isinstance(node, yaml.MappingNode):
+        return _mapping(node, path, lines, problems, file)
+    if isinstance(node, yaml.SequenceNode):
+        return [_walk(item, (*path, i), lines, problems, file) for i, item in enumerate(node.value)]
+    plain = node.style is None
+    return None if plain and node.value in _NULLS else node.value
+
+
+def _mapping(
+    node: yaml.MappingNode, path: Path, lines: dict[Path, int], problems: list[Problem], file: str
+) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    first: dict[str, int] = {}
+    for key_node, value_node in node.value:
+        line = key_node.start_mark.line + 1
+        if not isinstance(key_node, yaml.ScalarNode):
+            problems.append(Problem("a key must be a plain text", file, line))
+            continue
+        key = key_node.value
+        if key in first:
+            problems.append(Problem(f"key {key!r} is given twice (first in line {first[key]})", file, line))
+            continue
+        first[key] = line
+        data[key] = _walk(value_node, (*path, key), lines, problems, file)
+        lines[(*path, key)] = line
+    return data

@@ -1,0 +1,89 @@
+"""From plain data to the model: all mistakes of a file at once, each with its line and the nearest known name."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from mor.errors import InputError, Problem, nearest
+from mor.project.model import Project
+from mor.project.nodes import Document, Path
+
+
+def validate(document: Document) -> Project:
+    """The model of a document. Raises :class:`InputError` with every mistake found."""
+    try:
+        return Project.model_validate(document.data)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        problems = {_problem(document, detail): None for detail in details}
+        raise InputError(sorted(problems, key=lambda problem: problem.line)) from None
+
+
+def _problem(document: Document, detail: ErrorDetails) -> Problem:
+    path = _data_path(document.data, detail["loc"])
+    where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
+    return Problem(_words(detail, path, where), document.file, document.line(path))
+
+
+def _words(detail: ErrorDetails, path: Path, where: str) -> str:
+    kind, given = detail["type"], detail.get("input")
+    if kind == "extra_forbidden":
+        known = _known_keys(path[:-1])
+        return f"unknown key {path[-1]!r}{nearest(str(path[-1]), known)} (known here: {', '.join(known)})"
+    if kind == "missing":
+        return f"{where or 'the project'}: this key is required"
+    if kind == "value_error":
+        return f"{where}: {detail['ctx']['error']}"
+    if kind == "literal_error":
+        expected = detail["ctx"]["expected"]
+        choices = [choice.strip("' ") for choice in expected.replace(" or ", ", ").split(",")]
+        return f"{where}: found {given!r}, expected {expected}{nearest(str(given), choices)}"
+    if kind == "string_pattern_mismatch":
+        return f"{where}: found {given!r}, expected a number, with or without a unit"
+    message = detail["msg"]
+    return f"{where}: found {_short(given)}, {message[0].lower()}{message[1:]}"
+
+
+def _short(given: Any) -> str:
+    text = repr(given)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _data_path(data: Any, location: tuple[int | str, ...]) -> Path:
+    """The part of pydantic's location that is a path in the data: names of union members are dropped."""
+    path: list[str | int] = []
+    for number, part in enumerate(location):
+        last = number == len(location) - 1
+        if isinstance(data, dict) and (part in data or (last and isinstance(part, str) and "[" not in part)):
+            data = data.get(part)
+            path.append(part)
+        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+            path.append(part)
+    return tuple(path)
+
+
+def _known_keys(path: Path) -> list[str]:
+    """Keys the model knows at a path."""
+    model: Any = Project
+    for part in path:
+        if isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
+            model = model.model_fields[str(part)].annotation
+        model = _model_within(model)
+        if model is None:
+            return []
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+
+
+def _model_within(annotation: Any) -> Any:
+    """The model an annotation such as ``list[Points]`` or ``str | Datum`` leads to."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in get_args(annotation):
+        found = _model_within(argument)
+        if found is not None:
+            return found
+    return None
