@@ -36,6 +36,11 @@ class Outcome(Enum):
     DIVERGED = "diverged"
     SINGULAR = "singular"
 
+    @property
+    def is_solution(self) -> bool:
+        """True where the values are a least-squares solution."""
+        return self is Outcome.CONVERGED
+
 
 @dataclass(frozen=True)
 class Iteration:

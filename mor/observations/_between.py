@@ -55,7 +55,7 @@ def elevation(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
     horizontal = horizontal_length(vector)
     square = horizontal**2 + vector[:, 2] ** 2
     derivative = np.empty_like(vector)
-    derivative[:, :2] = -vector[:, :2] * (vector[:, 2] / (horizontal * square))[:, None]
+    derivative[:, :2] = -(vector[:, :2] / horizontal[:, None]) * (vector[:, 2] / square)[:, None]
     derivative[:, 2] = horizontal / square
     return np.arctan2(vector[:, 2], horizontal), derivative
 

@@ -58,6 +58,12 @@ class ObservationType:
     """Constants a row may carry besides, e.g. the face of the instrument."""
     distances: tuple[str, str] | None = None
     """The two references whose distance the σ model a ⊕ b·d and centring errors refer to."""
+    turns: tuple[int, ...] = ()
+    """Components that count in the sense of the project's horizontal angles."""
+    bearings: tuple[int, ...] = ()
+    """Those of them that also count from the project's zero direction."""
+    in_object_axes: bool = False
+    """True where the components are coordinates in the axes of the object system."""
 
     @property
     def wraps(self) -> BoolArray:
@@ -81,6 +87,10 @@ class ObservationGroup:
     """(n, q)."""
     references: tuple[tuple[str, ...], ...]
     """One tuple of n identifiers per reference of the type."""
+    ppm: float = 0.0
+    """Part b of the σ model a ⊕ b·d, in 10⁻⁶."""
+    centring: tuple[float, float] = (0.0, 0.0)
+    """Centring errors of instrument and target, length unit."""
     image_unit: str = "mm"
     lines: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     file: str = ""

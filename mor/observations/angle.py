@@ -30,4 +30,5 @@ ANGLE_TYPE = ObservationType(
     ),
     equation=equation,
     distances=("at", "to"),
+    turns=(0,),
 )

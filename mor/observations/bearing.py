@@ -23,4 +23,6 @@ BEARING = ObservationType(
     slots=BETWEEN_SLOTS,
     equation=equation,
     distances=("from", "to"),
+    turns=(0,),
+    bearings=(0,),
 )

@@ -32,6 +32,7 @@ VECTOR = ObservationType(
     slots=BETWEEN_SLOTS,
     equation=vector_equation,
     distances=("from", "to"),
+    in_object_axes=True,
 )
 HEIGHT_DIFFERENCE = ObservationType(
     key="height_difference",

@@ -73,6 +73,7 @@ def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
         equation=_on_the_circle(zenith),
         constants=(RADIUS, FACE),
         distances=("station", "to"),
+        turns=(0,),
     )
 
 

@@ -32,6 +32,7 @@ def observed_parameter(kind: BlockKind) -> ObservationType:
         references=(Reference("block", (kind.key,)),),
         slots=(Slot(kind.key, "block", "itself"),),
         equation=equation,
+        in_object_axes=kind.key == "point",
     )
 
 
@@ -49,6 +50,7 @@ def observed_difference(kind: BlockKind) -> ObservationType:
         references=(Reference("from", (kind.key,)), Reference("to", (kind.key,))),
         slots=(Slot(kind.key, "from", "itself"), Slot(kind.key, "to", "itself")),
         equation=equation,
+        in_object_axes=kind.key == "point",
     )
 
 

@@ -84,6 +84,9 @@ class Camera(Strict):
     interior: dict[str, Setting] = Field(
         description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
     )
+    eccentricity: dict[str, Setting] = Field(
+        default_factory=dict, description="rx, ry, rz from the projection centre to the rotation centre, image axes"
+    )
     image_variant: list[Text] | dict[str, Measure | None] = Field(
         default_factory=list,
         description="Components that every image has of its own, with the σ of their difference from the camera's",

@@ -62,7 +62,7 @@ def _walk(node: yaml.Node, path: Path, lines: dict[Path, int], problems: list[Pr
         return _mapping(node, path, lines, problems, file)
     if isinstance(node, yaml.SequenceNode):
         return [_walk(item, (*path, i), lines, problems, file) for i, item in enumerate(node.value)]
-    plain = node.style is None
+    plain = node.style not in ("'", '"', "|", ">")
     return None if plain and node.value in _NULLS else node.value
 
 

@@ -14,8 +14,14 @@ from mor.quality.precision import datum_transformation, parameter_cofactors
 from mor.quality.redundancy import ObservationQuality, observation_quality
 from mor.quality.tests import GlobalTest, critical_value, global_test, normalised_residuals
 
-DATA_SNOOPING_LEVEL = 0.001
-GLOBAL_TEST_LEVEL = 0.05
+
+@dataclass(frozen=True)
+class Levels:
+    """Levels of the tests: α0 and β0 of the test of single observations, level of the global test."""
+
+    snooping: float = 0.001
+    power: float = 0.8
+    overall: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,7 @@ class Quality:
     """A-posteriori standard deviation of unit weight; the a-priori one is 1."""
     sigma_factor: float
     """What cofactors are multiplied with to become standard deviations: σ0 a posteriori, 1 without redundancy."""
+    levels: Levels
     global_test: GlobalTest
     critical: float
     """Critical value of |w|."""
@@ -46,8 +53,9 @@ class Quality:
         return tuple(np.abs(np.nan_to_num(w)) > self.critical for w in self.w)
 
 
-def assess(adjustment: Adjustment) -> Quality:
-    """Quality of a converged adjustment."""
+def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bool = True) -> Quality:
+    """Quality of a converged adjustment; standard deviations with σ0 a posteriori, or a priori (1)."""
+    levels = levels or Levels()
     problem = adjustment.problem
     cofactors = adjustment.inverse.selected()
     groups = observation_quality(adjustment, cofactors)
@@ -63,9 +71,10 @@ def assess(adjustment: Adjustment) -> Quality:
         redundancy=redundancy,
         redundancy_sum=float(sum(np.nansum(group.r) for group in groups)),
         sigma0=sigma0,
-        sigma_factor=sigma0,
-        global_test=global_test(omega, redundancy, GLOBAL_TEST_LEVEL),
-        critical=critical_value(DATA_SNOOPING_LEVEL),
+        sigma_factor=sigma0 if aposteriori else 1.0,
+        levels=levels,
+        global_test=global_test(omega, redundancy, levels.overall),
+        critical=critical_value(levels.snooping),
         groups=groups,
         w=tuple(normalised_residuals(group.v, group.q_residual, group.r) for group in groups),
         cofactors=blocks,

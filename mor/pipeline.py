@@ -1,0 +1,90 @@
+"""The story of an adjustment: one call for every arrow.
+
+    project file → Project → Network → Problem + start values → Adjustment → Quality → Report
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mor.adjustment.problem import Cluster, Datum, Problem
+from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.errors import InputError
+from mor.errors import Problem as Mistake
+from mor.geometry.arrays import FloatArray
+from mor.observations.sigma import with_sigma_model
+from mor.parameters.index import index_unknowns
+from mor.project.network import Network, build_network
+from mor.project.nodes import Document, read_yaml
+from mor.project.validation import validate
+from mor.quality.assess import Levels, Quality, assess
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A network with its adjustment, and its quality where the adjustment converged."""
+
+    network: Network
+    adjustment: Adjustment
+    quality: Quality | None
+
+
+def read_document(path: Path) -> Document:
+    """Plain data of a project file, with lines. Raises :class:`InputError`."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError([Mistake("this file does not exist", str(path))]) from None
+    except IsADirectoryError:
+        raise InputError([Mistake("this is a folder, expected a project file", str(path))]) from None
+    except UnicodeDecodeError:
+        raise InputError([Mistake("this is not UTF-8 text", str(path))]) from None
+    return read_yaml(text, str(path))
+
+
+def read_network(path: Path) -> Network:
+    """The network a project file describes. Raises :class:`InputError` with every mistake found."""
+    document = read_document(path)
+    return build_network(validate(document), document, path.parent)
+
+
+def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
+    """Adjust a network and assess the outcome."""
+    start = start_values(network)
+    problem = make_problem(network, start)
+    settings = network.project.settings
+    adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+    if adjustment.outcome.is_solution:
+        levels = Levels(settings.snooping_level, settings.power, settings.global_level)
+        return Solved(network, adjustment, assess(adjustment, levels, settings.sigma == "aposteriori"))
+    return Solved(network, adjustment, None)
+
+
+def start_values(network: Network) -> Mapping[str, FloatArray]:
+    """Start values of all blocks. Raises :class:`InputError` where some are missing."""
+    mistakes = []
+    for kind, values in network.start.items():
+        blocks = network.blocks[kind]
+        missing = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        mistakes += [Mistake(f"{kind} {blocks.ids[i]!r} has no start value") for i in np.flatnonzero(missing)]
+    if mistakes:
+        raise InputError(mistakes)
+    return network.start
+
+
+def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
+    """The adjustment problem of a network: unknowns numbered, σ models evaluated, correlations and datum in place."""
+    groups = tuple(with_sigma_model(group, start) for group in network.groups)
+    offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
+    widths = np.array([group.observed.shape[1] for group in groups])
+    clusters = tuple(
+        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance) for c in network.correlations
+    )
+    datum = Datum(
+        network.datum.name, network.datum.free, {"point": network.datum.mask}, {"point": start["point"]}
+    )
+    return Problem(index_unknowns(network.blocks), groups, clusters, datum)

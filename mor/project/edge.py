@@ -1,0 +1,164 @@
+"""The edge: units and axes of the project on the way in and out.
+
+Inside: X east, Y north, Z up (right-handed), bearings clockwise from +Y, radians, the project's length unit, the image
+unit of each camera.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.geometry.arrays import FloatArray
+from mor.project.model import Axes, Camera, Units
+from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
+
+_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*$")
+_COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
+_AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
+
+
+class UnitError(ValueError):
+    """A text that is no number, or a unit that does not fit; the words say which."""
+
+
+@dataclass(frozen=True)
+class ImageScale:
+    """How image coordinates of one camera come in: its unit inside, pixel size, origin."""
+
+    unit: str
+    pixel: float
+    """Camera units per pixel; NaN where the camera says nothing of pixels."""
+    centre: tuple[float, float]
+    """Image centre in pixels from the upper left corner."""
+    corner: bool
+    """True where coordinates count from the upper left corner, y down."""
+
+    def factor(self, unit: str) -> float:
+        """Camera units per given unit. Raises :class:`UnitError`."""
+        if unit == self.unit:
+            return 1.0
+        if unit == PIXEL:
+            if np.isnan(self.pixel):
+                raise UnitError("pixels need image: {width, height, pixel} in the camera")
+            return self.pixel
+        if unit in LENGTH_UNITS and self.unit in LENGTH_UNITS:
+            return LENGTH_UNITS[unit] / LENGTH_UNITS[self.unit]
+        if unit in LENGTH_UNITS and self.unit == PIXEL and not np.isnan(self.pixel):
+            return LENGTH_UNITS[unit] / (LENGTH_UNITS["mm"] * self.pixel)
+        raise UnitError(f"unit {unit!r} does not fit image coordinates")
+
+    @property
+    def coordinate_unit(self) -> str:
+        """Unit of image coordinates that say none."""
+        return PIXEL if self.corner else self.unit
+
+    def inwards(self, xy: FloatArray, unit: str) -> FloatArray:
+        """Image coordinates (n, 2) in camera units, origin in the image centre, y up."""
+        if not self.corner:
+            return xy * self.factor(unit)
+        centre = np.array(self.centre) * self.factor(PIXEL)
+        return (xy * self.factor(unit) - centre) * np.array([1.0, -1.0])
+
+
+def image_scale(camera: Camera, units: Units) -> ImageScale:
+    """Image scale of a camera. Raises :class:`UnitError`."""
+    if camera.image is None:
+        if camera.coordinates == "corner":
+            raise UnitError("coordinates: corner needs image: {width, height, pixel}")
+        return ImageScale(camera.unit, float("nan"), (float("nan"), float("nan")), False)
+    width, height = (_plain(text, PIXEL) for text in (camera.image.width, camera.image.height))
+    number, unit = split(camera.image.pixel)
+    unit = unit or "mm"
+    if unit not in LENGTH_UNITS:
+        raise UnitError(f"unit {unit!r} does not fit a pixel size")
+    target = "mm" if camera.unit == PIXEL else camera.unit
+    size = number * LENGTH_UNITS[unit] / LENGTH_UNITS[target]
+    pixel = 1.0 if camera.unit == PIXEL else size
+    return ImageScale(camera.unit, pixel, (width / 2.0, height / 2.0), camera.coordinates == "corner")
+
+
+def split(text: str) -> tuple[float, str]:
+    """Number and unit (or an empty text). Raises :class:`UnitError`."""
+    match = _NUMBER.match(text)
+    if match is None:
+        raise UnitError(f"found {text!r}, expected a number, with or without a unit")
+    return float(match[1]), match[2]
+
+
+def _plain(text: str, expected: str) -> float:
+    number, unit = split(text)
+    if unit not in ("", expected):
+        raise UnitError(f"unit {unit!r} does not fit, expected {expected}")
+    return number
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Units and axes of a project."""
+
+    units: Units
+    axes: Axes
+
+    def default_unit(self, quantity: Quantity, image: ImageScale | None = None) -> str:
+        """Unit of values that say none."""
+        return quantity.unit(self.units.length, self.units.angle, image.unit if image else "mm")
+
+    def factor(self, quantity: Quantity, unit: str, image: ImageScale | None = None) -> float:
+        """Internal units per given unit (``""``: the project's). Raises :class:`UnitError` where it does not fit."""
+        if quantity.length == 1 and not quantity.image:
+            return self._length(unit or self.units.length)
+        if quantity.angle == 1:
+            if (unit or self.units.angle) not in ANGLE_UNITS:
+                raise UnitError(f"unit {unit!r} does not fit an angle (known: {', '.join(ANGLE_UNITS)})")
+            return ANGLE_UNITS[unit or self.units.angle]
+        if quantity.image == 1 and image is not None:
+            return image.factor(unit or image.unit)
+        if not unit or unit == self.default_unit(quantity, image):
+            return 1.0
+        if quantity == Quantity() and unit in NUMBER_UNITS:
+            return NUMBER_UNITS[unit]
+        raise UnitError(f"unit {unit!r} does not fit, expected {self.default_unit(quantity, image)}")
+
+    def number(self, text: str, quantity: Quantity, unit: str = "", image: ImageScale | None = None) -> float:
+        """Internal value of a text; a unit in the text goes before ``unit``. Raises :class:`UnitError`."""
+        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and not _NUMBER.match(text):
+            try:
+                return parse_dms(text) * ANGLE_UNITS["dms"]
+            except ValueError as error:
+                raise UnitError(str(error)) from None
+        number, own = split(text)
+        return number * self.factor(quantity, own or unit, image)
+
+    def _length(self, unit: str) -> float:
+        if unit not in LENGTH_UNITS:
+            raise UnitError(f"unit {unit!r} does not fit a length (known: {', '.join(LENGTH_UNITS)})")
+        return LENGTH_UNITS[unit] / LENGTH_UNITS[self.units.length]
+
+    @property
+    def metres(self) -> float:
+        """Metres per length unit of the project."""
+        return LENGTH_UNITS[self.units.length]
+
+    @property
+    def sense(self) -> float:
+        """+1 where horizontal angles of the project count clockwise, −1 where they count counterclockwise."""
+        return 1.0 if self.axes.angles == "clockwise" else -1.0
+
+    @property
+    def zero_azimuth(self) -> float:
+        """Azimuth (radians, clockwise from north) from which bearings of the project count."""
+        return _AZIMUTH[self.axes.bearings_from]
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(3, 3) signed permutation that takes project coordinates to internal ones."""
+        x, y = (_COMPASS[letter] for letter in self.axes.xy)
+        return np.array([[x[0], y[0], 0.0], [x[1], y[1], 0.0], [0.0, 0.0, 1.0]])
+
+    @property
+    def right_handed(self) -> bool:
+        """True where the project's axes form a right-handed system."""
+        return bool(np.linalg.det(self.matrix) > 0.0)

@@ -1,0 +1,145 @@
+"""From the project to the network: blocks, observation groups, correlations, datum, start values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mor.errors import InputError, Problem
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.rotations import rotation_from_angles
+from mor.observations import ObservationGroup
+from mor.parameters.index import Blocks
+from mor.project.correlations import Correlation, correlations
+from mor.project.edge import Edge, ImageScale
+from mor.project.entities import Entities, unknown_name, workshop
+from mor.project.features import feature_groups
+from mor.project.groups import read_groups
+from mor.project.knowledge import level_groups, parameter_groups, prior_groups, variant_groups
+from mor.project.model import Datum, Project
+from mor.project.nodes import Document
+from mor.project.tables import Place
+from mor.project.things import (
+    Reading,
+    read_cameras,
+    read_images,
+    read_instruments,
+    read_pairs,
+    read_points,
+    read_stations,
+    read_systems,
+)
+
+
+@dataclass(frozen=True)
+class DatumChoice:
+    """The datum as the project wants it: free or not, and over which coordinates."""
+
+    name: str
+    free: bool
+    mask: BoolArray
+    """(points, 3) coordinates that carry it, internal axes."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """Everything that was read, in internal units and axes; start values may still be missing (NaN)."""
+
+    project: Project
+    edge: Edge
+    scales: Mapping[str, ImageScale]
+    things: Mapping[str, Entities]
+    blocks: Mapping[str, Blocks]
+    start: Mapping[str, FloatArray]
+    """(n, size) by kind, rotations as matrices (n, 3, 3)."""
+    groups: tuple[ObservationGroup, ...]
+    correlations: tuple[Correlation, ...]
+    datum: DatumChoice
+
+
+def build_network(project: Project, document: Document, folder: Path) -> Network:
+    """The network of a project. Raises :class:`InputError` with every mistake found."""
+    problems: list[Problem] = []
+    edge = Edge(project.units, project.axes)
+    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems)
+    for read in (
+        read_cameras,
+        read_instruments,
+        read_points,
+        read_pairs,
+        read_images,
+        read_stations,
+        read_systems,
+    ):
+        read(reading)
+    if problems:
+        raise InputError(problems)
+    read_in = read_groups(reading)
+    plain = [group.group for group in read_in]
+    others = [
+        *parameter_groups(reading),
+        *feature_groups(reading),
+        *level_groups(reading),
+        *variant_groups(reading, reading.variants),
+        *prior_groups(reading),
+    ]
+    correlated = correlations(reading, read_in) if not problems else ()
+    datum = _datum(reading)
+    if not plain and not others:
+        problems.append(reading.at("observations").problem("there are no observations"))
+    if problems:
+        raise InputError(problems)
+    stores = reading.shop.stores
+    return Network(
+        project=project,
+        edge=edge,
+        scales=reading.scales,
+        things=reading.shop.things,
+        blocks={key: store.blocks() for key, store in stores.items() if store.ids},
+        start={
+            key: _representation(store.kind.is_rotation, store.all_values()) for key, store in stores.items() if store.ids
+        },
+        groups=(*plain, *others),
+        correlations=correlated,
+        datum=datum,
+    )
+
+
+def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
+    return rotation_from_angles(values) if is_rotation else values
+
+
+def _datum(reading: Reading) -> DatumChoice:
+    chosen = reading.project.datum
+    points = reading.shop.things["point"]
+    mask = np.zeros((len(reading.shop.store("point").ids), 3), dtype=bool)
+    if chosen == "fixed":
+        return DatumChoice("fixed", False, mask)
+    if chosen == "free":
+        chosen = Datum()
+    assert isinstance(chosen, Datum)
+    components = [name in chosen.components for name in "xyz"]
+    source = np.argmax(np.abs(reading.edge.matrix), axis=1)
+    row = np.array(components)[source]
+    if chosen.free == "all":
+        mask[points.parts["position"]] = row
+        return DatumChoice("free, inner constraints over all points", True, mask)
+    for name in chosen.free:
+        numbers = _datum_points(reading, name)
+        mask[numbers] = row
+    words = f"free, inner constraints over {', '.join(chosen.components)} of {len(chosen.free)} named points or groups"
+    return DatumChoice(words, True, mask)
+
+
+def _datum_points(reading: Reading, name: str) -> IntArray:
+    points = reading.shop.things["point"]
+    if name in reading.groups:
+        return np.array(reading.groups[name], dtype=np.int64)
+    if name in points.numbers:
+        return np.array([points.part(name, "position")], dtype=np.int64)
+    known = [*points.ids, *reading.groups]
+    reading.problems.append(reading.at("datum").problem(unknown_name("datum point", name, known)))
+    return np.zeros(0, dtype=np.int64)

@@ -1,0 +1,108 @@
+"""Free, fixed or observed: from columns and settings to values, free flags and σ of components."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mor.errors import Problem, nearest
+from mor.geometry.arrays import BoolArray, FloatArray
+from mor.project.edge import Edge, ImageScale, UnitError
+from mor.project.model import Value
+from mor.project.nodes import Path
+from mor.project.tables import Column, Place, Rows
+from mor.units import Component, Quantity
+
+
+def number_column(
+    name: str, quantity: Quantity, edge: Edge, image: ImageScale | None = None, required: bool = False
+) -> Column:
+    """A column of numbers of a quantity, converted to internal units."""
+    return Column(
+        name,
+        parse=lambda text, unit: edge.number(text, quantity, unit, image),
+        factor=None
+        if quantity.angle == 1 and edge.units.angle == "dms"
+        else lambda unit: edge.factor(quantity, unit, image),
+        required=required,
+    )
+
+
+def component_columns(components: Iterable[Component], edge: Edge) -> list[Column]:
+    """A value column and a σ column for each component."""
+    columns = []
+    for component in components:
+        columns.append(number_column(component.name, component.quantity, edge))
+        columns.append(number_column(f"sigma_{component.name}", component.quantity, edge))
+    return columns
+
+
+def component_rows(
+    rows: Rows,
+    components: Sequence[Component],
+    fixed: Sequence[str],
+    problems: list[Problem],
+    common_sigma: FloatArray | None = None,
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Values, free flags and σ, each (n, size): no σ is free, σ = 0 is fixed, σ > 0 is observed."""
+    values = np.stack([rows.number(c.name) for c in components], axis=1)
+    sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
+    if common_sigma is not None:
+        sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
+    for k, component in enumerate(components):
+        _check_sigma(rows, component.name, values[:, k], sigma[:, k], problems)
+    held = np.array([c.name in fixed for c in components])
+    sigma[:, held] = np.nan
+    free = ~held[None, :] & ~(sigma == 0.0)
+    for k, component in enumerate(components):
+        missing = ~free[:, k] & np.isnan(values[:, k])
+        for line in rows.lines[missing]:
+            problems.append(Problem(f"{component.name} is fixed but has no value", rows.file, int(line)))
+    return values, free, np.where(sigma > 0.0, sigma, np.nan)
+
+
+def _check_sigma(
+    rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Problem]
+) -> None:
+    for i in np.flatnonzero(sigma < 0.0):
+        problems.append(
+            Problem(f"sigma_{name}: found {sigma[i]:g}, expected a σ ≥ 0", rows.file, int(rows.lines[i]))
+        )
+    for i in np.flatnonzero(~np.isnan(sigma) & np.isnan(values)):
+        problems.append(Problem(f"{name} has a σ but no value", rows.file, int(rows.lines[i])))
+
+
+def settings(
+    given: dict[str, str | Value],
+    components: Sequence[Component],
+    edge: Edge,
+    place: Place,
+    path: Path,
+    problems: list[Problem],
+    image: ImageScale | None = None,
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Values, free flags and σ (1, size) of one block from settings by component; a plain number is fixed."""
+    values = np.array([[component.default for component in components]])
+    free = np.zeros(values.shape, dtype=bool)
+    sigma = np.full(values.shape, np.nan)
+    names = [component.name for component in components]
+    for name, setting in given.items():
+        at = Place(place.document, (*path, name), place.folder)
+        if name not in names:
+            problems.append(at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})"))
+            continue
+        k = names.index(name)
+        quantity = components[k].quantity
+        try:
+            text = setting if isinstance(setting, str) else setting.free or setting.fixed or setting.observed or ""
+            values[0, k] = edge.number(text, quantity, "", image)
+            if isinstance(setting, Value) and setting.sigma is not None:
+                sigma[0, k] = edge.number(setting.sigma, quantity, "", image)
+        except UnitError as error:
+            problems.append(at.problem(f"{name}: {error}"))
+            continue
+        if sigma[0, k] < 0.0:
+            problems.append(at.problem(f"{name}: found σ {sigma[0, k]:g}, expected a σ ≥ 0"))
+        free[0, k] = isinstance(setting, Value) and setting.fixed is None and sigma[0, k] != 0.0
+    return values, free, np.where(sigma > 0.0, sigma, np.nan)
