@@ -1,6 +1,6 @@
 """The story of an adjustment: one call for every arrow.
 
-    project file → Project → Network → Problem + start values → Adjustment → Quality → Report
+project file → Project → Network → Problem + start values → Adjustment → Quality → Report
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])
     clusters = tuple(
-        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance) for c in network.correlations
+        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
+        for c in network.correlations
     )
     datum = Datum(
         network.datum.name, network.datum.free, {"point": network.datum.mask}, {"point": start["point"]}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +59,11 @@ class BlockStructure:
     def columns(self) -> IntArray:
         """(nnzb,) block column of each stored block."""
         return np.repeat(np.arange(self.blocks, dtype=np.int64), np.diff(self.indptr))
+
+    @cached_property
+    def block_of(self) -> IntArray:
+        """(n,) block of each scalar unknown."""
+        return np.repeat(np.arange(self.blocks, dtype=np.int64), self.sizes)
 
     def shapes(self) -> Iterator[tuple[int, int, IntArray]]:
         """Yield (rows, columns, numbers of the stored blocks of that shape) for each shape that occurs."""

@@ -63,7 +63,7 @@ def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> I
     Y = factor.solve(units)
     if len(anchors) == 0:
         return Inverse(factor, scale, Y, Y)
-    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * Y))
+    eigenvalues, vectors = _stretches(plan, values, scale[:, None] * Y)
     directions = Y @ vectors
     is_null = eigenvalues < NULL * np.sum(directions**2, axis=0)
     share = np.einsum("kw,kw->w", vectors, Y[anchors] @ vectors)
@@ -79,11 +79,13 @@ def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
     for _ in range(matrix.structure.unknowns):
         factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
         found = factor.set_aside
-        directions = factor.solve(_unit_vectors(matrix, anchors)) if len(anchors) else np.zeros((len(scale), 0))
+        directions = (
+            factor.solve(_unit_vectors(matrix, anchors)) if len(anchors) else np.zeros((len(scale), 0))
+        )
         if len(found):
             loose = _released(matrix, factor)
         else:
-            loose = _hardly_determined(plan, values, factor, scale)
+            loose = _hardly_determined(plan, values, factor, scale, anchors)
         if loose.shape[1] == 0:
             return anchors
         anchors = _spread_out(np.concatenate([directions, loose], axis=1))
@@ -100,13 +102,33 @@ def damped_step(plan: Plan, normals: Normals, damping: float) -> FloatArray:
     return step
 
 
-def _hardly_determined(plan: Plan, values: Values, factor: Factor, scale: FloatArray) -> FloatArray:
-    """Directions (u, k) with ‖A g‖² small against ‖g‖², by block inverse iteration from seeded random probes."""
+def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (k,) and eigenvectors (k, k) of GᵀNG for directions G (u, k), small ones beside large ones exact.
+
+    An eigenvalue is as good as round-off of the largest one; what the start values left weak and the solution
+    determines well must not blur what is null. Hence the small ones are worked out once more among themselves.
+    """
+    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, directions))
+    small = eigenvalues < 1e-6 * eigenvalues[-1]
+    if eigenvalues[-1] > HARDLY_DETERMINED and small.any():
+        among, turned = scipy.linalg.eigh(image_of(plan, values, directions @ vectors[:, small]))
+        eigenvalues[small], vectors[:, small] = among, vectors[:, small] @ turned
+    return eigenvalues, vectors
+
+
+def _hardly_determined(
+    plan: Plan, values: Values, factor: Factor, scale: FloatArray, anchors: IntArray
+) -> FloatArray:
+    """Directions (u, k) with gᵀN'g small against ‖g‖², by block inverse iteration from seeded random probes.
+
+    N' contains the anchors there are: what they hold already must not be found again.
+    """
     count = min(_PROBES, len(scale))
     probes = np.random.default_rng(1984).standard_normal((len(scale), count))
     for _ in range(2):
         probes, _ = np.linalg.qr(factor.solve(probes))
-    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * probes))
+    held = probes[anchors].T @ probes[anchors]
+    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * probes) + held)
     return probes @ vectors[:, eigenvalues < HARDLY_DETERMINED]
 
 

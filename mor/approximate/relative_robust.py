@@ -1,9 +1,9 @@
 """Relative orientation against a few per cent of wrong pairs: sampling, then adjustment of what agrees.
 
 Samples of five pairs give compatible unknowns (also for plane scenes); each is judged by the truncated sum of
-squared residuals of all pairs (M. A. Fischler, R. C. Bolles 1981; truncation after P. Torr, A. Zisserman 2000).
-The best set of agreeing pairs is adjusted and drawn anew until it stands. The seed is fixed: same input, same
-result.
+squared residuals of all pairs (M. A. Fischler, R. C. Bolles 1981; truncation after P. Torr, A. Zisserman
+2000). The best set of agreeing pairs is adjusted and drawn anew until it stands. The seed is fixed: same
+input, same result.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from mor.approximate.rinner import auxiliary_unknowns
 from mor.geometry.arrays import BoolArray, FloatArray
 
 BATCH = 25
+LOOKED_AT = 12
+"""Best unknowns of a batch whose depths are looked at."""
 MOST_BATCHES = 40
 CERTAINTY = 1e-4
 """Probability left that no sample was free of wrong pairs."""
@@ -59,8 +61,9 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
         RelativeOutcome.BEHIND,
         RelativeOutcome.MIRRORED,
     )
-    agree = bool(np.all(np.abs(np.nan_to_num(everything.residuals)) < AGREES)) and bool(np.all(everything.front))
-    if not everything.outcome.usable and believable or believable and agree:
+    small = bool(np.all(np.abs(np.nan_to_num(everything.residuals)) < AGREES))
+    agree = small and bool(np.all(everything.front))
+    if believable and (agree or not everything.outcome.usable):
         return RobustOrientation(everything, np.ones(len(a), dtype=bool), everything.residuals, 0)
     ik, samples = _sampled(a, b, np.random.default_rng(seed))
     if ik is None:
@@ -69,10 +72,21 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
     if found is None or np.sum(found) < max(MINIMUM, HALF * len(a)):
         return _nothing(everything, len(a), samples)
     orientation = relative_orientation(a.take(found), b.take(found))
-    if not orientation.outcome.usable:
-        return RobustOrientation(orientation, found, np.full(len(a), np.nan), samples)
+    for _ in range(ROUNDS):
+        if not orientation.outcome.usable:
+            return RobustOrientation(orientation, found, np.full(len(a), np.nan), samples)
+        now = _agreeing(a, b, orientation.base, orientation.rotation)
+        if np.array_equal(now, found) or np.sum(now) < MINIMUM:
+            break
+        found, orientation = now, relative_orientation(a.take(now), b.take(now))
     unknowns = auxiliary_unknowns(orientation.base, orientation.rotation)
     return RobustOrientation(orientation, found, first_order_residuals(a, b, unknowns[None])[0], samples)
+
+
+def _agreeing(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:
+    unknowns = auxiliary_unknowns(base, rotation)
+    front = np.all(in_front(a, b, base, rotation), axis=1)
+    return np.asarray((first_order_residuals(a, b, unknowns[None])[0] < AGREES) & front)
 
 
 def _nothing(everything: RelativeOrientation, points: int, samples: int) -> RobustOrientation:
@@ -91,14 +105,26 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
         if len(unknowns):
             residuals = first_order_residuals(a, b, unknowns)
             costs = np.sum(np.minimum(residuals, TRUNCATION) ** 2, axis=1)
-            index = int(np.argmin(costs))
-            if costs[index] < best_cost:
-                best, best_cost = unknowns[index], float(costs[index])
-                agreeing = float(np.mean(residuals[index] < TRUNCATION))
+            for index in np.argsort(costs)[:LOOKED_AT]:
+                if costs[index] >= best_cost:
+                    break
+                counted = _counted(a, b, unknowns[index], residuals[index])
+                cost = float(np.sum(counted**2))
+                if cost < best_cost:
+                    best, best_cost = unknowns[index], cost
+                    agreeing = float(np.mean(counted < TRUNCATION))
         # A sample free of wrong pairs may still be too noisy to tell: three of them are asked for.
         if best is not None and drawn / 3.0 >= _samples_needed(agreeing):
             break
     return best, drawn
+
+
+def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it
+    behind."""
+    base, rotation = best_of_four(a, b, ik)
+    front = np.all(in_front(a, b, base, rotation), axis=1)
+    return np.asarray(np.where(front, np.minimum(residuals, TRUNCATION), TRUNCATION))
 
 
 def _samples_needed(agreeing: float) -> float:
@@ -107,20 +133,19 @@ def _samples_needed(agreeing: float) -> float:
 
 
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
-    """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a sample."""
+    """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a
+    sample."""
     agreeing = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
     base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
     for _ in range(ROUNDS):
         if np.sum(agreeing) < MINIMUM:
             return None
-        adjusted = adjust_coplanarity(a.take(agreeing), b.take(agreeing), base, rotation)
-        base, rotation = best_of_four(
-            a.take(agreeing), b.take(agreeing), auxiliary_unknowns(adjusted.base, adjusted.rotation)
-        )
-        unknowns = auxiliary_unknowns(base, rotation)
-        front = np.all(in_front(a, b, base, rotation), axis=1)
-        now = (first_order_residuals(a, b, unknowns[None])[0] < AGREES) & front
-        if np.array_equal(now, agreeing):
+        chosen_a, chosen_b = a.take(agreeing), b.take(agreeing)
+        adjusted = adjust_coplanarity(chosen_a, chosen_b, base, rotation)
+        unknowns = auxiliary_unknowns(adjusted.base, adjusted.rotation)
+        base, rotation = best_of_four(chosen_a, chosen_b, unknowns)
+        now = _agreeing(a, b, base, rotation)
+        if np.array_equal(now, agreeing) or np.sum(now) < MINIMUM:
             break
         agreeing = now
-    return agreeing if np.sum(agreeing) >= MINIMUM else None
+    return agreeing

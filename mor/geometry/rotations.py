@@ -18,7 +18,8 @@ GIMBAL = 1e-9
 def rotation_from_angles(angles: FloatArray) -> FloatArray:
     """Rotation matrices D (n, 3, 3) of the angles ω, φ, κ (n, 3) in radians (MOR eq. 1)."""
     angles = np.asarray(angles, dtype=float)
-    (so, sp, sk), (co, cp, ck) = np.sin(angles).T, np.cos(angles).T
+    so, sp, sk = np.moveaxis(np.sin(angles), -1, 0)
+    co, cp, ck = np.moveaxis(np.cos(angles), -1, 0)
     D = np.empty((*angles.shape[:-1], 3, 3))
     D[..., 0, 0], D[..., 0, 1], D[..., 0, 2] = cp * ck, co * sk + so * sp * ck, so * sk - co * sp * ck
     D[..., 1, 0], D[..., 1, 1], D[..., 1, 2] = -cp * sk, co * ck - so * sp * sk, so * ck + co * sp * sk
@@ -32,9 +33,7 @@ def angles_from_rotation(D: FloatArray) -> FloatArray:
     cos_phi = np.hypot(D[..., 0, 0], D[..., 1, 0])
     phi = np.arctan2(D[..., 2, 0], cos_phi)
     locked = cos_phi < GIMBAL
-    omega = np.where(
-        locked, np.arctan2(D[..., 1, 2], D[..., 1, 1]), np.arctan2(-D[..., 2, 1], D[..., 2, 2])
-    )
+    omega = np.where(locked, np.arctan2(D[..., 1, 2], D[..., 1, 1]), np.arctan2(-D[..., 2, 1], D[..., 2, 2]))
     kappa = np.where(locked, 0.0, np.arctan2(-D[..., 1, 0], D[..., 0, 0]))
     return np.stack([omega, phi, kappa], axis=-1)
 
@@ -69,8 +68,8 @@ def rotate(D: FloatArray, delta: FloatArray) -> FloatArray:
 def tangent_of_angles(angles: FloatArray) -> FloatArray:
     """dδ/d(ω, φ, κ) (n, 3, 3): the small rotation vector that changes of the three angles amount to."""
     angles = np.asarray(angles, dtype=float)
-    _, sp, sk = np.sin(angles).T
-    _, cp, ck = np.cos(angles).T
+    _, sp, sk = np.moveaxis(np.sin(angles), -1, 0)
+    _, cp, ck = np.moveaxis(np.cos(angles), -1, 0)
     E = np.zeros((*angles.shape[:-1], 3, 3))
     E[..., 0, 0], E[..., 0, 1] = cp * ck, sk
     E[..., 1, 0], E[..., 1, 1] = -cp * sk, ck
@@ -81,8 +80,8 @@ def tangent_of_angles(angles: FloatArray) -> FloatArray:
 def angles_by_tangent(angles: FloatArray) -> FloatArray:
     """d(ω, φ, κ)/dδ (n, 3, 3), the inverse of :func:`tangent_of_angles`; infinite at φ = ±100 gon."""
     angles = np.asarray(angles, dtype=float)
-    _, sp, sk = np.sin(angles).T
-    _, cp, ck = np.cos(angles).T
+    _, sp, sk = np.moveaxis(np.sin(angles), -1, 0)
+    _, cp, ck = np.moveaxis(np.cos(angles), -1, 0)
     with np.errstate(divide="ignore"):
         secant = 1.0 / np.where(np.abs(cp) < GIMBAL, 0.0, cp)
     E = np.zeros((*angles.shape[:-1], 3, 3))

@@ -51,14 +51,17 @@ def _on_the_circle(zenith: bool) -> Callable[[Sequence[FloatArray], FloatArray],
         second = constants[:, 1] == 2.0
         upwards = np.where(second, -1.0, 1.0)
         if zenith:
-            vertical = np.where(second, 1.5 * np.pi + computed.values[:, 1], 0.5 * np.pi - computed.values[:, 1])
+            vertical = np.where(
+                second, 1.5 * np.pi + computed.values[:, 1], 0.5 * np.pi - computed.values[:, 1]
+            )
             upwards = -upwards
         else:
             vertical = np.where(second, np.pi - computed.values[:, 1], computed.values[:, 1])
         horizontal = computed.values[:, 0] + np.where(second, np.pi, 0.0)
         sign = np.stack([np.ones_like(upwards), upwards], axis=1)[:, :, None]
         return Computed(
-            np.stack([horizontal, vertical], axis=1), tuple(sign * jacobian for jacobian in computed.jacobians)
+            np.stack([horizontal, vertical], axis=1),
+            tuple(sign * jacobian for jacobian in computed.jacobians),
         )
 
     return equation

@@ -39,7 +39,11 @@ def image_coordinates(model: CameraModel) -> ObservationType:
         projection = model.project(frame.star, interior, constants[:, 2:], constants[:, :2])
         return Computed(
             projection.xy,
-            (*_by_frame(projection.by_star, frame), projection.by_interior, by_point(projection.by_star, frame)),
+            (
+                *_by_frame(projection.by_star, frame),
+                projection.by_interior,
+                by_point(projection.by_star, frame),
+            ),
         )
 
     return _image_type("image", model, (), equation)

@@ -21,7 +21,9 @@ def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGrou
         return group
     distance = _distances(group, values)
     along = (group.ppm * 1e-6 * distance) ** 2 + sum(error**2 for error in group.centring)
-    across = sum(error**2 for error in group.centring) / np.maximum(distance, np.finfo(float).tiny ** 0.5) ** 2
+    across = (
+        sum(error**2 for error in group.centring) / np.maximum(distance, np.finfo(float).tiny ** 0.5) ** 2
+    )
     angular = group.type.wraps
     extra = np.where(angular[None, :], across[:, None], along[:, None])
     return replace(group, sigma=np.sqrt(group.sigma**2 + extra))

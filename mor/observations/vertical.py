@@ -7,7 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.geometry.arrays import FloatArray
-from mor.observations._between import BETWEEN_SLOTS, FROM_TO, between, by_between, elevation, horizontal_length
+from mor.observations._between import (
+    BETWEEN_SLOTS,
+    FROM_TO,
+    between,
+    by_between,
+    elevation,
+    horizontal_length,
+)
 from mor.observations._contract import Computed, ObservationType, Slot
 from mor.units import ANGLE, LENGTH, NUMBER, Component
 

@@ -10,8 +10,8 @@ import numpy as np
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.project.groups import Group
 from mor.project.model import Observations
+from mor.project.reading import Reading
 from mor.project.tables import Place
-from mor.project.things import Reading
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlat
         covariance = covariance[np.ix_(components, components)]
         if not _positive_definite(covariance):
             place = reading.at("observations", group.entry)
-            words = f"{group.group.file}:{group.group.lines[i]}: the covariance matrix is not positive definite"
+            words = (
+                f"{group.group.file}:{group.group.lines[i]}: the covariance matrix is not positive definite"
+            )
             reading.problems.append(place.problem(words))
             continue
         size = len(components)
@@ -69,7 +71,9 @@ def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> l
     with_matrix = [k for k, entry in enumerate(entries) if entry.covariance is not None]
     place = reading.at("observations", groups[members[0]].entry)
     if len(with_matrix) != 1:
-        reading.problems.append(place.problem("exactly one group of a cluster must give its covariance matrix", "cluster"))
+        reading.problems.append(
+            place.problem("exactly one group of a cluster must give its covariance matrix", "cluster")
+        )
         return []
     place = reading.at("observations", groups[members[with_matrix[0]]].entry)
     given = _matrix(reading, entries[with_matrix[0]], place)
@@ -78,7 +82,9 @@ def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> l
     size = len(rows)
     if given.shape != (size, size):
         shape = " × ".join(map(str, given.shape))
-        reading.problems.append(place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance"))
+        reading.problems.append(
+            place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance")
+        )
         return []
     turn = _turn(groups, where, rows, components)
     covariance = turn @ given @ turn.T
@@ -97,7 +103,9 @@ def _turn(groups: list[Group], where: IntArray, rows: IntArray, components: IntA
     """Matrix that takes the entries as given (same places, project axes and units) to internal ones."""
     size = len(rows)
     turn = np.zeros((size, size))
-    place = {(int(g), int(r), int(c)): k for k, (g, r, c) in enumerate(zip(where, rows, components, strict=True))}
+    place = {
+        (int(g), int(r), int(c)): k for k, (g, r, c) in enumerate(zip(where, rows, components, strict=True))
+    }
     for (g, r, c), k in place.items():
         group = groups[g]
         for given in np.flatnonzero(group.transform[c]):
@@ -116,7 +124,9 @@ def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray |
         return np.array(rows, dtype=float)
     path = place.folder / entry.covariance
     if not path.is_file():
-        reading.problems.append(place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance"))
+        reading.problems.append(
+            place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance")
+        )
         return None
     try:
         with path.open(newline="") as file:

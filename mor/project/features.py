@@ -11,7 +11,7 @@ from mor.observations import PLAIN_TYPES, ObservationGroup
 from mor.project.edge import UnitError
 from mor.project.entities import unknown_name
 from mor.project.model import Feature
-from mor.project.things import Reading
+from mor.project.reading import Reading
 from mor.units import LENGTH
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
@@ -36,10 +36,14 @@ def _feature_group(reading: Reading, feature: Feature, number: int) -> Observati
             problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
     needed = NEEDED[feature.type]
     if len(set(feature.points)) < needed:
-        words = f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
+        words = (
+            f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
+        )
         problems.append(place.problem(words, "points"))
     if (feature.type == "right angle") != bool(feature.other):
-        problems.append(place.problem("other: the points on the second plane belong to a right angle, which needs them"))
+        problems.append(
+            place.problem("other: the points on the second plane belong to a right angle, which needs them")
+        )
     try:
         sigma = reading.edge.number(feature.sigma, LENGTH)
         if sigma <= 0.0:

@@ -22,9 +22,9 @@ from mor.project.axes import edge_transform
 from mor.project.edge import ImageScale, UnitError
 from mor.project.entities import unknown_name
 from mor.project.model import Observations
+from mor.project.reading import Reading
 from mor.project.statuses import number_column
 from mor.project.tables import Column, Place, Rows, read_table
-from mor.project.things import Reading
 from mor.units import IMAGE, LENGTH, Component
 
 TYPE_NAMES = ("image", *PLAIN_TYPES)
@@ -78,9 +78,11 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
     raw = _raw_image if type_.components[0].quantity == IMAGE else None
     for component in type_.components:
         required = len(type_.components) == 1 or raw is not None
-        columns.append(raw(component.name, required) if raw else number_column(
-            component.name, component.quantity, edge, required=required
-        ))
+        columns.append(
+            raw(component.name, required)
+            if raw
+            else number_column(component.name, component.quantity, edge, required=required)
+        )
         name = f"sigma_{component.name}"
         columns.append(raw(name) if raw else number_column(name, component.quantity, edge))
     common = raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge)
@@ -170,7 +172,8 @@ def _image_group(
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
         constants[:, 2] = reading.edge.number(camera.r0, IMAGE, "", scale)
     blocks = tuple(
-        points.parts["position"][point] if slot.of == "point" else images.parts[slot.part][image] for slot in type_.slots
+        points.parts["position"][point] if slot.of == "point" else images.parts[slot.part][image]
+        for slot in type_.slots
     )
     group = ObservationGroup(
         name=_name(entry, number),
@@ -199,7 +202,8 @@ def _image_values(
     xy = np.stack([rows.number("x")[chosen], rows.number("y")[chosen]], axis=1)
     common = rows.number("sigma")[chosen] * scale.factor(unit("sigma"))
     sigma = np.stack(
-        [_own(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"], axis=1
+        [_own(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"],
+        axis=1,
     )
     factors = np.full(2, scale.factor(unit("sigma")))
     return scale.inwards(xy, unit("x")), sigma, factors
@@ -256,7 +260,11 @@ def _plain_group(
 
 
 def _sigma_factor(reading: Reading, entry: Observations, component: Component) -> float:
-    unit = entry.units if isinstance(entry.units, str) else entry.units.get("sigma", entry.units.get(component.name, ""))
+    unit = (
+        entry.units
+        if isinstance(entry.units, str)
+        else entry.units.get("sigma", entry.units.get(component.name, ""))
+    )
     try:
         return reading.edge.factor(component.quantity, unit)
     except UnitError:
@@ -388,9 +396,7 @@ def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[
     return full
 
 
-def _with_own_height(
-    reading: Reading, rows: Rows, of: str, heights: IntArray, number: int
-) -> IntArray:
+def _with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, number: int) -> IntArray:
     """Height blocks, where a row says its own: one fixed block for every different value."""
     given = rows.number(f"{of}_height")
     result = heights.copy()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from mor.errors import Problem, nearest
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import IntArray
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
 from mor.parameters.kinds import INTERIORS, KINDS
-from mor.project.edge import Edge, UnitError
+from mor.project.edge import UnitError
 from mor.project.entities import BlockStore, unknown_name
 from mor.project.model import Observations
-from mor.project.tables import Column, Place, Rows, read_table
-from mor.project.things import Reading
+from mor.project.reading import Reading
+from mor.project.tables import Column, Rows, read_table
 from mor.units import ANGLE
 
 PARTS = {
@@ -258,4 +258,3 @@ def _parameter_group(
 
 
 __all__ = ["level_groups", "parameter_groups", "prior_groups", "variant_groups"]
-

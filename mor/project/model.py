@@ -74,18 +74,23 @@ class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
     model: Literal["mor", "brown", "brown-forward", "opencv", "fisheye"] = "mor"
-    unit: Literal["mm", "um", "px", "m"] = Field(default="mm", description="Unit of interior orientation and residuals")
+    unit: Literal["mm", "um", "px", "m"] = Field(
+        default="mm", description="Unit of interior orientation and residuals"
+    )
     image: ImageFormat | None = None
     coordinates: Literal["centred", "corner"] = Field(
         default="centred",
         description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
     )
-    r0: Measure | None = Field(default=None, description="Second zero crossing of the radial distortion (model mor)")
+    r0: Measure | None = Field(
+        default=None, description="Second zero crossing of the radial distortion (model mor)"
+    )
     interior: dict[str, Setting] = Field(
         description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
     )
     eccentricity: dict[str, Setting] = Field(
-        default_factory=dict, description="rx, ry, rz from the projection centre to the rotation centre, image axes"
+        default_factory=dict,
+        description="rx, ry, rz from the projection centre to the rotation centre, image axes",
     )
     image_variant: list[Text] | dict[str, Measure | None] = Field(
         default_factory=list,
@@ -97,14 +102,20 @@ class Table(Strict):
     """Rows, here or in a file beside the project."""
 
     name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
-    file: Text | None = Field(default=None, description="CSV or Parquet, relative to the project file; may be .gz")
-    rows: list[list[str | None]] | None = Field(default=None, description="Rows in place, in the order of columns")
+    file: Text | None = Field(
+        default=None, description="CSV or Parquet, relative to the project file; may be .gz"
+    )
+    rows: list[list[str | None]] | None = Field(
+        default=None, description="Rows in place, in the order of columns"
+    )
     columns: list[Text | None] | dict[str, Text | None] | None = Field(
         default=None,
         description="A list declares the columns of rows or of a file without header (null skips one); "
         "a mapping renames columns of a file with header (null skips one)",
     )
-    values: dict[str, Text] = Field(default_factory=dict, description="Columns with the same value in every row")
+    values: dict[str, Text] = Field(
+        default_factory=dict, description="Columns with the same value in every row"
+    )
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
     delimiter: str | None = Field(default=None, min_length=1, max_length=1)
 
@@ -120,8 +131,12 @@ class Table(Strict):
 class Points(Table):
     """Points: id, x, y, z; sigma columns make components observed."""
 
-    fixed: list[Literal["x", "y", "z"]] = Field(default_factory=list, description="Components held as they are")
-    group: Text | None = Field(default=None, description="Name of this class of points, to refer to in the datum")
+    fixed: list[Literal["x", "y", "z"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    group: Text | None = Field(
+        default=None, description="Name of this class of points, to refer to in the datum"
+    )
 
 
 class Images(Table):
@@ -185,9 +200,12 @@ class Observations(Table):
     centring: Centring | None = None
     factor: float = Field(default=1.0, gt=0.0, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
-        default=None, description="Full covariance matrix over the observations of this group, or a CSV file with it"
+        default=None,
+        description="Full covariance matrix over the observations of this group, or a CSV file with it",
     )
-    cluster: Text | None = Field(default=None, description="Groups of one cluster name share one covariance matrix")
+    cluster: Text | None = Field(
+        default=None, description="Groups of one cluster name share one covariance matrix"
+    )
 
 
 class Datum(Strict):
@@ -203,9 +221,13 @@ class Settings(Strict):
     """How to solve and to test."""
 
     max_iterations: int = Field(default=50, ge=1)
-    sigma0: float = Field(default=1.0, gt=0.0, description="A-priori standard deviation of unit weight, as reported")
+    sigma0: float = Field(
+        default=1.0, gt=0.0, description="A-priori standard deviation of unit weight, as reported"
+    )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
-    snooping_level: float = Field(default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations")
+    snooping_level: float = Field(
+        default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
+    )
     power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
     global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of the global test")
     sigma: Literal["aposteriori", "apriori"] = Field(

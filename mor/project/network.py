@@ -13,25 +13,21 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
+from mor.project.cameras import read_cameras
 from mor.project.correlations import Correlation, correlations
 from mor.project.edge import Edge, ImageScale
 from mor.project.entities import Entities, unknown_name, workshop
 from mor.project.features import feature_groups
 from mor.project.groups import read_groups
+from mor.project.images import read_images
+from mor.project.instruments import read_instruments, read_pairs
 from mor.project.knowledge import level_groups, parameter_groups, prior_groups, variant_groups
 from mor.project.model import Datum, Project
 from mor.project.nodes import Document
+from mor.project.points import read_points
+from mor.project.reading import Reading
+from mor.project.stations import read_stations, read_systems
 from mor.project.tables import Place
-from mor.project.things import (
-    Reading,
-    read_cameras,
-    read_images,
-    read_instruments,
-    read_pairs,
-    read_points,
-    read_stations,
-    read_systems,
-)
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,9 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         things=reading.shop.things,
         blocks={key: store.blocks() for key, store in stores.items() if store.ids},
         start={
-            key: _representation(store.kind.is_rotation, store.all_values()) for key, store in stores.items() if store.ids
+            key: _representation(store.kind.is_rotation, store.all_values())
+            for key, store in stores.items()
+            if store.ids
         },
         groups=(*plain, *others),
         correlations=correlated,

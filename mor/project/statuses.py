@@ -90,12 +90,18 @@ def settings(
     for name, setting in given.items():
         at = Place(place.document, (*path, name), place.folder)
         if name not in names:
-            problems.append(at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})"))
+            problems.append(
+                at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})")
+            )
             continue
         k = names.index(name)
         quantity = components[k].quantity
         try:
-            text = setting if isinstance(setting, str) else setting.free or setting.fixed or setting.observed or ""
+            text = (
+                setting
+                if isinstance(setting, str)
+                else setting.free or setting.fixed or setting.observed or ""
+            )
             values[0, k] = edge.number(text, quantity, "", image)
             if isinstance(setting, Value) and setting.sigma is not None:
                 sigma[0, k] = edge.number(setting.sigma, quantity, "", image)

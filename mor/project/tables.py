@@ -119,7 +119,9 @@ def _check_columns(
 def _inline(table: Table, place: Place) -> _Source:
     declared = [name for name in table.columns or []]
     rows = table.rows or []
-    lines = np.array([place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int64)
+    lines = np.array(
+        [place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int64
+    )
     columns: dict[str, list[str | None] | FloatArray] = {
         name: [row[k] if k < len(row) else None for row in rows] for k, name in enumerate(declared) if name
     }
@@ -187,7 +189,9 @@ def _from_frame(
         numeric = column is not None and column.factor is not None and series.dtype.is_numeric()
         names.append(ours)
         columns[ours] = (
-            series.cast(pl.Float64).fill_null(float("nan")).to_numpy() if numeric else series.cast(pl.String).to_list()
+            series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
+            if numeric
+            else series.cast(pl.String).to_list()
         )
     _mark_not_a_number(frame, table, columns)
     return _Source(names, columns, np.arange(frame.height, dtype=np.int64) + first_line, file)
@@ -237,7 +241,9 @@ def _slow(text: bytes, table: Table, place: Place, problems: list[Problem]) -> _
             words = f"found {len(row)} columns, expected {len(names)} ({', '.join(n or '-' for n in names)})"
             problems.append(Problem(words, file, line_number))
     columns: dict[str, list[str | None] | FloatArray] = {
-        name: [(row[k] or None) if k < len(row) else None for row in rows] for k, name in enumerate(names) if name
+        name: [(row[k] or None) if k < len(row) else None for row in rows]
+        for k, name in enumerate(names)
+        if name
     }
     return _Source([name for name in names if name], columns, np.array(lines, dtype=np.int64), file)
 

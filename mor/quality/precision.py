@@ -16,9 +16,7 @@ from mor.parameters.index import partly_free
 def datum_transformation(adjustment: Adjustment) -> STransformation:
     """S-transformation from the minimal datum of the factorisation into the datum of the adjustment."""
     constraint = adjustment.constraint
-    return s_transformation(
-        adjustment.defect.datum, constraint, adjustment.inverse.solve(constraint.normals)
-    )
+    return s_transformation(adjustment.defect.datum, constraint, adjustment.inverse.solve(constraint.normals))
 
 
 def parameter_cofactors(

@@ -1,0 +1,133 @@
+"""Cameras of a project: interior orientations, image scales, image-variant components."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.geometry.arrays import IntArray
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.parameters.kinds import ECCENTRICITY, INTERIORS
+from mor.project.edge import ImageScale, UnitError, image_scale
+from mor.project.entities import entities, unknown_name
+from mor.project.model import Camera
+from mor.project.nodes import Path
+from mor.project.reading import Reading
+from mor.project.statuses import settings
+
+
+def read_cameras(reading: Reading) -> None:
+    """Interior orientations, and how image coordinates come in."""
+    ids, blocks, eccentricities, models = [], [], [], []
+    for name, camera in reading.project.cameras.items():
+        at = reading.at("cameras", name)
+        try:
+            scale = image_scale(camera, reading.project.units)
+        except UnitError as error:
+            reading.problems.append(at.problem(str(error), "image"))
+            continue
+        reading.scales[name] = scale
+        blocks.append(_interior(reading, name, camera, scale))
+        ids.append(name)
+        models.append(list(CAMERA_MODELS).index(camera.model))
+        eccentricities.append(_eccentricity(reading, name, camera))
+    reading.shop.things["camera"] = entities(
+        ids,
+        {
+            "interior": np.array(blocks, dtype=np.int64),
+            "model": np.array(models, dtype=np.int64),
+            "eccentricity": np.array(eccentricities, dtype=np.int64),
+        },
+    )
+
+
+def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
+    model = CAMERA_MODELS[camera.model]
+    path: Path = ("cameras", name, "interior")
+    given = dict(camera.interior)
+    place = reading.at(*path)
+    if model.components[0].name not in given:
+        reading.problems.append(
+            reading.at("cameras", name).problem(
+                f"interior: {model.components[0].name} (camera constant) is required"
+            )
+        )
+    values, free, sigma = settings(
+        given, model.components, reading.edge, place, path, reading.problems, scale
+    )
+    if values[0, 0] <= 0.0 and model.components[0].name in given:
+        reading.problems.append(
+            place.problem(
+                f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
+            )
+        )
+    if camera.coordinates == "corner" and camera.model in ("opencv", "fisheye"):
+        values[0, 2:4] -= np.array(scale.centre) * scale.factor("px")
+    return int(reading.shop.store(f"interior/{camera.model}").add([name], values, free, sigma)[0])
+
+
+def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
+    if not camera.eccentricity:
+        return 0
+    path: Path = ("cameras", name, "eccentricity")
+    values, free, sigma = settings(
+        dict(camera.eccentricity),
+        ECCENTRICITY.components,
+        reading.edge,
+        reading.at(*path),
+        path,
+        reading.problems,
+    )
+    return int(reading.shop.store("eccentricity").add([f"camera {name}"], values, free, sigma)[0])
+
+
+def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, float]:
+    """Numbers of the image-variant components of a camera, with the σ of their difference from the camera's."""
+    kind = INTERIORS[camera.model]
+    result: dict[int, float] = {}
+    given = (
+        camera.image_variant
+        if isinstance(camera.image_variant, dict)
+        else dict.fromkeys(camera.image_variant)
+    )
+    for component, text in given.items():
+        at = reading.at("cameras", name, "image_variant")
+        if component not in kind.names:
+            words = unknown_name("component", component, kind.names)
+            reading.problems.append(at.problem(words))
+            continue
+        k = kind.names.index(component)
+        try:
+            quantity = kind.components[k].quantity
+            result[k] = (
+                float("nan")
+                if text is None
+                else reading.edge.number(text, quantity, "", reading.scales[name])
+            )
+        except UnitError as error:
+            reading.problems.append(at.problem(f"{component}: {error}"))
+    return result
+
+
+def interiors(reading: Reading, names: list[str], cameras: IntArray) -> IntArray:
+    """Interior block of every image: its camera's, or one of its own where components vary from image to image."""
+    shop = reading.shop
+    result = shop.things["camera"].parts["interior"][cameras].copy()
+    for number, camera_name in enumerate(shop.things["camera"].ids):
+        camera = reading.project.cameras[camera_name]
+        if not camera.image_variant:
+            continue
+        store = shop.store(f"interior/{camera.model}")
+        mine = np.flatnonzero(cameras == number)
+        shared = int(shop.things["camera"].parts["interior"][number])
+        row = slice(shared, shared + 1)
+        variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        values = np.repeat(store.all_values()[row], len(mine), axis=0)
+        free = np.repeat(store.all_free()[row], len(mine), axis=0)
+        free[:, list(variant)] = True
+        added = store.add([f"image {names[i]}" for i in mine], values, free, np.full(values.shape, np.nan))
+        for block in added:
+            for component in range(store.kind.size):
+                if component not in variant:
+                    store.shared[int(block), component] = shared
+        result[mine] = added
+    return result

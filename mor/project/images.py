@@ -1,0 +1,129 @@
+"""Images of a project: frames with a camera; followers refer to their leading image and their pair."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.errors import Problem
+from mor.geometry.arrays import IntArray
+from mor.parameters.kinds import HEIGHT, POINT, ROTATION
+from mor.project.cameras import interiors
+from mor.project.entities import entities, unknown_name
+from mor.project.model import Images
+from mor.project.poses import check_unique, heights, positions, rotations
+from mor.project.reading import Reading
+from mor.project.statuses import component_columns
+from mor.project.tables import Column, Place, Rows, read_table
+
+
+def read_images(reading: Reading) -> None:
+    """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
+    collected: dict[str, list[IntArray]] = {}
+    ids: list[str] = []
+    lines: dict[str, tuple[str, int]] = {}
+    leaders: list[tuple[int, str, str, str, int]] = []
+    for k, table in enumerate(reading.project.images):
+        _read_images_table(reading, table, reading.at("images", k), ids, collected, lines, leaders)
+    parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
+    if not parts:
+        parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
+    reading.shop.things["image"] = entities(ids, parts)
+    _follow(reading, leaders)
+
+
+_IMAGE_PARTS = (
+    "position",
+    "rotation",
+    "height",
+    "eccentricity",
+    "interior",
+    "model",
+    "camera",
+    "relative rotation",
+    "base",
+)
+
+
+def _read_images_table(
+    reading: Reading,
+    table: Images,
+    place: Place,
+    ids: list[str],
+    collected: dict[str, list[IntArray]],
+    lines: dict[str, tuple[str, int]],
+    leaders: list[tuple[int, str, str, str, int]],
+) -> None:
+    edge, shop = reading.edge, reading.shop
+    columns = [
+        Column("id", required=True),
+        Column("camera", required=True),
+        *(Column(name) for name in ("position", "leader", "pair")),
+        *component_columns((*POINT.components, *ROTATION.components, *HEIGHT.components), edge),
+    ]
+    rows = read_table(table, columns, place, reading.problems)
+    if rows is None:
+        return
+    names = rows.text("id")
+    check_unique("image", names, rows, lines, reading.problems)
+    if not edge.right_handed:
+        reading.problems.append(
+            place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")
+        )
+        return
+    cameras = _camera_numbers(reading, rows)
+    if cameras is None:
+        return
+    camera = shop.things["camera"]
+    position = positions(reading, rows, [f"image {name}" for name in names], table.fixed)
+    rotation = rotations(reading, rows, [f"image {name}" for name in names], table.fixed)
+    height = heights(reading, rows, [f"image {name}" for name in names], table.fixed)
+    zero = np.full(len(names), -1, dtype=np.int64)
+    found = {
+        "position": position,
+        "rotation": rotation,
+        "height": height,
+        "eccentricity": camera.parts["eccentricity"][cameras],
+        "interior": interiors(reading, names, cameras),
+        "model": camera.parts["model"][cameras],
+        "camera": cameras,
+        "relative rotation": zero,
+        "base": zero,
+    }
+    for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
+        if leader or pair:
+            leaders.append((len(ids) + i, leader, pair, rows.file, int(rows.lines[i])))
+    for part, array in found.items():
+        collected.setdefault(part, []).append(array)
+    ids += names
+
+
+def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
+    known = reading.shop.things["camera"].numbers
+    result = np.array([known.get(name, -1) for name in rows.text("camera")], dtype=np.int64)
+    for i in np.flatnonzero(result < 0):
+        name = rows.text("camera")[i]
+        if name in reading.project.cameras:
+            continue  # its own mistake is reported already
+        reading.problems.append(Problem(unknown_name("camera", name, known), rows.file, int(rows.lines[i])))
+    return None if (result < 0).any() else result
+
+
+def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
+    """Tie followers to their leading image: its frame, and the relative orientation of their pair."""
+    images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
+    followers = {number for number, *_ in leaders}
+    for number, leader, pair, file, line in leaders:
+        if leader not in images.numbers:
+            reading.problems.append(Problem(unknown_name("leader: image", leader, images.ids), file, line))
+        elif pair not in pairs.numbers:
+            reading.problems.append(Problem(unknown_name("pair", pair, pairs.ids), file, line))
+        elif images.numbers[leader] == number:
+            reading.problems.append(Problem(f"image {leader!r} cannot be its own leader", file, line))
+        elif images.numbers[leader] in followers:
+            words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
+            reading.problems.append(Problem(words, file, line))
+        else:
+            for part in ("position", "rotation", "height", "eccentricity"):
+                images.parts[part][number] = images.part(leader, part)
+            images.parts["relative rotation"][number] = pairs.part(pair, "rotation")
+            images.parts["base"][number] = pairs.part(pair, "base")

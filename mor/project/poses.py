@@ -1,0 +1,118 @@
+"""Positions, rotations and heights of frames: own ones, shared ones, those of points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.errors import Problem
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.parameters.kinds import POINT, ROTATION
+from mor.project.edge import Edge
+from mor.project.entities import entities
+from mor.project.reading import Reading
+from mor.project.statuses import component_rows
+from mor.project.tables import Rows
+
+
+def positions(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
+    """Position block of every row: its own, or that of the point or shared position it names."""
+    shop = reading.shop
+    values, free, sigma = component_rows(rows, POINT.components, fixed, reading.problems)
+    named = rows.text("position") if "position" in rows.texts else rows.text("point")
+    points = shop.things["point"]
+    shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
+    known = {name: shared.part(name, "position") for name in shared.ids}
+    result = np.full(len(labels), -1, dtype=np.int64)
+    new: dict[str, int] = {}
+    for i, name in enumerate(named):
+        if name in points.numbers:
+            result[i] = points.part(name, "position")
+        elif name in known:
+            result[i] = known[name]
+        elif name:
+            new.setdefault(name, i)
+    own = np.array([not name for name in named])
+    first = np.array(sorted(new.values()), dtype=np.int64)
+    chosen = np.concatenate([np.flatnonzero(own), first])
+    block_ids = [labels[i] if own[i] else f"position {named[i]}" for i in chosen]
+    added = shop.store("point").add(
+        block_ids, *inwards(reading.edge, values[chosen], free[chosen], sigma[chosen])
+    )
+    result[chosen] = added
+    for i in first:
+        known[named[i]] = int(result[i])
+    for i, name in enumerate(named):
+        if name and result[i] < 0:
+            result[i] = known[name]
+    shop.things["position"] = entities(known, {"position": np.array(list(known.values()), dtype=np.int64)})
+    return result
+
+
+def rotations(
+    reading: Reading,
+    rows: Rows,
+    labels: list[str],
+    fixed: list[str],
+    level: bool = False,
+) -> IntArray:
+    values, free, sigma = component_rows(rows, ROTATION.components, fixed, reading.problems)
+    if level:
+        values[:, :2] = 0.0
+        free[:, :2], sigma[:, :2] = False, np.nan
+    turned = not np.array_equal(reading.edge.matrix, np.eye(3))
+    if turned and not level and (np.isfinite(sigma).any() or not free.all()):
+        reading.problems.append(
+            Problem("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0]))
+        )
+    if turned and not level:
+        values = _turned_angles(values, reading.edge.matrix)
+    return reading.shop.store("rotation").add(labels, values, free, sigma)
+
+
+def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
+    """ω, φ, κ that refer to project axes, for internal axes: D ← D Mᵀ."""
+    result = values.copy()
+    known = np.isfinite(values).all(axis=1)
+    result[known] = angles_from_rotation(rotation_from_angles(values[known]) @ M.T)
+    return result
+
+
+def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
+    """Height block of every row: none, or its own; a plain height is fixed."""
+    height = rows.number("height")
+    sigma = rows.number("sigma_height")
+    given = np.flatnonzero(np.isfinite(height))
+    result = np.zeros(len(labels), dtype=np.int64)
+    for i in np.flatnonzero(sigma < 0.0):
+        reading.problems.append(
+            Problem(f"sigma_height: found {sigma[i]:g}, expected a σ ≥ 0", rows.file, int(rows.lines[i]))
+        )
+    observed = (sigma > 0.0) & ("height" not in fixed)
+    result[given] = reading.shop.store("height").add(
+        [labels[i] for i in given],
+        height[given, None],
+        observed[given, None],
+        np.where(observed, sigma, np.nan)[given, None],
+    )
+    return result
+
+
+def inwards(edge: Edge, values: FloatArray, free: FloatArray, sigma: FloatArray) -> tuple[FloatArray, ...]:
+    """Coordinates, flags and σ from project axes to internal ones."""
+    M = edge.matrix
+    source = np.argmax(np.abs(M), axis=1)
+    return values[:, source] * M[np.arange(3), source], free[:, source], sigma[:, source]
+
+
+def check_unique(
+    what: str, names: list[str], rows: Rows, lines: dict[str, tuple[str, int]], problems: list[Problem]
+) -> None:
+    for name, line in zip(names, rows.lines, strict=True):
+        if name in lines:
+            file, first = lines[name]
+            problems.append(
+                Problem(f"{what} {name!r} is given twice (first in {file}:{first})", rows.file, int(line))
+            )
+        else:
+            lines[name] = (rows.file, int(line))

@@ -1,0 +1,39 @@
+"""What the steps of reading a project share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mor.errors import Problem
+from mor.project.edge import Edge, ImageScale
+from mor.project.entities import Workshop
+from mor.project.model import Project
+from mor.project.nodes import Document
+from mor.project.tables import Place
+
+
+@dataclass
+class Reading:
+    """What the steps of reading share: the project, where it stands, what was found wrong."""
+
+    project: Project
+    place: Place
+    edge: Edge
+    shop: Workshop
+    problems: list[Problem]
+    scales: dict[str, ImageScale] = field(default_factory=dict)
+    groups: dict[str, list[int]] = field(default_factory=dict)
+    """Point groups by name: block numbers."""
+    table_ids: dict[tuple[str, int], list[str]] = field(default_factory=dict)
+    """Names read from a table, by section and number of the table."""
+    variants: dict[str, dict[int, float]] = field(default_factory=dict)
+    """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
+
+    def at(self, *path: str | int) -> Place:
+        """The place of a part of the project file."""
+        return Place(self.place.document, path, self.place.folder)
+
+    @property
+    def document(self) -> Document:
+        """The project file itself."""
+        return self.place.document
