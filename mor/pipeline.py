@@ -6,13 +6,12 @@ project file → Project → Network → Problem + start values → Adjustment �
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.solve import Settings, Watcher, adjust
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.geometry.arrays import FloatArray
@@ -21,16 +20,8 @@ from mor.parameters.index import index_unknowns
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
 from mor.project.validation import validate
-from mor.quality.assess import Levels, Quality, assess
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A network with its adjustment, and its quality where the adjustment converged."""
-
-    network: Network
-    adjustment: Adjustment
-    quality: Quality | None
+from mor.quality.assess import Levels, assess
+from mor.quality.solved import Solved
 
 
 def read_document(path: Path) -> Document:
@@ -77,7 +68,7 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
 
 
 def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
-    """The adjustment problem of a network: unknowns numbered, σ models evaluated, correlations and datum in place."""
+    """The adjustment problem of a network: unknowns numbered, σ models evaluated, correlations and datum set."""
     groups = tuple(with_sigma_model(group, start) for group in network.groups)
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])

@@ -1,7 +1,7 @@
 """The datum: which null directions are free movements of the whole network, and how the datum binds them.
 
 The inner constraint binds the total correction of the masked components to their reference,
-Bᵀ(x − x₀) = 0 with B = M G₀, G₀ the null vectors at the start values. Any solution of a minimal datum is carried there
+Bᵀ(x − x₀) = 0 with B = M G₀, G₀ the movements of the network at the reference. Any solution of a minimal datum is carried there
 by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ, S = I − G (BᵀG)⁻¹ Bᵀ.
 """
 
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.adjustment.problem import Datum
+from mor.adjustment.defect import similarities
+from mor.adjustment.problem import Datum, Problem
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.parameters.index import Index, Values
 
@@ -58,9 +59,25 @@ def datum_mask(datum: Datum, index: Index) -> BoolArray:
     return mask
 
 
-def constraint(null: FloatArray, mask: BoolArray) -> Constraint:
-    """Inner constraints over the masked unknowns for null vectors (u, d)."""
-    return Constraint(np.where(mask[:, None], null, 0.0), mask)
+def constraint(null: FloatArray, problem: Problem, values: Values) -> Constraint:
+    """Inner constraints over the components that carry the datum, for movements (u, d) of the network at ``values``.
+
+    On points a movement is a similarity; its displacements are taken at the *reference* coordinates, so that the
+    datum is the same wherever the iteration starts.
+    """
+    mask = datum_mask(problem.datum, problem.index)
+    normals = np.where(mask[:, None], null, 0.0)
+    chosen = problem.datum.mask.get("point")
+    if chosen is None or null.shape[1] == 0:
+        return Constraint(normals, mask)
+    columns = problem.index.columns["point"]
+    free = columns >= 0
+    centre = values["point"][free.any(axis=1)].mean(axis=0)
+    now = similarities(values["point"], centre)[free]
+    movement = np.linalg.lstsq(now, null[columns[free]], rcond=1e-12)[0]
+    used = free & chosen
+    normals[columns[used]] = similarities(problem.datum.reference["point"], centre)[used] @ movement
+    return Constraint(normals, mask)
 
 
 def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
-from mor.parameters.index import Index, Values
+from mor.adjustment.problem import Problem
+from mor.adjustment.undetermined import Undetermined, loose_directions
+from mor.geometry.arrays import BoolArray, FloatArray
+from mor.parameters.index import Values
 
 MOVEMENTS = (
     "translation X",
@@ -22,15 +24,6 @@ _SMALL = 1e-6
 
 
 @dataclass(frozen=True)
-class Undetermined:
-    """A null direction that is no movement of the whole network: the unknowns it moves, the strongest first."""
-
-    unknowns: tuple[tuple[str, str, str], ...]
-    """(kind, block, component) of the moved unknowns."""
-    amounts: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class Defect:
     """Null space of the system, split."""
 
@@ -41,13 +34,20 @@ class Defect:
     undetermined: tuple[Undetermined, ...]
 
 
-def explain_defect(null: FloatArray, index: Index, values: Values) -> Defect:
-    """Split null vectors (u, k) into movements of the whole network and configuration defects."""
+def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect:
+    """Split null vectors (u, k) into movements of the whole network and configuration defects.
+
+    A movement of the network is a similarity of all its points at once, those included that are held fixed: a single
+    new point that nothing determines does not move the control points, and so is no movement of the network.
+    """
     if null.shape[1] == 0:
         return Defect((), null, ())
     basis, _ = np.linalg.qr(null)
-    points, generators = similarity_generators(index, values)
-    on_points = basis[points]
+    columns = problem.index.columns["point"]
+    used = _network_components(problem, values)
+    free = (columns[used] >= 0)[:, None]
+    generators = similarity_generators(values["point"], used)
+    on_points = np.where(free, basis[columns[used]], 0.0)
     span, sizes, _ = np.linalg.svd(generators, full_matrices=False)
     span = span[:, sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)]
     deformation = on_points - span @ (span.T @ on_points)
@@ -56,23 +56,16 @@ def explain_defect(null: FloatArray, index: Index, values: Values) -> Defect:
     rigid = right[stretches <= _SMALL].T
     _, motion, inner = np.linalg.svd(on_points @ rigid, full_matrices=True)
     motion = np.concatenate([motion, np.zeros(len(inner) - len(motion))])
-    moving = inner[motion > _SMALL].T
-    datum = basis @ rigid @ moving
-    loose = np.concatenate([right[stretches > _SMALL].T, rigid @ inner[motion <= _SMALL].T], axis=1)
-    undetermined = tuple(_describe(basis @ direction, index) for direction in loose.T)
-    return Defect(_name(datum[points], generators), datum, undetermined)
+    datum = basis @ rigid @ inner[motion > _SMALL].T
+    undetermined = loose_directions(basis, datum, problem.index)
+    return Defect(_name(np.where(free, datum[columns[used]], 0.0), generators), datum, undetermined)
 
 
-def similarity_generators(index: Index, values: Values) -> tuple[FloatArray, FloatArray]:
-    """Unknowns that are point coordinates, and the seven generators of similarity on them (k, 7), columns scaled."""
-    columns = index.columns["point"]
-    coordinates = values["point"]
-    used = columns >= 0
-    centre = np.where(used.any(axis=1)[:, None], coordinates, np.nan)
-    centre = np.nanmean(centre, axis=0) if used.any() else np.zeros(3)
+def similarities(coordinates: FloatArray, centre: FloatArray) -> FloatArray:
+    """Displacements (n, 3, 7) of points (n, 3) under the movements of MOVEMENTS, about a centre (3,)."""
     x, y, z = (coordinates - centre).T
     zero, one = np.zeros_like(x), np.ones_like(x)
-    generators = np.stack(
+    return np.stack(
         [
             np.stack([one, zero, zero], axis=1),
             np.stack([zero, one, zero], axis=1),
@@ -83,13 +76,50 @@ def similarity_generators(index: Index, values: Values) -> tuple[FloatArray, Flo
             np.stack([x, y, z], axis=1),
         ],
         axis=2,
-    )[used]
+    )
+
+
+def similarity_generators(coordinates: FloatArray, used: BoolArray) -> FloatArray:
+    """The seven movements on the used components of points (k, 7), about their centre, columns scaled to length 1."""
+    anywhere = used.any(axis=1)
+    centre = coordinates[anywhere].mean(axis=0) if anywhere.any() else np.zeros(3)
+    generators = similarities(coordinates, centre)[used]
     lengths = np.linalg.norm(generators, axis=0)
-    return columns[used], generators / np.where(lengths > 0.0, lengths, 1.0)
+    return generators / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def _network_components(problem: Problem, values: Values) -> BoolArray:
+    """(n, 3) point components that tell how the network moves: free ones, and fixed ones that observations look at.
+
+    Origins of local systems are no points of the network: where a system has fixed components, its origin need not
+    follow. (A plane through a fixed origin follows by its attitude and its offset.)
+    """
+    fixed = problem.index.columns["point"] < 0
+    used = np.zeros_like(fixed)
+    for group in problem.groups:
+        positions = [
+            (k, number)
+            for k, (slot, number) in enumerate(zip(group.type.slots, group.blocks, strict=True))
+            if slot.kind == "point" and slot.of != "system"
+        ]
+        for _, number in positions:
+            used[number] |= ~fixed[number]
+        touched = np.any([fixed[number].any(axis=1) for _, number in positions], axis=0)
+        if not np.any(touched):
+            continue
+        blocks = [
+            values[slot.kind][number[touched]]
+            for slot, number in zip(group.type.slots, group.blocks, strict=True)
+        ]
+        jacobians = group.type.equation(blocks, group.constants[touched]).jacobians
+        seen = group.mask[touched][:, :, None]
+        for k, number in positions:
+            np.logical_or.at(used, number[touched], ((jacobians[k] != 0.0) & seen).any(axis=1))
+    return used
 
 
 def _name(datum: FloatArray, generators: FloatArray) -> tuple[str, ...]:
-    """Movements that lie in the null space; where they do not account for all of it, "combination"."""
+    """Movements among null vectors on points (k, d); where they do not account for all of them, "combination"."""
     if datum.shape[1] == 0:
         return ()
     basis, _ = np.linalg.qr(datum)
@@ -98,14 +128,3 @@ def _name(datum: FloatArray, generators: FloatArray) -> tuple[str, ...]:
     names = [name for name, inside in zip(MOVEMENTS, within & present, strict=True) if inside]
     missing = datum.shape[1] - len(names)
     return (*names, *(["combination of translation, rotation and scale"] * missing))
-
-
-def _describe(direction: FloatArray, index: Index) -> Undetermined:
-    size = np.abs(direction)
-    order = np.argsort(-size, kind="stable")
-    order = order[size[order] > 1e-3 * size.max()][:12]
-    largest = direction[order[0]]
-    return Undetermined(
-        tuple(index.label(int(column)) for column in order),
-        tuple(float(direction[column] / largest) for column in order),
-    )

@@ -148,9 +148,9 @@ def _places(into: Target, columns: IntArray, *, lower_only: bool) -> tuple[IntAr
 
 def block_cofactors(pattern: Target, values: FloatArray, columns: IntArray) -> FloatArray:
     """(n, k, k) cofactors of n small sets of unknowns ``columns`` (n, k), zero where fixed, NaN where not stored."""
-    places, _ = _places(pattern, columns, lower_only=False)
     free = columns >= 0
     both = free[:, :, None] & free[:, None, :]
     if values.size == 0:
         return np.zeros(both.shape)
+    places, _ = _places(pattern, columns, lower_only=False)
     return np.where(both, np.where(places >= 0, values[places], np.nan), 0.0)

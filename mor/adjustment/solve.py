@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from mor.adjustment.datum import Constraint, binds, constraint, corrections, datum_mask, into_datum
+from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
 from mor.adjustment.defect import Defect, explain_defect
 from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert
 from mor.adjustment.normals import Normals, build_normals, objective
@@ -99,8 +99,8 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
     normals = build_normals(plan, start)
     anchors = find_anchors(plan, normals, start)
     inverse = invert(plan, normals, start, anchors)
-    defect = explain_defect(inverse.null, problem.index, start)
-    bound = constraint(defect.datum, datum_mask(problem.datum, problem.index))
+    defect = explain_defect(inverse.null, problem, start)
+    bound = constraint(defect.datum, problem, start)
     state = Adjustment(
         problem=problem,
         plan=plan,
@@ -188,10 +188,10 @@ def _accept(
 def _at(state: Adjustment, values: Mapping[str, FloatArray], iterations: tuple[Iteration, ...]) -> Adjustment:
     normals = build_normals(state.plan, values)
     inverse = invert(state.plan, normals, values, state.anchors)
-    defect = explain_defect(inverse.null, state.problem.index, values)
+    defect = explain_defect(inverse.null, state.problem, values)
     bound = state.constraint
     if defect.datum.shape[1] != bound.normals.shape[1]:
-        bound = constraint(defect.datum, bound.mask)
+        bound = constraint(defect.datum, state.problem, values)
     moved = replace(
         state,
         values=values,

@@ -135,7 +135,7 @@ def _samples_needed(agreeing: float) -> float:
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
     """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a
     sample."""
-    agreeing = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
+    agreeing: BoolArray = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
     base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
     for _ in range(ROUNDS):
         if np.sum(agreeing) < MINIMUM:

@@ -2,6 +2,7 @@
 
 from mor.observations._contract import (
     Computed,
+    External,
     ObservationGroup,
     ObservationType,
     Reference,
@@ -10,6 +11,7 @@ from mor.observations._contract import (
 )
 from mor.observations.angle import ANGLE_TYPE
 from mor.observations.bearing import BEARING
+from mor.observations.coordinates import COORDINATES
 from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
 from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
@@ -32,6 +34,7 @@ PLAIN_TYPES = {
         ANGLE_TYPE,
         VECTOR,
         HEIGHT_DIFFERENCE,
+        COORDINATES,
         LOCAL,
         LEVEL,
     )
@@ -57,6 +60,7 @@ __all__ = [
     "OBSERVED_PARAMETERS",
     "PLAIN_TYPES",
     "Computed",
+    "External",
     "ObservationGroup",
     "ObservationType",
     "Reference",

@@ -72,6 +72,19 @@ class ObservationType:
 
 
 @dataclass(frozen=True)
+class External:
+    """How a group's components were given, and are reported: internal = T · (given · factor) + t."""
+
+    transform: FloatArray
+    """(m, m) signed permutation T."""
+    offset: FloatArray
+    """(m,) t."""
+    factors: FloatArray
+    """(m,) internal units per given unit."""
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ObservationGroup:
     """All observations of one type that were given together."""
 
@@ -91,6 +104,8 @@ class ObservationGroup:
     """Part b of the σ model a ⊕ b·d, in 10⁻⁶."""
     centring: tuple[float, float] = (0.0, 0.0)
     """Centring errors of instrument and target, length unit."""
+    external: External | None = None
+    """How it was given; ``None`` where it is given in internal units and axes."""
     image_unit: str = "mm"
     lines: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     file: str = ""

@@ -104,7 +104,8 @@ class Edge:
 
     def default_unit(self, quantity: Quantity, image: ImageScale | None = None) -> str:
         """Unit of values that say none."""
-        return quantity.unit(self.units.length, self.units.angle, image.unit if image else "mm")
+        angle = "deg" if self.units.angle == "dms" else self.units.angle
+        return quantity.unit(self.units.length, angle, image.unit if image else "mm")
 
     def factor(self, quantity: Quantity, unit: str, image: ImageScale | None = None) -> float:
         """Internal units per given unit (``""``: the project's). Raises :class:`UnitError` where it does not fit."""

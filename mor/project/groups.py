@@ -18,7 +18,7 @@ from mor.observations import (
     ObservationType,
     Reference,
 )
-from mor.project.axes import edge_transform
+from mor.project.axes import edge_transform, external, external_image
 from mor.project.edge import ImageScale, UnitError
 from mor.project.entities import unknown_name
 from mor.project.model import Observations
@@ -183,6 +183,7 @@ def _image_group(
         sigma=sigma * entry.factor,
         constants=constants,
         references=(_chosen(rows.text("image"), chosen), _chosen(rows.text("point"), chosen)),
+        external=external_image(scale),
         image_unit=scale.unit,
         lines=rows.lines[chosen],
         file=rows.file,
@@ -243,6 +244,7 @@ def _plain_group(
         references=tuple(tuple(rows.text(reference.name)) for reference in type_.references),
         ppm=entry.ppm * entry.factor,
         centring=_centring(reading, entry, place),
+        external=external(type_, reading.edge),
         lines=rows.lines,
         file=rows.file,
     )

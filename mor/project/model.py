@@ -211,10 +211,14 @@ class Observations(Table):
 class Datum(Strict):
     """Datum of a free or partly free network."""
 
-    free: Literal["all"] | list[Name] = Field(
-        default="all", description="Points (or groups of points) whose coordinates carry the datum"
+    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = Field(
+        default="all",
+        description="Points (or groups of points) whose coordinates carry the datum; "
+        "by components where they differ: {xy: [1, 2], z: [3]}",
     )
-    components: list[Literal["x", "y", "z"]] = Field(default_factory=lambda: ["x", "y", "z"])
+    components: list[Literal["x", "y", "z"]] = Field(
+        default_factory=lambda: ["x", "y", "z"], description="Components that carry it, where free names none"
+    )
 
 
 class Settings(Strict):

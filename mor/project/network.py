@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
+from mor.project.axes import external
 from mor.project.cameras import read_cameras
 from mor.project.correlations import Correlation, correlations
 from mor.project.edge import Edge, ImageScale
@@ -100,7 +101,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
             for key, store in stores.items()
             if store.ids
         },
-        groups=(*plain, *others),
+        groups=(*plain, *(_said_outside(reading, group) for group in others)),
         correlations=correlated,
         datum=datum,
     )
@@ -108,6 +109,12 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
 
 def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
     return rotation_from_angles(values) if is_rotation else values
+
+
+def _said_outside(reading: Reading, group: ObservationGroup) -> ObservationGroup:
+    """Groups of prior knowledge are reported in project units."""
+    scale = next((s for s in reading.scales.values() if s.unit == group.image_unit), None)
+    return replace(group, external=external(group.type, reading.edge, scale))
 
 
 def _datum(reading: Reading) -> DatumChoice:

@@ -7,7 +7,7 @@ walked instead; what a text means is decided by the model that asks for it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import yaml
@@ -26,12 +26,22 @@ class Document:
     data: dict[str, Any]
     lines: Mapping[Path, int]
     file: str
+    files: Mapping[Path, str] = field(default_factory=dict)
+    """Files of the parts that come from another file than ``file``."""
+    notes: tuple[Problem, ...] = ()
+    """What a reader left out or decided on its own, to be told to the user."""
 
     def line(self, path: Path) -> int:
         """Line of the value at a path, or of the nearest value above it."""
         while path and path not in self.lines:
             path = path[:-1]
         return self.lines.get(path, 1)
+
+    def file_of(self, path: Path) -> str:
+        """File that the value at a path comes from."""
+        while path and path not in self.files:
+            path = path[:-1]
+        return self.files.get(path, self.file)
 
 
 def read_yaml(text: str, file: str) -> Document:

@@ -64,7 +64,7 @@ class Place:
     def problem(self, message: str, key: str | None = None) -> Problem:
         """A problem at this table, or at one of its keys."""
         path = (*self.path, key) if key else self.path
-        return Problem(message, self.document.file, self.document.line(path))
+        return Problem(message, self.document.file_of(path), self.document.line(path))
 
 
 def read_table(table: Table, columns: Sequence[Column], place: Place, problems: list[Problem]) -> Rows | None:
@@ -125,7 +125,7 @@ def _inline(table: Table, place: Place) -> _Source:
     columns: dict[str, list[str | None] | FloatArray] = {
         name: [row[k] if k < len(row) else None for row in rows] for k, name in enumerate(declared) if name
     }
-    return _Source([name for name in declared if name], columns, lines, place.document.file)
+    return _Source([name for name in declared if name], columns, lines, place.document.file_of(place.path))
 
 
 def _file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> _Source | None:
@@ -258,11 +258,9 @@ def _convert(
         return None
     texts: dict[str, list[str]] = {}
     numbers: dict[str, FloatArray] = {}
-    everything: dict[str, list[str | None] | FloatArray] = {
-        **{name: [value] * count for name, value in table.values.items()},
-        **source.columns,
-    }
-    for name, cells in everything.items():
+    for name, value in table.values.items():
+        _constant(known[name], value, table, count, place, problems, texts, numbers)
+    for name, cells in source.columns.items():
         column = known.get(name)
         if column is None:
             words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
@@ -272,6 +270,37 @@ def _convert(
         else:
             numbers[name] = _numbers(column, cells, table, source, place, problems)
     return None if len(problems) > before else Rows(count, texts, numbers, source.lines, source.file)
+
+
+def _constant(
+    column: Column,
+    value: str,
+    table: Table,
+    count: int,
+    place: Place,
+    problems: list[Problem],
+    texts: dict[str, list[str]],
+    numbers: dict[str, FloatArray],
+) -> None:
+    """A column with one value in every row; a mistake in it is one mistake, in the project file."""
+    if column.parse is None:
+        texts[column.name] = [value] * count
+        return
+    try:
+        numbers[column.name] = np.full(count, column.parse(value, _unit_of(table, column)))
+    except ValueError as error:
+        problems.append(Problem(f"{column.name}: {error}", place.document.file_of(place.path), _line_of_value(place, column.name)))
+
+
+def _line_of_value(place: Place, name: str) -> int:
+    return place.document.line((*place.path, "values", name))
+
+
+def _unit_of(table: Table, column: Column) -> str:
+    """Unit of a column that its cells do not carry themselves; one unit for all means: for all it fits."""
+    if isinstance(table.units, str):
+        return table.units if _fits(column, table.units) else ""
+    return table.units.get(column.name, "")
 
 
 def _identifiers(
@@ -293,9 +322,7 @@ def _numbers(
     place: Place,
     problems: list[Problem],
 ) -> FloatArray:
-    unit = table.units if isinstance(table.units, str) else table.units.get(column.name, "")
-    if isinstance(table.units, str) and not _fits(column, unit):
-        unit = ""  # one unit for all means: for all columns it fits
+    unit = _unit_of(table, column)
     assert column.parse is not None
     if isinstance(cells, np.ndarray) and column.factor is not None:
         try:

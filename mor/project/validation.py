@@ -25,7 +25,7 @@ def validate(document: Document) -> Project:
 def _problem(document: Document, detail: ErrorDetails) -> Problem:
     path = _data_path(document.data, detail["loc"])
     where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
-    return Problem(_words(detail, path, where), document.file, document.line(path))
+    return Problem(_words(detail, path, where), document.file_of(path), document.line(path))
 
 
 def _words(detail: ErrorDetails, path: Path, where: str) -> str:

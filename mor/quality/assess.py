@@ -44,7 +44,7 @@ class Quality:
     w: tuple[FloatArray, ...]
     """Normalised residuals of each group (n, m)."""
     cofactors: Mapping[str, FloatArray]
-    """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment."""
+    """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment; rotations as vectors."""
     datum: STransformation
 
     @property
@@ -81,7 +81,7 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
 
 
 def standard_deviations(quality: Quality, kind: str) -> FloatArray:
-    """Standard deviations (n, size) of the blocks of a kind; 0 where fixed."""
+    """Standard deviations (n, size) of the blocks of a kind (rotations: of their small rotation); 0 where fixed."""
     variances = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
     with np.errstate(invalid="ignore"):
         sigma: FloatArray = quality.sigma_factor * np.sqrt(np.maximum(variances, 0.0))

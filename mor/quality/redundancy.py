@@ -26,6 +26,8 @@ class ObservationQuality(NamedTuple):
     """Cofactors (variances for σ0 = 1) of the adjusted observations."""
     q_residual: FloatArray
     """Cofactors of the residuals; 0 where an observation is not controlled at all."""
+    weighted: FloatArray
+    """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not."""
 
 
 def observation_quality(adjustment: Adjustment, cofactors: BlockMatrix) -> tuple[ObservationQuality, ...]:
@@ -51,7 +53,7 @@ def observation_quality(adjustment: Adjustment, cofactors: BlockMatrix) -> tuple
 
 
 def _empty(misclosure: FloatArray) -> ObservationQuality:
-    return ObservationQuality(-misclosure, *(np.full(misclosure.shape, np.nan) for _ in range(3)))
+    return ObservationQuality(-misclosure, *(np.full(misclosure.shape, np.nan) for _ in range(4)))
 
 
 def _fill(
@@ -63,6 +65,7 @@ def _fill(
         (quality.r, r),
         (quality.q_adjusted, adjusted),
         (quality.q_residual, r * variance),
+        (quality.weighted, quality.v[rows] / variance),
     ):
         array[rows] = np.where(here, new, array[rows])
 
@@ -83,9 +86,15 @@ def _cluster_quality(
     covariance = np.linalg.inv(precision)
     r = 1.0 - np.diagonal(adjusted @ precision)
     residual = np.diagonal(covariance - adjusted)
+    misclosure = [
+        quality[group].v[row, component]
+        for group, row, component in zip(cluster.groups, cluster.rows, cluster.components, strict=True)
+    ]
+    weighted = precision @ np.array(misclosure)
     for k, (group, row, component) in enumerate(
         zip(cluster.groups, cluster.rows, cluster.components, strict=True)
     ):
         quality[group].r[row, component] = r[k]
         quality[group].q_adjusted[row, component] = adjusted[k, k]
         quality[group].q_residual[row, component] = max(residual[k], 0.0)
+        quality[group].weighted[row, component] = weighted[k]
