@@ -1,0 +1,258 @@
+"""Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.parameters.kinds import INTERIORS
+from mor.quality.solved import Solved
+from mor.project.model import Axes
+from mor.report.outward import Estimate, angle_unit, plain, points, rotations
+from mor.units import ANGLE_UNITS
+
+XYZ = ("x", "y", "z")
+ANGLES = ("omega", "phi", "kappa")
+
+
+def point_table(solved: Solved) -> pl.DataFrame:
+    """Object points: coordinates, σ, position σ, axes of the error ellipsoid, number of rays and observations."""
+    things = solved.network.things["point"]
+    numbers = things.parts["position"]
+    estimate = points(solved, numbers)
+    rays, others = _observations_of_points(solved)
+    columns: dict[str, Any] = {"id": list(things.ids), **_with_sigma(estimate, XYZ)}
+    for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
+        columns[f"ellipsoid_{name}"] = axis
+    columns["rays"] = rays[numbers]
+    columns["others"] = others[numbers]
+    columns["status"] = [_status(solved, "point", number) for number in numbers]
+    return _frame(columns)
+
+
+def image_table(solved: Solved) -> pl.DataFrame:
+    """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
+    things = solved.network.things["image"]
+    return _frame(
+        {
+            "id": list(things.ids),
+            "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
+            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_image_residuals(solved),
+        }
+    )
+
+
+def station_table(solved: Solved) -> pl.DataFrame:
+    """Theodolite stations: position, ω φ κ, orientation of the horizontal circle, instrument height."""
+    things = solved.network.things["station"]
+    edge = solved.network.edge
+    pose = _pose(solved, things.parts["position"], things.parts["rotation"])
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    orientation = edge.sense * (-pose["kappa"] * unit - edge.zero_azimuth) / unit
+    full = 2.0 * np.pi / unit
+    return _frame(
+        {
+            "id": list(things.ids),
+            **pose,
+            "orientation": np.remainder(orientation, full),
+            "sorientation": pose["skappa"],
+            "height": solved.adjustment.values["height"][things.parts["height"], 0],
+        }
+    )
+
+
+def system_table(solved: Solved) -> pl.DataFrame:
+    """Local systems: origin, ω φ κ, scale."""
+    things = solved.network.things["system"]
+    scale = plain(solved, "scale", things.parts["scale"])
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_with_sigma(scale, ("scale",)),
+        }
+    )
+
+
+def pair_table(solved: Solved) -> pl.DataFrame:
+    """Stereo pairs: base in the leading image's system, relative rotation."""
+    things = solved.network.things["pair"]
+    if not things.ids:
+        return _frame({"id": []})
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_with_sigma(plain(solved, "base", things.parts["base"]), ("bx", "by", "bz")),
+            **_with_sigma(_relative(solved, things.parts["rotation"]), ANGLES),
+        }
+    )
+
+
+def _relative(solved: Solved, numbers: IntArray) -> Estimate:
+    """Relative rotations do not refer to object axes: they are said as they are."""
+    neutral = replace(solved.network.edge, axes=Axes())
+    return rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers)
+
+
+def interior_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Interior orientations, one entry for each block: components with value, σ, status, and their correlations."""
+    cameras = solved.network.things["camera"]
+    rows = []
+    for name, camera in solved.network.project.cameras.items():
+        kind = INTERIORS[camera.model].key
+        number = cameras.part(name, "interior")
+        rows.append(
+            {
+                "id": name,
+                "model": camera.model,
+                "unit": solved.network.scales[name].unit,
+                "r0": camera.r0,
+                "components": _components(solved, kind, number, CAMERA_MODELS[camera.model].components),
+                "correlations": _correlations(solved, kind, number),
+            }
+        )
+    return rows
+
+
+def _components(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
+    estimate = plain(solved, kind, np.array([number]))
+    blocks = solved.network.blocks[kind]
+    return {
+        component.name: {
+            "value": float(estimate.values[0, k]),
+            "sigma": _number(estimate.sigma[0, k]) if blocks.free[number, k] else None,
+            "status": "free" if blocks.free[number, k] else "fixed",
+        }
+        for k, component in enumerate(components)
+    }
+
+
+def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
+    free = np.flatnonzero(solved.network.blocks[kind].free[number])
+    covariance = plain(solved, kind, np.array([number])).covariance
+    names = [solved.network.blocks[kind].kind.names[k] for k in free]
+    if covariance is None:
+        return {"components": names, "matrix": None}
+    part = covariance[0][np.ix_(free, free)]
+    sigma = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
+    return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
+
+
+def other_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
+    rows = []
+    for kind in (
+        "distance meter",
+        "refraction",
+        "height",
+        "eccentricity",
+        *(k.key for k in INTERIORS.values()),
+    ):
+        blocks = solved.network.blocks.get(kind)
+        if blocks is None:
+            continue
+        shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else set()
+        for number in np.flatnonzero(blocks.free.any(axis=1)):
+            if blocks.ids[number] not in shown:
+                components = _components(solved, kind, int(number), blocks.kind.components)
+                own = {n: c for n, c in components.items() if c["status"] == "free"}
+                rows.append({"kind": kind, "id": blocks.ids[number], "components": own})
+    return rows
+
+
+def group_table(solved: Solved) -> pl.DataFrame:
+    """Observation groups: number of observations, Σ r, its part of vᵀPv, estimated σ0 of the group."""
+    rows = []
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        row: dict[str, Any] = {
+            "name": group.name,
+            "type": group.type.key,
+            "observations": int(np.count_nonzero(group.mask)),
+        }
+        if solved.quality is not None:
+            quality = solved.quality.groups[number]
+            omega = float(np.nansum(quality.v * quality.weighted))
+            r = float(np.nansum(quality.r))
+            row |= {
+                "redundancy": r,
+                "omega": omega,
+                "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 else None,
+                "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
+            }
+        rows.append(row)
+    return pl.DataFrame(rows)
+
+
+def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
+    return {
+        **_with_sigma(points(solved, positions), XYZ),
+        **_with_sigma(rotations(solved, attitudes), ANGLES),
+    }
+
+
+def _with_sigma(estimate: Estimate, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    values = {name: estimate.values[:, k] for k, name in enumerate(names)}
+    return {**values, **{f"s{name}": estimate.sigma[:, k] for k, name in enumerate(names)}}
+
+
+def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
+    """(3, n) semi-axes of the standard error ellipsoids, largest first."""
+    if estimate.covariance is None or len(estimate.values) == 0:
+        return np.full((3, len(estimate.values)), np.nan)
+    eigenvalues = np.linalg.eigvalsh(np.nan_to_num(estimate.covariance))
+    axes: FloatArray = np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)).T
+    return axes
+
+
+def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
+    """Number of rays, and of other observation rows, by point block."""
+    count = len(solved.network.blocks["point"].ids)
+    rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for group in solved.adjustment.problem.groups:
+        is_image = group.type.key.startswith(("image/", "follower/"))
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point" and slot.of != "image":
+                target = rays if is_image else others
+                target += np.bincount(numbers, minlength=count)
+    return rays, others
+
+
+def _image_residuals(solved: Solved) -> dict[str, Any]:
+    """Points measured in each image, and the root mean square of the normalised and the plain residuals."""
+    images = solved.network.things["image"]
+    count = np.zeros(len(images.ids), dtype=np.int64)
+    square = np.zeros(len(images.ids))
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        if not group.type.key.startswith(("image/", "follower/")):
+            continue
+        which = np.fromiter((images.numbers[name] for name in group.references[0]), dtype=np.int64)
+        count += np.bincount(which, minlength=len(count))
+        if solved.quality is not None and group.external is not None:
+            v = solved.quality.groups[number].v / group.external.factors
+            square += np.bincount(which, weights=np.nansum(v**2, axis=1), minlength=len(count))
+    rms = (
+        np.sqrt(square / np.maximum(2 * count, 1))
+        if solved.quality is not None
+        else np.full(len(count), np.nan)
+    )
+    return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
+
+
+def _status(solved: Solved, kind: str, number: int) -> str:
+    free = solved.network.blocks[kind].free[number]
+    return "free" if free.all() else "partly fixed" if free.any() else "fixed"
+
+
+def _frame(columns: dict[str, Any]) -> pl.DataFrame:
+    frame = pl.DataFrame(columns)
+    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

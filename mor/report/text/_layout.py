@@ -1,0 +1,32 @@
+"""Headings and tables of the text report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from tabulate import tabulate
+
+DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
+ANGLE_DIGITS = {"gon": 5, "deg": 6, "rad": 8, "mrad": 5, "mgon": 3}
+
+
+def heading(title: str) -> str:
+    """A section heading."""
+    return f"{title}\n{'-' * len(title)}"
+
+
+def table(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """A table of texts, the first ``left`` columns to the left, numbers to the right."""
+    align = ["left"] * left + ["right"] * (len(headers) - left)
+    return tabulate(rows, headers=headers, tablefmt="simple", colalign=align, disable_numparse=True)
+
+
+def fixed(value: float | None, digits: int) -> str:
+    """A number with fixed decimals; a dash where there is none."""
+    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
+
+
+def short(value: float | None, digits: int = 6) -> str:
+    """A number with significant digits; a dash where there is none."""
+    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}g}"

@@ -1,0 +1,41 @@
+"""Images: exterior orientation with σ, number of points, residuals."""
+
+from __future__ import annotations
+
+from mor.quality.solved import Solved
+from mor.report.outward import angle_unit
+from mor.report.tables import image_table
+from mor.report.text._layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
+
+
+def section(solved: Solved) -> str:
+    """Two tables: positions and attitudes."""
+    frame = image_table(solved)
+    if frame.height == 0:
+        return ""
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    d, a = DIGITS[unit], ANGLE_DIGITS[angle]
+    positions, attitudes = [], []
+    for row in frame.to_dicts():
+        sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
+        values = [fixed(row[name], d) for name in "xyz"]
+        positions.append(
+            [row["id"], row["camera"], *values, *sigmas, str(row["points"]), fixed(row["rms"], 5)]
+        )
+        angles = [fixed(row[name], a) for name in ("omega", "phi", "kappa")]
+        attitudes.append([row["id"], *angles, *(fixed(row[f"s{n}"], a) for n in ("omega", "phi", "kappa"))])
+    headers = [
+        "image",
+        "camera",
+        *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")),
+        "points",
+    ]
+    angle_headers = ["omega", "phi", "kappa", "somega", "sphi", "skappa"]
+    return "\n".join(
+        [
+            heading("Images"),
+            table([*headers, "rms v [image unit]"], positions, left=2),
+            "",
+            table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes),
+        ]
+    )

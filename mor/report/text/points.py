@@ -1,0 +1,39 @@
+"""Points with σ, error ellipsoids and rays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.quality.solved import Solved
+from mor.report.tables import point_table
+from mor.report.text._layout import DIGITS, fixed, heading, table
+
+SHOWN = 2000
+"""Points a text report lists; the full table stands beside it."""
+
+
+def section(solved: Solved) -> str:
+    """One line for each point."""
+    frame = point_table(solved)
+    if frame.height == 0:
+        return ""
+    unit = solved.network.project.units.length
+    d = DIGITS[unit]
+    rows = []
+    for row in frame.head(SHOWN).to_dicts():
+        coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
+        rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
+    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
+    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
+    lines = [heading(f"Points (datum: {solved.adjustment.problem.datum.name})"), table(headers, rows)]
+    if frame.height > SHOWN:
+        lines.append(f"{frame.height - SHOWN} more points are in the table of points.")
+    if solved.quality is not None:
+        free = frame.filter(frame["status"] != "fixed")
+        if free.height:
+            rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
+            lines.append(
+                f"Root mean square sigma [{unit}]: "
+                + ", ".join(f"{n.upper()} {fixed(value, d)}" for n, value in zip("xyz", rms, strict=True))
+            )
+    return "\n".join(lines)

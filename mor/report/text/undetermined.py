@@ -1,0 +1,15 @@
+"""What is not determined, in words, with what would help."""
+
+from __future__ import annotations
+
+from mor.adjustment.solve import Outcome
+from mor.quality.explain import explain_singularity
+from mor.quality.solved import Solved
+from mor.report.text._layout import heading
+
+
+def section(solved: Solved) -> str:
+    """Explanation of a singular system; nothing otherwise."""
+    if solved.adjustment.outcome is not Outcome.SINGULAR:
+        return ""
+    return "\n".join([heading("What is not determined"), *explain_singularity(solved)])
