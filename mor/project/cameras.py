@@ -51,9 +51,10 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
                 f"interior: {model.components[0].name} (camera constant) is required"
             )
         )
-    values, free, sigma = settings(
+    statuses = settings(
         given, model.components, reading.edge, place, path, reading.problems, scale
     )
+    values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given:
         reading.problems.append(
             place.problem(
@@ -62,14 +63,14 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
         )
     if camera.coordinates == "corner" and camera.model in ("opencv", "fisheye"):
         values[0, 2:4] -= np.array(scale.centre) * scale.factor("px")
-    return int(reading.shop.store(f"interior/{camera.model}").add([name], values, free, sigma)[0])
+    return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
     if not camera.eccentricity:
         return 0
     path: Path = ("cameras", name, "eccentricity")
-    values, free, sigma = settings(
+    statuses = settings(
         dict(camera.eccentricity),
         ECCENTRICITY.components,
         reading.edge,
@@ -77,7 +78,7 @@ def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
         path,
         reading.problems,
     )
-    return int(reading.shop.store("eccentricity").add([f"camera {name}"], values, free, sigma)[0])
+    return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
 
 
 def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, float]:

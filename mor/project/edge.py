@@ -16,6 +16,8 @@ from mor.project.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*$")
+_SEXAGESIMAL = re.compile(r"^\s*[-+−]?\d+\s*[-°:\s]\s*\d")
+"""How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
 
@@ -125,7 +127,7 @@ class Edge:
 
     def number(self, text: str, quantity: Quantity, unit: str = "", image: ImageScale | None = None) -> float:
         """Internal value of a text; a unit in the text goes before ``unit``. Raises :class:`UnitError`."""
-        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and not _NUMBER.match(text):
+        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text):
             try:
                 return parse_dms(text) * ANGLE_UNITS["dms"]
             except ValueError as error:

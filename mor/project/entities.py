@@ -22,16 +22,28 @@ class BlockStore:
     values: list[FloatArray] = field(default_factory=list)
     free: list[BoolArray] = field(default_factory=list)
     sigma: list[FloatArray] = field(default_factory=list)
+    start: list[FloatArray] = field(default_factory=list)
     about_axes: set[int] = field(default_factory=set)
     shared: dict[tuple[int, int], int] = field(default_factory=dict)
 
-    def add(self, ids: Sequence[str], values: FloatArray, free: BoolArray, sigma: FloatArray) -> IntArray:
-        """Add n blocks; ``values`` (n, size), rotations as ω, φ, κ. Returns their numbers."""
+    def add(
+        self,
+        ids: Sequence[str],
+        values: FloatArray,
+        free: BoolArray,
+        sigma: FloatArray,
+        start: FloatArray | None = None,
+    ) -> IntArray:
+        """Add n blocks; ``values`` (n, size), rotations as ω, φ, κ. Returns their numbers.
+
+        ``start`` holds start values that differ from the (observed) values, NaN where they do not.
+        """
         first = len(self.ids)
         self.ids.extend(ids)
         self.values.append(values)
         self.free.append(free)
         self.sigma.append(sigma)
+        self.start.append(np.full(values.shape, np.nan) if start is None else start)
         return np.arange(first, first + len(ids), dtype=np.int64)
 
     def add_fixed(self, name: str, values: Sequence[float]) -> int:
@@ -44,7 +56,7 @@ class BlockStore:
         self._merge()
         self.values[0][block, component] = value
         self.free[0][block, component] = False
-        self.sigma[0][block, component] = np.nan
+        self.sigma[0][block, component] = self.start[0][block, component] = np.nan
 
     def copy(self, source: int, target: int, component: int) -> None:
         """Give one component of a block the value and status of the same component of another block."""
@@ -52,11 +64,13 @@ class BlockStore:
         for rows in (self.values[0], self.free[0]):
             rows[target, component] = rows[source, component]
         self.sigma[0][target, component] = np.nan
+        self.start[0][target, component] = self.start[0][source, component]
 
     def _merge(self) -> None:
         self.values = [self.all_values()]
         self.free = [self.all_free()]
         self.sigma = [self.all_sigma()]
+        self.start = [self.all_start()]
 
     def blocks(self) -> Blocks:
         """The finished table of blocks."""
@@ -70,6 +84,15 @@ class BlockStore:
     def all_values(self) -> FloatArray:
         """(n, size) values, NaN where not given."""
         return np.concatenate(self.values) if self.values else np.zeros((0, self.kind.size))
+
+    def all_start(self) -> FloatArray:
+        """(n, size) start values that differ from the values, NaN elsewhere."""
+        return np.concatenate(self.start) if self.start else np.zeros((0, self.kind.size))
+
+    def start_values(self) -> FloatArray:
+        """(n, size) values the adjustment starts from, NaN where there are none yet."""
+        start = self.all_start()
+        return np.where(np.isnan(start), self.all_values(), start)
 
     def all_free(self) -> BoolArray:
         """(n, size) true where free or observed."""

@@ -47,6 +47,7 @@ class Value(Strict):
     fixed: Measure | None = None
     observed: Measure | None = None
     sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
+    start: Measure | None = Field(default=None, description="Start value, where it differs from the observed one")
 
     @model_validator(mode="after")
     def _one_status(self) -> Value:

@@ -52,6 +52,10 @@ class Network:
     blocks: Mapping[str, Blocks]
     start: Mapping[str, FloatArray]
     """(n, size) by kind, rotations as matrices (n, 3, 3)."""
+    observed: Mapping[str, FloatArray]
+    """(n, size) by kind, values as given; rotations as ω, φ, κ."""
+    sigma: Mapping[str, FloatArray]
+    """(n, size) by kind, σ of observed components, NaN elsewhere."""
     groups: tuple[ObservationGroup, ...]
     correlations: tuple[Correlation, ...]
     datum: DatumChoice
@@ -97,10 +101,12 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         things=reading.shop.things,
         blocks={key: store.blocks() for key, store in stores.items() if store.ids},
         start={
-            key: _representation(store.kind.is_rotation, store.all_values())
+            key: _representation(store.kind.is_rotation, store.start_values())
             for key, store in stores.items()
             if store.ids
         },
+        observed={key: store.all_values() for key, store in stores.items() if store.ids},
+        sigma={key: store.all_sigma() for key, store in stores.items() if store.ids},
         groups=(*plain, *(_said_outside(reading, group) for group in others)),
         correlations=correlated,
         datum=datum,
@@ -126,17 +132,24 @@ def _datum(reading: Reading) -> DatumChoice:
     if chosen == "free":
         chosen = Datum()
     assert isinstance(chosen, Datum)
-    components = [name in chosen.components for name in "xyz"]
-    source = np.argmax(np.abs(reading.edge.matrix), axis=1)
-    row = np.array(components)[source]
     if chosen.free == "all":
-        mask[points.parts["position"]] = row
+        mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
         return DatumChoice("free, inner constraints over all points", True, mask)
-    for name in chosen.free:
-        numbers = _datum_points(reading, name)
-        mask[numbers] = row
-    words = f"free, inner constraints over {', '.join(chosen.components)} of {len(chosen.free)} named points or groups"
-    return DatumChoice(words, True, mask)
+    by_components = (
+        chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
+    )
+    words = []
+    for components, names in by_components.items():
+        for name in names:
+            mask[_datum_points(reading, name)] |= _internal_row(reading, components)
+        words.append(f"{', '.join(components)} of {len(names)} named points or groups")
+    return DatumChoice(f"free, inner constraints over {' and '.join(words)}", True, mask)
+
+
+def _internal_row(reading: Reading, components: str) -> BoolArray:
+    """(3,) the internal components behind components of the project, e.g. ``"xy"``."""
+    source = np.argmax(np.abs(reading.edge.matrix), axis=1)
+    return np.array([name in components for name in "xyz"])[source]
 
 
 def _datum_points(reading: Reading, name: str) -> IntArray:

@@ -43,11 +43,12 @@ def _read_points_table(
         return None
     names = rows.text("id")
     check_unique("point", names, rows, lines, reading.problems)
-    values, free, sigma = component_rows(
+    statuses = component_rows(
         rows, POINT.components, table.fixed, reading.problems, rows.number("sigma")
     )
     absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
     for k, component in enumerate("xyz"):
         if component in absent:
-            values[:, k], free[:, k], sigma[:, k] = np.nan_to_num(values[:, k]), False, np.nan
-    return names, reading.shop.store("point").add(names, *inwards(reading.edge, values, free, sigma))
+            statuses.values[:, k] = np.nan_to_num(statuses.values[:, k])
+            statuses.free[:, k], statuses.sigma[:, k], statuses.start[:, k] = False, np.nan, np.nan
+    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))

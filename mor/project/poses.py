@@ -11,14 +11,14 @@ from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge
 from mor.project.entities import entities
 from mor.project.reading import Reading
-from mor.project.statuses import component_rows
+from mor.project.statuses import Statuses, component_rows
 from mor.project.tables import Rows
 
 
 def positions(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
     """Position block of every row: its own, or that of the point or shared position it names."""
     shop = reading.shop
-    values, free, sigma = component_rows(rows, POINT.components, fixed, reading.problems)
+    statuses = component_rows(rows, POINT.components, fixed, reading.problems)
     named = rows.text("position") if "position" in rows.texts else rows.text("point")
     points = shop.things["point"]
     shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
@@ -36,9 +36,7 @@ def positions(reading: Reading, rows: Rows, labels: list[str], fixed: list[str])
     first = np.array(sorted(new.values()), dtype=np.int64)
     chosen = np.concatenate([np.flatnonzero(own), first])
     block_ids = [labels[i] if own[i] else f"position {named[i]}" for i in chosen]
-    added = shop.store("point").add(
-        block_ids, *inwards(reading.edge, values[chosen], free[chosen], sigma[chosen])
-    )
+    added = shop.store("point").add(block_ids, *inwards(reading.edge, statuses.rows(chosen)))
     result[chosen] = added
     for i in first:
         known[named[i]] = int(result[i])
@@ -56,10 +54,11 @@ def rotations(
     fixed: list[str],
     level: bool = False,
 ) -> IntArray:
-    values, free, sigma = component_rows(rows, ROTATION.components, fixed, reading.problems)
+    """Rotation block of every row; levelled ones have ω = φ = 0 fixed."""
+    values, free, sigma, start = component_rows(rows, ROTATION.components, fixed, reading.problems)
     if level:
         values[:, :2] = 0.0
-        free[:, :2], sigma[:, :2] = False, np.nan
+        free[:, :2], sigma[:, :2], start[:, :2] = False, np.nan, np.nan
     turned = not np.array_equal(reading.edge.matrix, np.eye(3))
     if turned and not level and (np.isfinite(sigma).any() or not free.all()):
         reading.problems.append(
@@ -67,7 +66,7 @@ def rotations(
         )
     if turned and not level:
         values = _turned_angles(values, reading.edge.matrix)
-    return reading.shop.store("rotation").add(labels, values, free, sigma)
+    return reading.shop.store("rotation").add(labels, values, free, sigma, start)
 
 
 def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
@@ -94,20 +93,28 @@ def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -
         height[given, None],
         observed[given, None],
         np.where(observed, sigma, np.nan)[given, None],
+        np.where(observed, rows.number("start_height"), np.nan)[given, None],
     )
     return result
 
 
-def inwards(edge: Edge, values: FloatArray, free: FloatArray, sigma: FloatArray) -> tuple[FloatArray, ...]:
-    """Coordinates, flags and σ from project axes to internal ones."""
+def inwards(edge: Edge, statuses: Statuses) -> Statuses:
+    """Coordinates with their statuses from project axes to internal ones."""
     M = edge.matrix
     source = np.argmax(np.abs(M), axis=1)
-    return values[:, source] * M[np.arange(3), source], free[:, source], sigma[:, source]
+    sign = M[np.arange(3), source]
+    return Statuses(
+        statuses.values[:, source] * sign,
+        statuses.free[:, source],
+        statuses.sigma[:, source],
+        statuses.start[:, source] * sign,
+    )
 
 
 def check_unique(
     what: str, names: list[str], rows: Rows, lines: dict[str, tuple[str, int]], problems: list[Problem]
 ) -> None:
+    """Report names that occur twice; ``lines`` remembers where each was first seen, over all tables."""
     for name, line in zip(names, rows.lines, strict=True):
         if name in lines:
             file, first = lines[name]

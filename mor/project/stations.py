@@ -91,11 +91,10 @@ def _read_systems_table(
     names = rows.text("id")
     check_unique("system", names, rows, lines, reading.problems)
     labels = [f"system {name}" for name in names]
-    scale, free, sigma = component_rows(rows, SCALE.components, table.fixed, reading.problems)
+    scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
+    scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
     collected["position"].append(positions(reading, rows, labels, table.fixed))
     collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
-    collected["scale"].append(
-        reading.shop.store("scale").add(labels, np.nan_to_num(scale, nan=1.0), free, sigma)
-    )
+    collected["scale"].append(reading.shop.store("scale").add(labels, *scale))
     collected["offset"].append(np.zeros(len(names), dtype=np.int64))
     ids += names

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.errors import Problem, nearest
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.project.edge import Edge, ImageScale, UnitError
 from mor.project.model import Value
 from mor.project.nodes import Path
 from mor.project.tables import Column, Place, Rows
 from mor.units import Component, Quantity
+
+
+class Statuses(NamedTuple):
+    """Components of n blocks: value, free or fixed, σ where observed, start value where it differs; (n, size) each."""
+
+    values: FloatArray
+    free: BoolArray
+    sigma: FloatArray
+    start: FloatArray
+
+    def rows(self, chosen: IntArray) -> Statuses:
+        """Some of the blocks."""
+        return Statuses(*(array[chosen] for array in self))
 
 
 def number_column(
@@ -30,11 +44,12 @@ def number_column(
 
 
 def component_columns(components: Iterable[Component], edge: Edge) -> list[Column]:
-    """A value column and a σ column for each component."""
+    """For each component a column for its value, its σ, and a start value that differs from an observed one."""
     columns = []
     for component in components:
         columns.append(number_column(component.name, component.quantity, edge))
         columns.append(number_column(f"sigma_{component.name}", component.quantity, edge))
+        columns.append(number_column(f"start_{component.name}", component.quantity, edge))
     return columns
 
 
@@ -44,8 +59,8 @@ def component_rows(
     fixed: Sequence[str],
     problems: list[Problem],
     common_sigma: FloatArray | None = None,
-) -> tuple[FloatArray, BoolArray, FloatArray]:
-    """Values, free flags and σ, each (n, size): no σ is free, σ = 0 is fixed, σ > 0 is observed."""
+) -> Statuses:
+    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed."""
     values = np.stack([rows.number(c.name) for c in components], axis=1)
     sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
     if common_sigma is not None:
@@ -59,7 +74,8 @@ def component_rows(
         missing = ~free[:, k] & np.isnan(values[:, k])
         for line in rows.lines[missing]:
             problems.append(Problem(f"{component.name} is fixed but has no value", rows.file, int(line)))
-    return values, free, np.where(sigma > 0.0, sigma, np.nan)
+    start = np.stack([rows.number(f"start_{c.name}") for c in components], axis=1)
+    return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), np.where(free, start, np.nan))
 
 
 def _check_sigma(
@@ -81,11 +97,12 @@ def settings(
     path: Path,
     problems: list[Problem],
     image: ImageScale | None = None,
-) -> tuple[FloatArray, BoolArray, FloatArray]:
-    """Values, free flags and σ (1, size) of one block from settings by component; a plain number is fixed."""
+) -> Statuses:
+    """Statuses (1, size) of one block from settings by component; a plain number is fixed."""
     values = np.array([[component.default for component in components]])
     free = np.zeros(values.shape, dtype=bool)
     sigma = np.full(values.shape, np.nan)
+    start = np.full(values.shape, np.nan)
     names = [component.name for component in components]
     for name, setting in given.items():
         at = Place(place.document, (*path, name), place.folder)
@@ -105,10 +122,12 @@ def settings(
             values[0, k] = edge.number(text, quantity, "", image)
             if isinstance(setting, Value) and setting.sigma is not None:
                 sigma[0, k] = edge.number(setting.sigma, quantity, "", image)
+            if isinstance(setting, Value) and setting.start is not None:
+                start[0, k] = edge.number(setting.start, quantity, "", image)
         except UnitError as error:
             problems.append(at.problem(f"{name}: {error}"))
             continue
         if sigma[0, k] < 0.0:
             problems.append(at.problem(f"{name}: found σ {sigma[0, k]:g}, expected a σ ≥ 0"))
         free[0, k] = isinstance(setting, Value) and setting.fixed is None and sigma[0, k] != 0.0
-    return values, free, np.where(sigma > 0.0, sigma, np.nan)
+    return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), start)
