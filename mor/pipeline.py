@@ -37,10 +37,9 @@ def read_document(path: Path) -> Document:
     return read_yaml(text, str(path))
 
 
-def read_network(path: Path) -> Network:
-    """The network a project file describes. Raises :class:`InputError` with every mistake found."""
-    document = read_document(path)
-    return build_network(validate(document), document, path.parent)
+def read_network(document: Document, folder: Path) -> Network:
+    """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`."""
+    return build_network(validate(document), document, folder)
 
 
 def solve_network(network: Network, watch: Watcher | None = None) -> Solved:

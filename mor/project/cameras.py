@@ -51,9 +51,7 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
                 f"interior: {model.components[0].name} (camera constant) is required"
             )
         )
-    statuses = settings(
-        given, model.components, reading.edge, place, path, reading.problems, scale
-    )
+    statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
     values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given:
         reading.problems.append(

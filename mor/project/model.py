@@ -47,7 +47,9 @@ class Value(Strict):
     fixed: Measure | None = None
     observed: Measure | None = None
     sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
-    start: Measure | None = Field(default=None, description="Start value, where it differs from the observed one")
+    start: Measure | None = Field(
+        default=None, description="Start value, where it differs from the observed one"
+    )
 
     @model_validator(mode="after")
     def _one_status(self) -> Value:
@@ -212,10 +214,12 @@ class Observations(Table):
 class Datum(Strict):
     """Datum of a free or partly free network."""
 
-    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = Field(
-        default="all",
-        description="Points (or groups of points) whose coordinates carry the datum; "
-        "by components where they differ: {xy: [1, 2], z: [3]}",
+    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = (
+        Field(
+            default="all",
+            description="Points (or groups of points) whose coordinates carry the datum; "
+            "by components where they differ: {xy: [1, 2], z: [3]}",
+        )
     )
     components: list[Literal["x", "y", "z"]] = Field(
         default_factory=lambda: ["x", "y", "z"], description="Components that carry it, where free names none"

@@ -59,6 +59,10 @@ class Network:
     groups: tuple[ObservationGroup, ...]
     correlations: tuple[Correlation, ...]
     datum: DatumChoice
+    point_groups: Mapping[int, str]
+    """Name of the group of points a point block was read with."""
+    station_levels: Mapping[str, str]
+    """Level of each declared station: fixed, free, or the σ of its observation as given."""
 
 
 def build_network(project: Project, document: Document, folder: Path) -> Network:
@@ -110,6 +114,12 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         groups=(*plain, *(_said_outside(reading, group) for group in others)),
         correlations=correlated,
         datum=datum,
+        point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
+        station_levels={
+            name: table.level
+            for number, table in enumerate(project.stations)
+            for name in reading.table_ids.get(("stations", number), [])
+        },
     )
 
 

@@ -43,9 +43,7 @@ def _read_points_table(
         return None
     names = rows.text("id")
     check_unique("point", names, rows, lines, reading.problems)
-    statuses = component_rows(
-        rows, POINT.components, table.fixed, reading.problems, rows.number("sigma")
-    )
+    statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
     absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
     for k, component in enumerate("xyz"):
         if component in absent:

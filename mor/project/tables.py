@@ -289,7 +289,13 @@ def _constant(
     try:
         numbers[column.name] = np.full(count, column.parse(value, _unit_of(table, column)))
     except ValueError as error:
-        problems.append(Problem(f"{column.name}: {error}", place.document.file_of(place.path), _line_of_value(place, column.name)))
+        problems.append(
+            Problem(
+                f"{column.name}: {error}",
+                place.document.file_of(place.path),
+                _line_of_value(place, column.name),
+            )
+        )
 
 
 def _line_of_value(place: Place, name: str) -> int:

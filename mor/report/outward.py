@@ -10,8 +10,8 @@ from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
 from mor.parameters.index import partly_free
-from mor.quality.solved import Solved
 from mor.quality.precision import angle_cofactors
+from mor.quality.solved import Solved
 from mor.units import ANGLE_UNITS
 
 

@@ -11,8 +11,8 @@ import polars as pl
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import INTERIORS
-from mor.quality.solved import Solved
 from mor.project.model import Axes
+from mor.quality.solved import Solved
 from mor.report.outward import Estimate, angle_unit, plain, points, rotations
 from mor.units import ANGLE_UNITS
 

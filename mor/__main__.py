@@ -1,0 +1,5 @@
+"""``python -m mor``."""
+
+from mor.cli import main
+
+main()

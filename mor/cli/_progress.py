@@ -1,0 +1,59 @@
+"""Progress on standard error: a live line on a terminal, plain lines in pipes and in CI when asked for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
+    from mor.adjustment.solve import Iteration
+
+
+@dataclass
+class Progress:
+    """Says what is going on."""
+
+    quiet: bool
+    verbose: bool
+    status: Status | None = None
+
+    def phase(self, name: str) -> None:
+        """A new phase begins."""
+        if self.status is not None:
+            self.status.update(f"{name} …")
+        elif self.verbose and not self.quiet:
+            click.echo(f"{name} …", err=True)
+
+    def iteration(self, step: Iteration) -> None:
+        """One iteration is done."""
+        words = (
+            f"iteration {step.number}: vTPv {step.objective:.6g}, largest change {step.largest_change:.3g} sigma"
+            + (f", damping {step.damping:.0e}" if step.damping else "")
+        )
+        if self.verbose and not self.quiet:
+            (self.status.console.print if self.status else _to_stderr)(words)
+        elif self.status is not None:
+            self.status.update(words)
+
+
+def _to_stderr(words: str) -> None:
+    click.echo(words, err=True)
+
+
+@contextmanager
+def progress(quiet: bool, verbose: bool) -> Iterator[Progress]:
+    """Progress of one command; a live line only on a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield Progress(quiet, verbose)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting …") as status:
+        yield Progress(quiet, verbose, status)

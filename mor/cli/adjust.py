@@ -1,0 +1,81 @@
+"""``mor adjust``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.errors import ExitCode
+
+if TYPE_CHECKING:
+    from mor.quality.solved import Solved
+
+
+@click.command(name="adjust")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the results [PROJECT.results]."
+)
+@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option("--json", "as_json", is_flag=True, help="Print results.json; write files only with -o.")
+@click.option("--strict", is_flag=True, help="Exit 1 if the global test rejects or observations are flagged.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@click.option("-v", "--verbose", is_flag=True, help="Show every iteration.")
+def command(
+    project: Path, output: Path | None, force: bool, as_json: bool, strict: bool, quiet: bool, verbose: bool
+) -> int:
+    """Adjust PROJECT and write report, results and tables.
+
+    \b
+    Examples:
+      mor adjust project.yaml
+      mor adjust project.yaml -o results --force
+      mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+
+    \b
+    Exit codes: 0 done; 1 rejected (with --strict); 2 input; 3 not converged; 4 singular; 70 internal.
+    """
+    from mor.cli._progress import progress
+    from mor.pipeline import read_document, read_network, solve_network
+    from mor.report.folder import check_free
+    from mor.report.text.head import verdict
+    from mor.report.text.undetermined import section as undetermined
+    from mor.report.write import results_text, write_results
+
+    folder = output or project.with_suffix(".results")
+    writes = output is not None or not as_json
+    if writes and project.is_file():
+        check_free(folder, force)
+    with progress(quiet, verbose) as say:
+        say.phase("reading")
+        document = read_document(project)
+        network = read_network(document, project.parent)
+        say.phase("adjusting")
+        solved = solve_network(network, say.iteration)
+        say.phase("writing")
+        if writes:
+            write_results(solved, document, project.parent, folder, force)
+    if as_json:
+        click.echo(results_text(solved), nl=False)
+    if not quiet or solved.quality is None:
+        click.echo("\n".join(verdict(solved)), err=True)
+        if solved.quality is None:
+            click.echo(undetermined(solved), err=True)
+        if writes:
+            click.echo(f"results in {folder}", err=True)
+    return exit_code(solved, strict)
+
+
+def exit_code(solved: Solved, strict: bool) -> ExitCode:
+    """The documented exit code of an outcome."""
+    from mor.adjustment.solve import Outcome
+
+    quality = solved.quality
+    if solved.adjustment.outcome is Outcome.SINGULAR:
+        return ExitCode.SINGULAR
+    if quality is None:
+        return ExitCode.NOT_CONVERGED
+    rejected = not quality.global_test.accepted or any(flags.any() for flags in quality.flagged)
+    return ExitCode.REJECTED if strict and rejected else ExitCode.DONE

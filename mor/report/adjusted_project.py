@@ -1,0 +1,265 @@
+"""The adjusted project: the same project with the adjusted values as start values.
+
+What is fixed or observed stays as it was given; only start values change, so that a second run converges at once and to
+the same result. Tables of observations are referred to where they stand.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.rotations import angles_from_rotation
+from mor.parameters.kinds import BASE, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
+from mor.project.nodes import Document
+from mor.quality.solved import Solved
+from mor.report.outward import angle_unit
+from mor.units import ANGLE_UNITS
+
+
+def adjusted_project(
+    solved: Solved, document: Document, source: Path, target: Path
+) -> tuple[str, dict[str, pl.DataFrame]]:
+    """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
+
+    ``source`` is the folder of the original project.
+    """
+    data = dict(document.data)
+    tables: dict[str, pl.DataFrame] = {}
+    for section, frames in _sections(solved).items():
+        entries = []
+        for number, (frame, keys) in enumerate(frames, start=1):
+            name = f"{section}.csv" if len(frames) == 1 else f"{section}_{number}.csv"
+            tables[f"start_{name}"] = frame
+            entries.append({"file": f"start_{name}", "units": _units(solved, frame), **keys})
+        if entries:
+            data[section] = entries
+    data["observations"] = [_moved(entry, source, target) for entry in data.get("observations") or []]
+    if "cameras" in data:
+        data["cameras"] = {name: _camera(solved, name, dict(c)) for name, c in data["cameras"].items()}
+    if "instruments" in data:
+        data["instruments"] = {name: _instrument(solved, name, c) for name, c in data["instruments"].items()}
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
+    return text, tables
+
+
+def _sections(solved: Solved) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
+    return {
+        "points": _points(solved),
+        "images": _images(solved),
+        "pairs": _pairs(solved),
+        "stations": _stations(solved),
+        "systems": _systems(solved),
+    }
+
+
+def _moved(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
+    """An entry whose files are found from the new folder."""
+    moved = dict(entry)
+    for key in ("file", "covariance"):
+        if isinstance(moved.get(key), str):
+            moved[key] = Path(os.path.relpath(source / moved[key], target)).as_posix()
+    if "file" in moved and "name" not in moved:
+        moved["name"] = entry["file"]
+    return moved
+
+
+def _units(solved: Solved, frame: pl.DataFrame) -> dict[str, str]:
+    """Units of the angles, where the project's own (d-m-s) is not what a table of numbers has."""
+    angles = [c for c in frame.columns if c.split("_")[-1] in (*ROTATION.names, "orientation")]
+    return dict.fromkeys(angles, angle_unit(solved))
+
+
+def _component_columns(
+    solved: Solved,
+    kind: str,
+    numbers: IntArray,
+    names: Sequence[str],
+    values: FloatArray,
+    per_unit: float = 1.0,
+) -> dict[str, FloatArray]:
+    """Value, σ and start columns: fixed σ = 0, observed with the observed value and its start, free with its start."""
+    network = solved.network
+    free = network.blocks[kind].free[numbers]
+    sigma, observed = network.sigma[kind][numbers], network.observed[kind][numbers]
+    if kind == "point":
+        M = network.edge.matrix
+        source = np.argmax(np.abs(M), axis=0)
+        free, sigma = free[:, source], sigma[:, source]
+        observed = observed[:, source] * M[source, np.arange(3)]
+    is_observed = np.isfinite(sigma)
+    columns: dict[str, FloatArray] = {}
+    for k, name in enumerate(names):
+        columns[name] = np.where(is_observed[:, k], observed[:, k] / per_unit, values[:, k])
+        columns[f"sigma_{name}"] = np.where(free[:, k], sigma[:, k] / per_unit, 0.0)
+        columns[f"start_{name}"] = np.where(is_observed[:, k], values[:, k], np.nan)
+    return {key: column for key, column in columns.items() if not np.isnan(column).all() or key in names}
+
+
+def _frame(ids: Sequence[str], columns: dict[str, Any]) -> pl.DataFrame:
+    frame = pl.DataFrame({"id": pl.Series("id", list(ids), dtype=pl.String), **columns})
+    frame = frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+    kept = [c for c in frame.columns if frame[c].dtype != pl.String or (frame[c] != "").any() or c == "id"]
+    return frame.select(kept)
+
+
+def _positions(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
+    values = solved.adjustment.values["point"][numbers] @ solved.network.edge.matrix
+    return _component_columns(solved, "point", numbers, POINT.names, values)
+
+
+def _rotations(solved: Solved, numbers: IntArray, M: FloatArray) -> dict[str, FloatArray]:
+    per_unit = ANGLE_UNITS[angle_unit(solved)]
+    values = angles_from_rotation(solved.adjustment.values["rotation"][numbers] @ M) / per_unit
+    return _component_columns(solved, "rotation", numbers, ROTATION.names, values, per_unit)
+
+
+def _plain(solved: Solved, kind: str, numbers: IntArray, names: Sequence[str]) -> dict[str, FloatArray]:
+    return _component_columns(solved, kind, numbers, names, solved.adjustment.values[kind][numbers])
+
+
+def _heights(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
+    columns = _plain(solved, "height", numbers, HEIGHT.names)
+    none = numbers == 0
+    for column in columns.values():
+        column[none] = np.nan
+    return {key: column for key, column in columns.items() if not np.isnan(column).all()}
+
+
+def _points(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    """One table for each group of points, and one for the rest, in their order."""
+    things = solved.network.things["point"]
+    result = []
+    group_of = np.array(
+        [solved.network.point_groups.get(int(n), "") for n in things.parts["position"]], dtype=object
+    )
+    for group in dict.fromkeys(group_of.tolist()):
+        chosen = np.flatnonzero(group_of == group)
+        frame = _frame([things.ids[i] for i in chosen], _positions(solved, things.parts["position"][chosen]))
+        result.append((frame, {"group": group} if group else {}))
+    return result
+
+
+def _shared_names(solved: Solved, numbers: IntArray) -> list[str]:
+    """Names of the points or shared positions that frames stand on; empty where a position is a frame's own."""
+    names: dict[int, str] = {}
+    for space in ("position", "point"):
+        things = solved.network.things.get(space)
+        if things is not None:
+            names |= {int(n): name for name, n in zip(things.ids, things.parts["position"], strict=True)}
+    return [names.get(int(n), "") for n in numbers]
+
+
+def _pose(solved: Solved, positions: IntArray, rotations: IntArray, shared: str) -> dict[str, Any]:
+    return {
+        shared: _shared_names(solved, positions),
+        **_positions(solved, positions),
+        **_rotations(solved, rotations, solved.network.edge.matrix),
+    }
+
+
+def _images(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things, network = solved.network.things["image"], solved.network
+    if not things.ids:
+        return []
+    parts = things.parts
+    pair_of = {
+        int(n): name
+        for name, n in zip(network.things["pair"].ids, network.things["pair"].parts["base"], strict=True)
+    }
+    leader_of = {int(n): things.ids[i] for i, n in enumerate(parts["rotation"]) if parts["base"][i] < 0}
+    follows = parts["base"] >= 0
+    columns = {
+        "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
+        "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
+        "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
+        **_pose(solved, parts["position"], parts["rotation"], "position"),
+        **_heights(solved, parts["height"]),
+    }
+    for column in columns.values():
+        if isinstance(column, np.ndarray):
+            column[follows] = np.nan
+    return [(_frame(things.ids, columns), {})]
+
+
+def _pairs(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things = solved.network.things["pair"]
+    if not things.ids:
+        return []
+    columns = {
+        **_plain(solved, "base", things.parts["base"], BASE.names),
+        **_rotations(solved, things.parts["rotation"], np.eye(3)),
+    }
+    return [(_frame(things.ids, columns), {})]
+
+
+def _stations(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    """One table for each kind of level."""
+    things = solved.network.things["station"]
+    result = []
+    levels = np.array([solved.network.station_levels.get(name, "fixed") for name in things.ids], dtype=object)
+    for level in dict.fromkeys(levels.tolist()):
+        chosen = np.flatnonzero(levels == level)
+        parts = {part: numbers[chosen] for part, numbers in things.parts.items()}
+        columns = {
+            **_pose(solved, parts["position"], parts["rotation"], "point"),
+            **_heights(solved, parts["height"]),
+        }
+        if level == "fixed":
+            columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
+        result.append((_frame([things.ids[i] for i in chosen], columns), {"level": level}))
+    return result
+
+
+def _systems(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things = solved.network.things["system"]
+    if not things.ids:
+        return []
+    columns = {
+        **_pose(solved, things.parts["position"], things.parts["rotation"], "point"),
+        **_plain(solved, "scale", things.parts["scale"], SCALE.names),
+    }
+    return [(_frame(things.ids, columns), {})]
+
+
+def _camera(solved: Solved, name: str, camera: dict[str, Any]) -> dict[str, Any]:
+    model = solved.network.project.cameras[name].model
+    number = solved.network.things["camera"].part(name, "interior")
+    kind = INTERIORS[model]
+    values = solved.adjustment.values[kind.key][number]
+    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, values)
+    eccentricity = solved.network.things["camera"].part(name, "eccentricity")
+    if eccentricity:
+        row = solved.adjustment.values["eccentricity"][eccentricity]
+        camera["eccentricity"] = _settings(camera["eccentricity"], ("rx", "ry", "rz"), row)
+    return camera
+
+
+def _instrument(solved: Solved, name: str, instrument: dict[str, Any]) -> dict[str, Any]:
+    result = dict(instrument)
+    for kind, names in (("distance meter", ("scale", "offset")), ("refraction", ("refraction",))):
+        number = solved.network.things["instrument"].part(name, kind)
+        given = {key: result[key] for key in names if key in result}
+        result |= _settings(given, names, solved.adjustment.values[kind][number])
+    return result
+
+
+def _settings(given: dict[str, Any], names: Sequence[str], values: FloatArray) -> dict[str, Any]:
+    """Settings with the adjusted values: free ones replaced, observed ones given a start."""
+    result: dict[str, Any] = {}
+    for name, setting in given.items():
+        value = repr(float(values[list(names).index(name)]))
+        if isinstance(setting, dict) and "free" in setting:
+            result[name] = {"free": value}
+        elif isinstance(setting, dict) and "observed" in setting:
+            result[name] = {**setting, "start": value}
+        else:
+            result[name] = setting
+    return result

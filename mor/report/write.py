@@ -1,0 +1,58 @@
+"""All results of an adjustment, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+
+from mor.project.nodes import Document
+from mor.quality.solved import Solved
+from mor.report.adjusted_project import adjusted_project
+from mor.report.folder import Writer, write_folder
+from mor.report.json import results, to_json
+from mor.report.observation_table import observation_table
+from mor.report.tables import image_table, point_table
+from mor.report.text import text_report
+
+TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "images.csv"}
+
+
+def write_results(solved: Solved, document: Document, source: Path, folder: Path, force: bool) -> None:
+    """Write report, ``results.json``, tables and the adjusted project into a folder."""
+    residuals = observation_table(solved)
+    frames = {
+        "residuals.csv": residuals,
+        "points.csv": point_table(solved),
+        "images.csv": image_table(solved),
+    }
+    if solved.quality is not None:
+        text, starts = adjusted_project(solved, document, source.resolve(), folder.resolve())
+        frames |= starts
+    writers: dict[str, Writer] = {
+        "results.json": _text(to_json(results(solved, residuals, TABLES))),
+        "report.txt": _text(text_report(solved, residuals)),
+        **{name: _csv(frame) for name, frame in frames.items()},
+    }
+    if solved.quality is not None:
+        writers["adjusted.yaml"] = _text(text)
+    write_folder(folder, writers, force)
+
+
+def results_text(solved: Solved) -> str:
+    """``results.json`` as text, for programs that read standard output."""
+    return to_json(results(solved, observation_table(solved), {}))
+
+
+def _text(text: str) -> Writer:
+    def write(path: Path) -> None:
+        path.write_text(text, encoding="utf-8")
+
+    return write
+
+
+def _csv(frame: pl.DataFrame) -> Writer:
+    def write(path: Path) -> None:
+        frame.write_csv(path)
+
+    return write
