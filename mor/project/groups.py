@@ -60,6 +60,8 @@ def read_groups(reading: Reading) -> list[Group]:
             reading.problems.append(place.problem(words, "type"))
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else PLAIN_TYPES[entry.type]
+        if entry.type == "image":
+            entry = _units_of_values(entry)
         rows = read_table(entry, _columns(type_, reading), place, reading.problems)
         if rows is None:
             continue
@@ -97,6 +99,16 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns
+
+
+def _units_of_values(entry: Observations) -> Observations:
+    """``values: {sigma: 0.5 um}`` as a number and a unit: image units are converted when the camera is known."""
+    values, units = dict(entry.values), entry.units
+    for name, text in entry.values.items():
+        number, _, unit = text.strip().partition(" ")
+        if unit and name.startswith("sigma") and not isinstance(units, str):
+            values[name], units = number, {**units, name: unit.strip()}
+    return entry.model_copy(update={"values": values, "units": units})
 
 
 def _raw_image(name: str, required: bool = False) -> Column:

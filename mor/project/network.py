@@ -93,7 +93,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
     ]
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)
-    if not plain and not others:
+    if not plain and not others and not problems:
         problems.append(reading.at("observations").problem("there are no observations"))
     if problems:
         raise InputError(problems)
