@@ -37,14 +37,15 @@ class Defect:
 def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect:
     """Split null vectors (u, k) into movements of the whole network and configuration defects.
 
-    A movement of the network is a similarity of all its points at once, those included that are held fixed: a single
-    new point that nothing determines does not move the control points, and so is no movement of the network.
+    A movement of the network is a similarity of all its points at once. Where the free points are so few that any
+    movement of theirs would pass for one, those held fixed have a say: a single new point that nothing determines
+    does not move the control points, and so is no movement of the network.
     """
     if null.shape[1] == 0:
         return Defect((), null, ())
     basis, _ = np.linalg.qr(null)
     columns = problem.index.columns["point"]
-    used = _network_components(problem, values)
+    used = _telling_components(problem, values, null.shape[1])
     free = (columns[used] >= 0)[:, None]
     generators = similarity_generators(values["point"], used)
     on_points = np.where(free, basis[columns[used]], 0.0)
@@ -88,8 +89,20 @@ def similarity_generators(coordinates: FloatArray, used: BoolArray) -> FloatArra
     return generators / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def _network_components(problem: Problem, values: Values) -> BoolArray:
-    """(n, 3) point components that tell how the network moves: free ones, and fixed ones that observations look at.
+def _telling_components(problem: Problem, values: Values, dimension: int) -> BoolArray:
+    """(n, 3) point components that tell whether null vectors are movements of the network.
+
+    The free ones f. A null space of dimension k and the similarities of dimension s meet in k + s − f dimensions by mere
+    chance; where that is positive, the fixed components that observations look at are taken in as well.
+    """
+    free, fixed = _network_components(problem, values)
+    generators = similarity_generators(values["point"], free)
+    similar = int(np.linalg.matrix_rank(generators, tol=1e-9)) if len(generators) else 0
+    return free if np.count_nonzero(free) >= dimension + similar else free | fixed
+
+
+def _network_components(problem: Problem, values: Values) -> tuple[BoolArray, BoolArray]:
+    """(n, 3) free point components that observations name, and fixed ones that they look at.
 
     Origins of local systems are no points of the network: where a system has fixed components, its origin need not
     follow. (A plane through a fixed origin follows by its attitude and its offset.)
@@ -115,7 +128,7 @@ def _network_components(problem: Problem, values: Values) -> BoolArray:
         seen = group.mask[touched][:, :, None]
         for k, number in positions:
             np.logical_or.at(used, number[touched], ((jacobians[k] != 0.0) & seen).any(axis=1))
-    return used
+    return used & ~fixed, used & fixed
 
 
 def _name(datum: FloatArray, generators: FloatArray) -> tuple[str, ...]:

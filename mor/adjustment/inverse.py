@@ -19,8 +19,9 @@ import scipy.linalg
 
 from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.cholesky import Factor, factorise
-from mor.adjustment.normals import Normals, image_of
+from mor.adjustment.normals import Normals, build_normals, image_of
 from mor.adjustment.plan import Plan
+from mor.adjustment.point_solutions import full_directions, full_step, reduce_right_hand_side
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 
@@ -35,9 +36,12 @@ _PROBES = 12
 class Inverse:
     """A factorised normal system."""
 
+    plan: Plan
+    values: Values
     factor: Factor
+    """Factor of the reduced system, anchored."""
     scale: FloatArray
-    """(u,) 1/√N_ii."""
+    """(n,) 1/√N_ii of the reduced unknowns."""
     null: FloatArray
     """(u, d) null vectors, in the units of the unknowns."""
     weak: FloatArray
@@ -45,61 +49,70 @@ class Inverse:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """A solution x of N x = rhs, (u,) or (u, k), for a right-hand side in the range of N."""
-        scale = self.scale if rhs.ndim == 1 else self.scale[:, None]
-        anchored: FloatArray = scale * self.factor.solve(scale * rhs)
-        return anchored + self.weak @ (self.weak.T @ rhs)
+        columns = rhs.reshape(len(rhs), -1)
+        if len(self.plan.rays.columns) == 0:
+            x = self._reduced(columns)
+        else:
+            reduced, alone = reduce_right_hand_side(self.plan, self.values, columns)
+            x = full_directions(self.plan, self.values, self._reduced(reduced))
+            x[self.plan.rays.columns] += alone
+        return (x + self.weak @ (self.weak.T @ columns)).reshape(rhs.shape)
+
+    def step(self, normals: Normals) -> FloatArray:
+        """Gauss-Newton step (u,) of normal equations whose reduced right-hand side is there already."""
+        reduced = self._reduced(normals.reduced_rhs[:, None])[:, 0]
+        return full_step(self.plan, self.values, reduced) + self.weak @ (self.weak.T @ normals.rhs)
 
     def selected(self) -> BlockMatrix:
-        """Cofactors at the stored pattern, without the part of the weak directions."""
+        """Cofactors of the reduced unknowns at the stored pattern, without the part of the weak directions."""
         return self.factor.selected_inverse().scaled(self.scale)
+
+    def _reduced(self, rhs: FloatArray) -> FloatArray:
+        anchored: FloatArray = self.scale[:, None] * self.factor.solve(self.scale[:, None] * rhs)
+        return anchored
 
 
 def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
     """Factorise with the given anchors (k,) and split what they hold into null and weak directions."""
-    scale = _unit_diagonal(normals.matrix)
+    scale = _unit_diagonal(normals)
     matrix = normals.matrix.scaled(scale)
     factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
-    units = _unit_vectors(matrix, anchors)
-    Y = factor.solve(units)
+    Y = factor.solve(_unit_vectors(matrix, anchors))
     if len(anchors) == 0:
-        return Inverse(factor, scale, Y, Y)
-    eigenvalues, vectors = _stretches(plan, values, scale[:, None] * Y)
-    directions = Y @ vectors
-    is_null = eigenvalues < NULL * np.sum(directions**2, axis=0)
+        none = np.zeros((plan.problem.index.count, 0))
+        return Inverse(plan, values, factor, scale, none, none)
+    full = full_directions(plan, values, scale[:, None] * Y)
+    eigenvalues, vectors = _stretches(plan, values, full)
+    is_null = eigenvalues < NULL * np.sum((Y @ vectors) ** 2, axis=0)
     share = np.einsum("kw,kw->w", vectors, Y[anchors] @ vectors)
+    directions = full @ vectors
     weak = directions[:, ~is_null] * np.sqrt(share[~is_null] / eigenvalues[~is_null])
-    return Inverse(factor, scale, scale[:, None] * directions[:, is_null], scale[:, None] * weak)
+    return Inverse(plan, values, factor, scale, directions[:, is_null], weak)
 
 
 def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
     """Unknowns to anchor: vanishing pivots first, then whatever inverse iteration still finds hardly determined."""
-    scale = _unit_diagonal(normals.matrix)
+    scale = _unit_diagonal(normals)
     matrix = normals.matrix.scaled(scale)
     anchors = np.zeros(0, dtype=np.int64)
     for _ in range(matrix.structure.unknowns):
-        factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
-        found = factor.set_aside
-        directions = (
-            factor.solve(_unit_vectors(matrix, anchors)) if len(anchors) else np.zeros((len(scale), 0))
-        )
-        if len(found):
-            loose = _released(matrix, factor)
-        else:
-            loose = _hardly_determined(plan, values, factor, scale, anchors)
+        anchored = _with_diagonal(matrix, anchors, 1.0)
+        factor = factorise(anchored, plan.elimination)
+        directions = factor.solve(_unit_vectors(matrix, anchors))
+        loose = _released(matrix, factor) if len(factor.set_aside) else _hardly_determined(anchored, factor)
         if loose.shape[1] == 0:
             return anchors
         anchors = _spread_out(np.concatenate([directions, loose], axis=1))
     return anchors
 
 
-def damped_step(plan: Plan, normals: Normals, damping: float) -> FloatArray:
+def damped_step(plan: Plan, values: Values, damping: float) -> FloatArray:
     """Levenberg-Marquardt step (N + μ diag N)⁻¹ b; unknowns that nothing observes stay."""
-    scale = _unit_diagonal(normals.matrix)
-    matrix = normals.matrix.scaled(scale)
-    everywhere = np.arange(matrix.structure.unknowns)
-    factor = factorise(_with_diagonal(matrix, everywhere, damping), plan.elimination, tolerance=1e-16)
-    step: FloatArray = scale * factor.solve(scale * normals.rhs)
-    return step
+    normals = build_normals(plan, values, damping)
+    scale = _unit_diagonal(normals)
+    factor = factorise(normals.matrix.scaled(scale), plan.elimination, tolerance=1e-16)
+    reduced = scale * factor.solve(scale * normals.reduced_rhs)
+    return full_step(plan, values, reduced, damping)
 
 
 def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,19 +129,16 @@ def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[Floa
     return eigenvalues, vectors
 
 
-def _hardly_determined(
-    plan: Plan, values: Values, factor: Factor, scale: FloatArray, anchors: IntArray
-) -> FloatArray:
-    """Directions (u, k) with gᵀN'g small against ‖g‖², by block inverse iteration from seeded random probes.
+def _hardly_determined(anchored: BlockMatrix, factor: Factor) -> FloatArray:
+    """Directions (n, k) with gᵀN'g small against ‖g‖², by block inverse iteration from seeded random probes.
 
     N' contains the anchors there are: what they hold already must not be found again.
     """
-    count = min(_PROBES, len(scale))
-    probes = np.random.default_rng(1984).standard_normal((len(scale), count))
+    unknowns = anchored.structure.unknowns
+    probes = np.random.default_rng(1984).standard_normal((unknowns, min(_PROBES, unknowns)))
     for _ in range(2):
         probes, _ = np.linalg.qr(factor.solve(probes))
-    held = probes[anchors].T @ probes[anchors]
-    eigenvalues, vectors = scipy.linalg.eigh(image_of(plan, values, scale[:, None] * probes) + held)
+    eigenvalues, vectors = scipy.linalg.eigh(probes.T @ anchored.multiply(probes))
     return probes @ vectors[:, eigenvalues < HARDLY_DETERMINED]
 
 
@@ -147,8 +157,8 @@ def _spread_out(directions: FloatArray) -> IntArray:
     return np.sort(order[: directions.shape[1]]).astype(np.int64)
 
 
-def _unit_diagonal(matrix: BlockMatrix) -> FloatArray:
-    diagonal = matrix.diagonal()
+def _unit_diagonal(normals: Normals) -> FloatArray:
+    diagonal = normals.diagonal
     scale: FloatArray = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     return scale
 

@@ -27,10 +27,13 @@ def rotation_tangents(index: Index, values: Values) -> FloatArray | None:
     return tangents(index.blocks["rotation"], values["rotation"]) if "rotation" in index.blocks else None
 
 
-def misclosures(group: ObservationGroup, values: Values) -> FloatArray:
-    """(n, m) observed − computed; NaN where not observed."""
-    blocks = [values[slot.kind][number] for slot, number in zip(group.type.slots, group.blocks, strict=True)]
-    return _difference(group, group.observed, group.type.equation(blocks, group.constants).values)
+def misclosures(group: ObservationGroup, values: Values, rows: IntArray | slice = slice(None)) -> FloatArray:
+    """(n, m) observed − computed of the chosen rows; NaN where not observed."""
+    blocks = [
+        values[slot.kind][number[rows]] for slot, number in zip(group.type.slots, group.blocks, strict=True)
+    ]
+    computed = group.type.equation(blocks, group.constants[rows]).values
+    return _difference(group, group.observed[rows], computed)
 
 
 def linearise(

@@ -9,7 +9,10 @@ import numpy as np
 
 from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
-from mor.adjustment.plan import ClusterRows, Plan, cluster_columns
+from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
+from mor.adjustment.point_elimination import ReducedSystem, accumulate
+from mor.adjustment.ray_plan import ray_chunks, ray_objective
+from mor.adjustment.rays import Rays
 from mor.adjustment.rows import accumulate_rows
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
@@ -19,8 +22,13 @@ class Normals(NamedTuple):
     """Normal equations."""
 
     matrix: BlockMatrix
+    """The reduced system: N without the eliminated points."""
+    reduced_rhs: FloatArray
+    """(n,) its right-hand side."""
+    diagonal: FloatArray
+    """(n,) diagonal of N itself, before points are eliminated: the measure of what vanishes."""
     rhs: FloatArray
-    """(u,) AᵀPl with l = observed − computed."""
+    """(u,) AᵀPl with l = observed − computed, of all unknowns."""
     objective: float
     """lᵀPl."""
 
@@ -33,33 +41,72 @@ class WhiteRows(NamedTuple):
     columns: IntArray
 
 
-def build_normals(plan: Plan, values: Values) -> Normals:
-    """One pass over all rows."""
+def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
+    """One pass over all rows; ``damping`` μ adds μ diag N (Levenberg-Marquardt)."""
     structure = plan.target.structure
     block_values = np.zeros(int(structure.position[-1]))
-    rhs = np.zeros(structure.unknowns)
-    objective = 0.0
+    reduced_rhs = np.zeros(structure.unknowns)
+    rhs = np.zeros(plan.problem.index.count)
+    total = 0.0
     for rows in white_rows(plan, values):
-        objective += float(np.sum(rows.misclosure**2))
-        accumulate_rows(plan.target, block_values, rhs, rows.jacobian, rows.misclosure, rows.columns)
-    return Normals(BlockMatrix(structure, block_values), rhs, objective)
+        total += float(np.sum(rows.misclosure**2))
+        accumulate_rows(plan.target, block_values, reduced_rhs, rows.jacobian, rows.misclosure, rows.columns)
+    rhs[plan.kept] = reduced_rhs
+    matrix = BlockMatrix(structure, block_values)
+    system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal())
+    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
+        accumulate(chunk.rays, system, damping)
+        total += float(np.sum(chunk.rays.residual**2))
+        rhs[plan.rays.columns[chunk.points]] = point_gradients(chunk.rays)
+        _add_gradient(rhs, plan, chunk.rays)
+    if damping:
+        add_to_diagonal(matrix, damping * system.diagonal)
+    return Normals(matrix, reduced_rhs, system.diagonal, rhs, total)
+
+
+def _add_gradient(rhs: FloatArray, plan: Plan, rays: Rays) -> None:
+    free = rays.columns >= 0
+    gradient = np.einsum("nmc,nm->nc", rays.by_others, rays.residual)[free]
+    reduced = np.bincount(rays.columns[free], weights=gradient, minlength=len(plan.kept))
+    rhs[plan.kept] -= reduced
+
+
+def point_gradients(rays: Rays) -> FloatArray:
+    """−A_pᵀ residual (p, 3) of the points of a chunk."""
+    products = np.einsum("nmi,nm->ni", rays.by_point, rays.residual)
+    gradients: FloatArray = -np.add.reduceat(products, rays.point_pointers[:-1], axis=0)
+    return gradients
+
+
+def add_to_diagonal(matrix: BlockMatrix, amounts: FloatArray) -> None:
+    """Add (n,) amounts to the diagonal, in place."""
+    structure = matrix.structure
+    sizes = structure.sizes
+    within = np.arange(structure.unknowns) - np.repeat(structure.offsets[:-1], sizes)
+    starts = np.repeat(structure.position[structure.indptr[:-1]], sizes)
+    matrix.values[starts + within * (np.repeat(sizes, sizes) + 1)] += amounts
 
 
 def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
-    """All rows, whitened: row set by row set, then cluster by cluster."""
+    """All rows but those of eliminated points, whitened: row set by row set, then cluster by cluster.
+
+    Their columns are those of the reduced system.
+    """
     problem = plan.problem
     tangent = rotation_tangents(problem.index, values)
     for row_set in plan.row_sets:
         rows = linearise(problem.groups[row_set.group], problem.index, values, tangent, row_set.rows)
         yield WhiteRows(
-            row_set.weight * rows.misclosure, row_set.weight[:, :, None] * rows.jacobian, rows.columns
+            row_set.weight * rows.misclosure,
+            row_set.weight[:, :, None] * rows.jacobian,
+            reduced_columns(rows.columns, plan.reduced),
         )
     for cluster in plan.clusters:
         misclosure, jacobian, columns = cluster_rows(plan, cluster, values, tangent)
         yield WhiteRows(
             (cluster.whitening @ misclosure)[None, :],
             (cluster.whitening @ jacobian)[None, :, :],
-            columns[None, :],
+            plan.reduced[columns][None, :],
         )
 
 
@@ -96,20 +143,19 @@ def _spread(
 
 def objective(plan: Plan, values: Values) -> float:
     """lᵀPl at the given values, without derivatives; infinite where an equation cannot be evaluated."""
-    residuals = [misclosures(group, values) for group in plan.problem.groups]
-    total = 0.0
+    groups = plan.problem.groups
+    total = ray_objective(plan.problem, plan.rays, values)
     for row_set in plan.row_sets:
-        scaled = np.where(row_set.weight > 0.0, row_set.weight * residuals[row_set.group][row_set.rows], 0.0)
-        total += float(np.sum(scaled**2))
+        misclosure = misclosures(groups[row_set.group], values, row_set.rows)
+        total += float(np.sum(np.where(row_set.weight > 0.0, row_set.weight * misclosure, 0.0) ** 2))
+    whole = {
+        int(number): misclosures(groups[number], values)
+        for c in plan.clusters
+        for number in np.unique(c.groups)
+    }
     for cluster in plan.clusters:
-        together = np.array(
-            [
-                residuals[group][row, component]
-                for group, row, component in zip(
-                    cluster.groups, cluster.rows, cluster.components, strict=True
-                )
-            ]
-        )
+        places = zip(cluster.groups, cluster.rows, cluster.components, strict=True)
+        together = np.array([whole[int(group)][row, component] for group, row, component in places])
         total += float(np.sum((cluster.whitening @ together) ** 2))
     return total if np.isfinite(total) else np.inf
 
@@ -117,8 +163,20 @@ def objective(plan: Plan, values: Values) -> float:
 def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
     """GᵀNG (k, k) of directions G (u, k), formed from A G itself, so that a null vector shows as zero and not as noise."""
     gram = np.zeros((directions.shape[1], directions.shape[1]))
+    reduced = directions[plan.kept]
     for rows in white_rows(plan, values):
-        moved = np.where((rows.columns >= 0)[:, :, None], directions[rows.columns], 0.0)
+        moved = np.where((rows.columns >= 0)[:, :, None], reduced[rows.columns], 0.0)
         image = np.einsum("nmk,nkd->nmd", rows.jacobian, moved)
         gram += np.einsum("nmd,nme->de", image, image)
+    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
+        image = image_of_rays(chunk.rays, reduced, directions[plan.rays.columns[chunk.points]])
+        gram += np.einsum("nmd,nme->de", image, image)
     return gram
+
+
+def image_of_rays(rays: Rays, reduced: FloatArray, of_points: FloatArray) -> FloatArray:
+    """A G (n, 2, k) of rays for directions given on the reduced unknowns (n, k) and on their points (p, 3, k)."""
+    moved = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)
+    point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
+    image: FloatArray = np.matmul(rays.by_others, moved) + np.matmul(rays.by_point, of_points[point])
+    return image

@@ -15,6 +15,7 @@ import numpy as np
 
 from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
 from mor.adjustment.defect import Defect, explain_defect
+from mor.adjustment.eliminable import eliminable_points
 from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert
 from mor.adjustment.normals import Normals, build_normals, objective
 from mor.adjustment.plan import Plan, make_plan
@@ -85,7 +86,7 @@ def adjust(
 ) -> Adjustment:
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or Settings()
-    plan = make_plan(problem)
+    plan = make_plan(problem, eliminable_points(problem, start))
     state = _begin(plan, start)
     while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
         state = _advance(state)
@@ -148,7 +149,7 @@ def _advance(state: Adjustment) -> Adjustment:
 
 
 def _full_step(state: Adjustment) -> FloatArray:
-    step = state.inverse.solve(state.normals.rhs)
+    step = state.inverse.step(state.normals)
     return _bound(state, step)
 
 
@@ -177,7 +178,7 @@ def _accept(
         return values, 0.0
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
     while damping < 1e6:
-        damped = damped_step(state.plan, state.normals, damping)
+        damped = damped_step(state.plan, state.values, damping)
         values = move(index, state.values, damped)
         if objective(state.plan, values) < before:
             return values, damping

@@ -74,10 +74,8 @@ def _read_images_table(
     if cameras is None:
         return
     camera = shop.things["camera"]
-    position = positions(reading, rows, [f"image {name}" for name in names], table.fixed)
-    rotation = rotations(reading, rows, [f"image {name}" for name in names], table.fixed)
-    height = heights(reading, rows, [f"image {name}" for name in names], table.fixed)
-    zero = np.full(len(names), -1, dtype=np.int64)
+    position, rotation, height = _own_poses(reading, rows, names, table.fixed)
+    none = np.full(len(names), -1, dtype=np.int64)
     found = {
         "position": position,
         "rotation": rotation,
@@ -86,8 +84,8 @@ def _read_images_table(
         "interior": interiors(reading, names, cameras),
         "model": camera.parts["model"][cameras],
         "camera": cameras,
-        "relative rotation": zero,
-        "base": zero,
+        "relative rotation": none,
+        "base": none.copy(),
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
         if leader or pair:
@@ -95,6 +93,25 @@ def _read_images_table(
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
+
+
+def _own_poses(
+    reading: Reading, rows: Rows, names: list[str], fixed: list[str]
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Position, rotation and height blocks; −1 for followers, which have those of their leading image."""
+    follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    own = rows.take(np.flatnonzero(~follows))
+    labels = [f"image {name}" for name in own.text("id")]
+    for i in np.flatnonzero(follows):
+        if any(np.isfinite(cells[i]) for cells in rows.numbers.values()) or rows.text("position")[i]:
+            words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
+            reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
+    position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
+    if own.count:
+        position[~follows] = positions(reading, own, labels, fixed)
+        rotation[~follows] = rotations(reading, own, labels, fixed)
+        height[~follows] = heights(reading, own, labels, fixed)
+    return position, rotation, height
 
 
 def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:

@@ -65,6 +65,11 @@ def component_rows(
     sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
     if common_sigma is not None:
         sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
+    if common_sigma is not None:
+        for i in np.flatnonzero(common_sigma < 0.0):
+            words = f"sigma: found {common_sigma[i]:g}, expected a σ ≥ 0"
+            problems.append(Problem(words, rows.file, int(rows.lines[i])))
+        sigma[common_sigma < 0.0] = np.nan
     for k, component in enumerate(components):
         _check_sigma(rows, component.name, values[:, k], sigma[:, k], problems)
     held = np.array([c.name in fixed for c in components])

@@ -1,70 +1,18 @@
-"""Tables: rows in the project file, or CSV and Parquet files beside it, with declared or headed columns.
-
-The fast way reads typed columns in one go. Only where that fails are the rows read again one by one, to say in which
-line what is wrong, or to understand numbers that carry a unit.
-"""
+"""Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units."""
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
-import polars as pl
 
 from mor.errors import Problem, nearest
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray
+from mor.project.columns import Column, Place, Rows
 from mor.project.model import Table
-from mor.project.nodes import Document
-from mor.project.nodes import Path as NodePath
+from mor.project.table_sources import Source, from_file, from_rows
 
-
-@dataclass(frozen=True)
-class Column:
-    """A column a table may have. ``parse`` turns one text into an internal number; ``None`` for identifiers."""
-
-    name: str
-    parse: Callable[[str, str], float] | None = None
-    factor: Callable[[str], float] | None = None
-    """Internal units per given unit, for columns of plain numbers; raises ``ValueError``."""
-    required: bool = False
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Columns read: identifiers as texts, numbers as floats in internal units, NaN where empty."""
-
-    count: int
-    texts: dict[str, list[str]]
-    numbers: dict[str, FloatArray]
-    lines: IntArray
-    file: str
-
-    def text(self, name: str, default: str = "") -> list[str]:
-        """Identifiers of a column."""
-        return self.texts.get(name, [default] * self.count)
-
-    def number(self, name: str) -> FloatArray:
-        """Numbers of a column, NaN where it is missing."""
-        return self.numbers.get(name, np.full(self.count, np.nan))
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a table stands in the project: its path in the document, and the folder of the project."""
-
-    document: Document
-    path: NodePath
-    folder: Path
-
-    def problem(self, message: str, key: str | None = None) -> Problem:
-        """A problem at this table, or at one of its keys."""
-        path = (*self.path, key) if key else self.path
-        return Problem(message, self.document.file_of(path), self.document.line(path))
+__all__ = ["Column", "Place", "Rows", "read_table"]
 
 
 def read_table(table: Table, columns: Sequence[Column], place: Place, problems: list[Problem]) -> Rows | None:
@@ -72,23 +20,18 @@ def read_table(table: Table, columns: Sequence[Column], place: Place, problems: 
     before = len(problems)
     known = {column.name: column for column in columns}
     _check_names(table, known, place, problems)
-    source = _inline(table, place) if table.rows is not None else _file(table, known, place, problems)
+    _check_common_unit(table, known, place, problems)
+    source = (
+        from_rows(table, place, problems)
+        if table.rows is not None
+        else from_file(table, known, place, problems)
+    )
     if source is None or len(problems) > before:
         return None
     _check_columns(source.names, table, columns, place, problems)
     if len(problems) > before:
         return None
     return _convert(source, table, known, place, problems)
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Named columns, each all texts or already numbers in the unit of the column."""
-
-    names: list[str]
-    columns: dict[str, list[str | None] | FloatArray]
-    lines: IntArray
-    file: str
 
 
 def _check_names(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> None:
@@ -105,6 +48,13 @@ def _check_names(table: Table, known: dict[str, Column], place: Place, problems:
             problems.append(place.problem(words))
 
 
+def _check_common_unit(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> None:
+    """One unit for all columns must fit one of them at least."""
+    if isinstance(table.units, str) and not any(_fits(column, table.units) for column in known.values()):
+        numbers = ", ".join(column.name for column in known.values() if column.parse is not None)
+        problems.append(place.problem(f"unit {table.units!r} fits none of the columns ({numbers})", "units"))
+
+
 def _check_columns(
     names: list[str], table: Table, columns: Sequence[Column], place: Place, problems: list[Problem]
 ) -> None:
@@ -113,143 +63,16 @@ def _check_columns(
     missing = [c.name for c in columns if c.required and c.name not in names and c.name not in table.values]
     if missing:
         found = ", ".join(names) or "none"
-        problems.append(place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found})"))
-
-
-def _inline(table: Table, place: Place) -> _Source:
-    declared = [name for name in table.columns or []]
-    rows = table.rows or []
-    lines = np.array(
-        [place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int64
-    )
-    columns: dict[str, list[str | None] | FloatArray] = {
-        name: [row[k] if k < len(row) else None for row in rows] for k, name in enumerate(declared) if name
-    }
-    return _Source([name for name in declared if name], columns, lines, place.document.file_of(place.path))
-
-
-def _file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> _Source | None:
-    path = place.folder / str(table.file)
-    if not path.is_file():
-        near = nearest(path.name, [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else [])
-        problems.append(place.problem(f"file {table.file!r} does not exist{near}", "file"))
-        return None
-    if path.suffix == ".parquet":
-        return _from_frame(pl.read_parquet(path), table, known, str(table.file), 1)
-    text = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
-    try:
-        frame = _fast(text, table, known)
-    except (pl.exceptions.PolarsError, UnicodeDecodeError, ValueError):
-        return _slow(text, table, place, problems)
-    if frame.height == 0:
-        problems.append(Problem("the table is empty", str(table.file)))
-        return None
-    return _from_frame(frame, table, known, str(table.file), 1 if isinstance(table.columns, list) else 2)
-
-
-def _our_name(table: Table, name: str) -> str | None:
-    return table.columns.get(name, name) if isinstance(table.columns, dict) else name
-
-
-def _fast(text: bytes, table: Table, known: dict[str, Column]) -> pl.DataFrame:
-    """Typed columns in one go. Raises where the file is not perfectly regular."""
-    if b"#" in text or b"\n\n" in text or b"\r\n\r\n" in text:
-        raise ValueError("comments or empty lines: line numbers must be counted")
-    declared = isinstance(table.columns, list)
-    separator = table.delimiter or ","
-    first = text.split(b"\n", 1)[0].decode("utf-8-sig").strip("\r")
-    header = (
-        [name or f"skip {k}" for k, name in enumerate(table.columns or [])]
-        if declared
-        else next(csv.reader([first], delimiter=separator), [])
-    )
-    kinds: dict[str, type[pl.DataType]] = {}
-    for name in header:
-        column = known.get(_our_name(table, name) or "")
-        kinds[name] = pl.Float64 if column is not None and column.factor is not None else pl.String
-    return pl.read_csv(
-        io.BytesIO(text),
-        has_header=not declared,
-        new_columns=None if not declared else header,
-        schema=kinds,
-        separator=separator,
-    )
-
-
-def _from_frame(
-    frame: pl.DataFrame, table: Table, known: dict[str, Column], file: str, first_line: int
-) -> _Source:
-    names, columns = [], {}
-    for name in frame.columns:
-        ours = _our_name(table, name)
-        if ours is None or (isinstance(table.columns, list) and name.startswith("skip ")):
-            continue
-        series = frame[name]
-        column = known.get(ours)
-        numeric = column is not None and column.factor is not None and series.dtype.is_numeric()
-        names.append(ours)
-        columns[ours] = (
-            series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
-            if numeric
-            else series.cast(pl.String).to_list()
+        hint = next(
+            (f"; is {sign!r} the delimiter?" for sign in ";\t| " if sign in found.replace(", ", "")), ""
         )
-    _mark_not_a_number(frame, table, columns)
-    return _Source(names, columns, np.arange(frame.height, dtype=np.int64) + first_line, file)
-
-
-def _mark_not_a_number(
-    frame: pl.DataFrame, table: Table, columns: dict[str, list[str | None] | FloatArray]
-) -> None:
-    """Turn columns in which somebody wrote NaN or inf back to texts: they are mistakes, an empty cell is not."""
-    for name in frame.columns:
-        series = frame[name]
-        ours = _our_name(table, name)
-        if ours in columns and series.dtype.is_float() and (series.is_nan() | series.is_infinite()).any():
-            columns[ours] = [None if x is None else repr(x) for x in series.to_list()]
-
-
-def _slow(text: bytes, table: Table, place: Place, problems: list[Problem]) -> _Source | None:
-    """Row by row, with the line of every row."""
-    file = str(table.file)
-    try:
-        content = text.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = text[: error.start].count(b"\n") + 1
-        problems.append(Problem("this is not UTF-8 text", file, line))
-        return None
-    delimiter = table.delimiter or ","
-    rows, lines = [], []
-    for number, line in enumerate(content.splitlines(), start=1):
-        bare = line.split("#", 1)[0]
-        if not bare.strip():
-            continue
-        cells = bare.split() if delimiter == " " else next(csv.reader([bare], delimiter=delimiter))
-        rows.append([cell.strip() for cell in cells])
-        lines.append(number)
-    if isinstance(table.columns, list):
-        names: list[str | None] = list(table.columns)
-    elif rows:
-        names = [_our_name(table, name) for name in rows.pop(0)]
-        lines.pop(0)
-    else:
-        names = []
-    if not rows:
-        problems.append(Problem("the table is empty", file))
-        return None
-    for row, line_number in zip(rows, lines, strict=True):
-        if len(row) != len(names):
-            words = f"found {len(row)} columns, expected {len(names)} ({', '.join(n or '-' for n in names)})"
-            problems.append(Problem(words, file, line_number))
-    columns: dict[str, list[str | None] | FloatArray] = {
-        name: [(row[k] or None) if k < len(row) else None for row in rows]
-        for k, name in enumerate(names)
-        if name
-    }
-    return _Source([name for name in names if name], columns, np.array(lines, dtype=np.int64), file)
+        problems.append(
+            place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}")
+        )
 
 
 def _convert(
-    source: _Source, table: Table, known: dict[str, Column], place: Place, problems: list[Problem]
+    source: Source, table: Table, known: dict[str, Column], place: Place, problems: list[Problem]
 ) -> Rows | None:
     before = len(problems)
     count = len(source.lines)
@@ -286,20 +109,15 @@ def _constant(
     if column.parse is None:
         texts[column.name] = [value] * count
         return
+    at = Place(place.document, (*place.path, "values", column.name), place.folder)
     try:
-        numbers[column.name] = np.full(count, column.parse(value, _unit_of(table, column)))
+        number = column.parse(value, _unit_of(table, column))
     except ValueError as error:
-        problems.append(
-            Problem(
-                f"{column.name}: {error}",
-                place.document.file_of(place.path),
-                _line_of_value(place, column.name),
-            )
-        )
-
-
-def _line_of_value(place: Place, name: str) -> int:
-    return place.document.line((*place.path, "values", name))
+        problems.append(at.problem(f"{column.name}: {error}"))
+        return
+    if column.name.startswith("sigma") and number < 0.0:
+        problems.append(at.problem(f"{column.name}: found {value}, expected a σ ≥ 0"))
+    numbers[column.name] = np.full(count, number)
 
 
 def _unit_of(table: Table, column: Column) -> str:
@@ -310,7 +128,7 @@ def _unit_of(table: Table, column: Column) -> str:
 
 
 def _identifiers(
-    column: Column, cells: list[str | None] | FloatArray, source: _Source, problems: list[Problem]
+    column: Column, cells: list[str | None] | FloatArray, source: Source, problems: list[Problem]
 ) -> list[str]:
     result = ["" if cell is None else str(cell).strip() for cell in cells]
     if column.required:
@@ -324,7 +142,7 @@ def _numbers(
     column: Column,
     cells: list[str | None] | FloatArray,
     table: Table,
-    source: _Source,
+    source: Source,
     place: Place,
     problems: list[Problem],
 ) -> FloatArray:

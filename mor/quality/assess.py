@@ -58,12 +58,15 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
     levels = levels or Levels()
     problem = adjustment.problem
     cofactors = adjustment.inverse.selected()
-    groups = observation_quality(adjustment, cofactors)
+    groups, of_eliminated = observation_quality(adjustment, cofactors)
     datum = datum_transformation(adjustment)
     redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
     omega = adjustment.normals.objective
     sigma0 = float(np.sqrt(omega / redundancy)) if redundancy > 0 else 1.0
-    blocks = {kind: parameter_cofactors(adjustment, cofactors, datum, kind) for kind in problem.index.columns}
+    blocks = {
+        kind: parameter_cofactors(adjustment, cofactors, of_eliminated, datum, kind)
+        for kind in problem.index.columns
+    }
     return Quality(
         adjustment=adjustment,
         redundancy=redundancy,

@@ -6,7 +6,8 @@ import numpy as np
 
 from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.datum import STransformation, s_transformation
-from mor.adjustment.rows import Target, block_cofactors
+from mor.adjustment.plan import reduced_columns
+from mor.adjustment.rows import block_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
@@ -21,17 +22,21 @@ def datum_transformation(adjustment: Adjustment) -> STransformation:
 def parameter_cofactors(
     adjustment: Adjustment,
     cofactors: BlockMatrix,
+    of_eliminated: FloatArray,
     datum: STransformation,
     kind: str,
 ) -> FloatArray:
     """Cofactor matrices (n, k, k) of all blocks of a kind for σ0 = 1; zero rows where fixed.
 
+    ``of_eliminated`` (p, 3, 3) are those of the eliminated points, in the minimal datum like ``cofactors``.
     Rotations are given for the small rotation vector, or for ω, φ, κ where they move by angles.
     """
     index = adjustment.problem.index
     columns = index.columns[kind]
     plan = adjustment.plan
-    q = block_cofactors(Target(plan.target.structure, plan.target.block_of), cofactors.values, columns)
+    q = block_cofactors(plan.target, cofactors.values, reduced_columns(columns, plan.reduced))
+    if kind == "point" and len(plan.rays.columns):
+        q[index.block_of[plan.rays.columns[:, 0]]] = of_eliminated
     weak = np.where((columns >= 0)[:, :, None], adjustment.inverse.weak[columns], 0.0)
     return q + weak @ np.swapaxes(weak, 1, 2) + datum.correction(columns, columns)
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
-from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows
+from mor.adjustment.normals import cluster_rows, image_of_rays
+from mor.adjustment.plan import ClusterRows, reduced_columns
+from mor.adjustment.point_elimination import cofactors as ray_cofactors
+from mor.adjustment.ray_plan import RayChunk, ray_chunks
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import FloatArray
@@ -30,8 +32,13 @@ class ObservationQuality(NamedTuple):
     """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not."""
 
 
-def observation_quality(adjustment: Adjustment, cofactors: BlockMatrix) -> tuple[ObservationQuality, ...]:
-    """Residuals, redundancy numbers and cofactors of all groups, from the selected inverse."""
+def observation_quality(
+    adjustment: Adjustment, cofactors: BlockMatrix
+) -> tuple[tuple[ObservationQuality, ...], FloatArray]:
+    """Residuals, redundancy numbers and cofactors of all groups, from the selected inverse of the reduced system.
+
+    Also the cofactors (p, 3, 3) of the eliminated points, which come out of the same pass (without weak directions).
+    """
     plan, values = adjustment.plan, adjustment.values
     groups = adjustment.problem.groups
     quality = tuple(_empty(misclosures(group, values)) for group in groups)
@@ -39,7 +46,9 @@ def observation_quality(adjustment: Adjustment, cofactors: BlockMatrix) -> tuple
     weak = adjustment.inverse.weak
     for row_set in plan.row_sets:
         rows = linearise(groups[row_set.group], adjustment.problem.index, values, tangent, row_set.rows)
-        q = row_cofactors(cofactors, plan.target.block_of, rows.jacobian, rows.columns)
+        q = row_cofactors(
+            cofactors, plan.target.block_of, rows.jacobian, reduced_columns(rows.columns, plan.reduced)
+        )
         if weak.shape[1]:
             moved = np.where((rows.columns >= 0)[:, :, None], weak[rows.columns], 0.0)
             image = rows.jacobian @ moved
@@ -49,7 +58,26 @@ def observation_quality(adjustment: Adjustment, cofactors: BlockMatrix) -> tuple
         _fill(quality[row_set.group], row_set.rows, here, adjusted, row_set.weight)
     for cluster in plan.clusters:
         _cluster_quality(adjustment, cofactors, cluster, quality, tangent)
-    return quality
+    of_points = np.zeros((len(plan.rays.columns), 3, 3))
+    for chunk in ray_chunks(adjustment.problem, plan.rays, plan.reduced, values):
+        of_points[chunk.points], whitened = ray_cofactors(chunk.rays, cofactors)
+        if weak.shape[1]:
+            image = image_of_rays(chunk.rays, weak[plan.kept], weak[plan.rays.columns[chunk.points]])
+            whitened = whitened + np.sum(image**2, axis=2)
+        _fill_rays(adjustment, quality, chunk, whitened)
+    return quality, of_points
+
+
+def _fill_rays(
+    adjustment: Adjustment, quality: tuple[ObservationQuality, ...], chunk: RayChunk, whitened: FloatArray
+) -> None:
+    for number in np.unique(chunk.group):
+        group = adjustment.problem.groups[number]
+        here = chunk.group == number
+        rows = chunk.row[here]
+        weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+        variance = np.where(group.mask[rows], group.sigma[rows] ** 2, 0.0)
+        _fill(quality[number], rows, group.mask[rows], whitened[here] * variance, weight)
 
 
 def _empty(misclosure: FloatArray) -> ObservationQuality:
@@ -79,7 +107,7 @@ def _cluster_quality(
 ) -> None:
     plan = adjustment.plan
     _, jacobian, columns = cluster_rows(plan, cluster, adjustment.values, tangent)
-    q = gather(cofactors, plan.target.block_of, columns)
+    q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
     weak = adjustment.inverse.weak[columns]
     adjusted = jacobian @ (q + weak @ weak.T) @ jacobian.T
     precision = cluster.whitening.T @ cluster.whitening

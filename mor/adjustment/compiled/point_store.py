@@ -1,0 +1,98 @@
+"""Kernels of the store in which groups of points wait until they reach the blocks of the reduced system together.
+
+It is the way to the memory that costs, not the arithmetic. The blocks of the reduced system are therefore visited in
+strips of columns that stay in the cache, and every strip by all groups in the store.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.compiled import compile_kernel
+from mor.adjustment.compiled.cliques import Clique
+from mor.geometry.arrays import FloatArray, IntArray
+
+# Numbers in a store (16 MB) and in a strip of columns of the reduced system (1 MB).
+STORE = 2_000_000
+STRIP = 130_000
+
+
+class Store(NamedTuple):
+    """Groups of points with the same unknowns.
+
+    Attributes:
+        couplings: group after group (3 · points, m), transposed couplings with the m unknowns of the group.
+        first_coupling: (groups+1,) where those of a group start.
+        points: (groups,) number of points.
+        blocks: group after group, ascending block numbers of its unknowns.
+        begin: the first local unknown of each of these blocks.
+        first_block: (groups+1,) where the blocks of a group start.
+    """
+
+    couplings: FloatArray
+    first_coupling: IntArray
+    points: IntArray
+    blocks: IntArray
+    begin: IntArray
+    first_block: IntArray
+
+
+@compile_kernel
+def empty_store(points: int, most_unknowns: int) -> Store:
+    """Return a store for so many points of so many unknowns at most, or as many of them as it may hold."""
+    most_unknowns = max(most_unknowns, 1)
+    size = max(min(STORE, 3 * points * most_unknowns), 3 * most_unknowns)
+    return Store(
+        np.empty(size),
+        np.zeros(points + 1, dtype=np.int64),
+        np.zeros(points, dtype=np.int64),
+        np.empty(size // 3 + 1, dtype=np.int64),
+        np.empty(size // 3 + 1, dtype=np.int64),
+        np.zeros(points + 1, dtype=np.int64),
+    )
+
+
+@compile_kernel
+def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
+    """Append a group without points."""
+    first = store.first_block[groups]
+    for slot in range(count):
+        store.blocks[first + slot] = clique.blocks[slot]
+        store.begin[first + slot] = clique.begin[slot]
+    store.first_block[groups + 1] = first + count
+    store.first_coupling[groups + 1] = store.first_coupling[groups]
+    store.points[groups] = 0
+
+
+@compile_kernel
+def append_point(store: Store, groups: int, size: int) -> FloatArray:
+    """Append a point to the last of so many groups; return room (3, size) for its coupling."""
+    first = store.first_coupling[groups]
+    store.first_coupling[groups] = first + 3 * size
+    store.points[groups - 1] += 1
+    return store.couplings[first : first + 3 * size].reshape((3, size))
+
+
+@compile_kernel
+def end_of_strip(first: int, indptr: IntArray, position: IntArray) -> int:
+    """Return the end of the strip of block columns that begins with ``first``."""
+    last = first + 1
+    while last < indptr.size - 1 and position[indptr[last + 1]] - position[indptr[first]] <= STRIP:
+        last += 1
+    return last
+
+
+@compile_kernel
+def slots_in_strip(blocks: IntArray, first: int, last: int) -> tuple[int, int]:
+    """Return the range of the ascending blocks that lie in the strip of columns."""
+    if blocks.size == 0 or blocks[-1] < first or blocks[0] >= last:
+        return 0, 0
+    low = 0
+    while blocks[low] < first:
+        low += 1
+    high = low
+    while high < blocks.size and blocks[high] < last:
+        high += 1
+    return low, high

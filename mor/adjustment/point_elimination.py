@@ -1,0 +1,151 @@
+"""Elimination of the points that only rays meet: they are by far the most, and none of them enters the big
+system.
+
+Such a point has a 3×3 system of its own. Eliminating it leaves a *reduced* system of all other unknowns, in
+which the blocks of its rays form a clique (D. C. Brown, 1958; Schur complement). The rays come in chunks of
+whole points, are used and forgotten; the pass is repeated for the steps of the points and for the cofactors.
+
+Every function has a plain numpy form in ``point_reference`` and a compiled one in ``compiled``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.adjustment import compiled, point_reference
+from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
+from mor.adjustment.compiled import point_cofactors, point_products, points
+from mor.adjustment.compiled.cliques import Pattern
+from mor.adjustment.rays import Rays
+from mor.geometry.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class ReducedSystem:
+    """Normal equations of the unknowns that remain; ``accumulate`` adds to its arrays in place.
+
+    Attributes:
+        matrix: S = Σ jᵀj − Σ W N_pp⁻¹ Wᵀ; diagonal blocks hold both triangles.
+        right_hand_side: (n,) −Σ jᵀ residual − Σ W N_pp⁻¹ b_p.
+        diagonal: (n,) diagonal of Σ jᵀj alone, before the points are eliminated: the measure of what
+            vanishes, and of damping.
+    """
+
+    matrix: BlockMatrix
+    right_hand_side: FloatArray
+    diagonal: FloatArray
+
+
+def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
+    """Return a reduced system of zeros."""
+    matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
+    return ReducedSystem(matrix, np.zeros(structure.unknowns), np.zeros(structure.unknowns))
+
+
+def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> BoolArray:
+    """Eliminate the points of a chunk of rays and add what they leave to the reduced system, in place.
+
+    Args:
+        rays: residuals and Jacobians, whole points.
+        reduced: the system to add to. Its pattern must hold all pairs of blocks that the rays of a point
+        meet.
+        damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
+            diagonal is the caller's.
+
+    Returns:
+        (p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is
+        known. It is
+        held: it neither moves nor weakens anything.
+
+    Raises:
+        ValueError: the pattern lacks a pair of blocks that meet in a point.
+    """
+    if not compiled.available:
+        return point_reference.accumulate(
+            rays, reduced.matrix, reduced.right_hand_side, reduced.diagonal, damping
+        )
+    held = np.empty((rays.points, 3), dtype=np.bool_)
+    stored = point_products.accumulate(
+        rays.residual,
+        rays.by_point,
+        rays.by_others,
+        rays.columns,
+        rays.point_pointers,
+        damping,
+        _pattern(reduced.matrix.structure),
+        reduced.matrix.values,
+        reduced.right_hand_side,
+        reduced.diagonal,
+        held,
+    )
+    _refuse_unless(stored)
+    return held
+
+
+def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) -> FloatArray:
+    """Return the steps (p, 3) of the points of a chunk.
+
+    Args:
+        rays: the same residuals and Jacobians as for ``accumulate``.
+        reduced_step: (n,) solution of the reduced system.
+        damping: as for ``accumulate``.
+    """
+    if not compiled.available:
+        return point_reference.back_substitute(rays, reduced_step, damping)
+    steps = np.empty((rays.points, 3))
+    points.back_substitute(
+        rays.residual,
+        rays.by_point,
+        rays.by_others,
+        rays.columns,
+        rays.point_pointers,
+        damping,
+        np.ascontiguousarray(reduced_step, dtype=np.float64),
+        steps,
+    )
+    return steps
+
+
+def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
+    """Return the cofactors of the points and of the computed values of a chunk of rays, exactly.
+
+    Args:
+        rays: Jacobians; the residuals are not looked at.
+        inverse: selected inverse of the reduced system.
+
+    Returns:
+        Q_pp (p, 3, 3), and (n, 2) the diagonal of J Q Jᵀ, the cofactors of the whitened computed values.
+        One minus the latter is the redundancy number.
+
+    Raises:
+        ValueError: the pattern lacks a pair of blocks that meet in a point.
+    """
+    if not compiled.available:
+        return point_reference.cofactors(rays, inverse)
+    of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2))
+    stored = point_cofactors.cofactors(
+        rays.by_point,
+        rays.by_others,
+        rays.columns,
+        rays.point_pointers,
+        _pattern(inverse.structure),
+        inverse.values,
+        of_points,
+        of_rays,
+    )
+    _refuse_unless(stored)
+    return of_points, of_rays
+
+
+def _pattern(structure: BlockStructure) -> Pattern:
+    """Return the arrays of a pattern as the kernels take them."""
+    block_of, offsets = structure.block_of, structure.offsets
+    return Pattern(block_of, offsets, structure.indptr, structure.indices, structure.position)
+
+
+def _refuse_unless(stored: bool) -> None:
+    """Raise where a kernel met a pair of blocks that is not stored."""
+    if not stored:
+        raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")

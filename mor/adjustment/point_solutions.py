@@ -1,0 +1,77 @@
+"""From the reduced system to the eliminated points and back, one pass over the rays each.
+
+With the rows of the rays split into A_p (their points) and A_r (all else), N_pp = A_pᵀA_p is block diagonal:
+
+    reduced right-hand side   b_r − A_rᵀ A_p N_pp⁻¹ b_p
+    points                    x_p = N_pp⁻¹ (b_p − A_pᵀ A_r x_r)
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mor.adjustment.plan import Plan
+from mor.adjustment.point_elimination import back_substitute
+from mor.adjustment.ray_plan import RayChunk, ray_chunks
+from mor.adjustment.rays import Rays
+from mor.geometry.arrays import FloatArray
+from mor.parameters.index import Values
+
+
+def full_directions(plan: Plan, values: Values, reduced: FloatArray) -> FloatArray:
+    """Directions (u, k) whose reduced part is given (n, k), the points following so that AᵀA g vanishes for them."""
+    full = np.zeros((plan.problem.index.count, reduced.shape[1]))
+    full[plan.kept] = reduced
+    if reduced.shape[1] == 0:
+        return full
+    for chunk in plan_chunks(plan, values):
+        still = replace(chunk.rays, residual=np.zeros_like(chunk.rays.residual))
+        for k in range(reduced.shape[1]):
+            full[plan.rays.columns[chunk.points], k] = back_substitute(still, reduced[:, k])
+    return full
+
+
+def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 0.0) -> FloatArray:
+    """Step (u,) of all unknowns from that of the reduced ones (n,)."""
+    full = np.zeros(plan.problem.index.count)
+    full[plan.kept] = reduced
+    for chunk in plan_chunks(plan, values):
+        full[plan.rays.columns[chunk.points]] = back_substitute(chunk.rays, reduced, damping)
+    return full
+
+
+def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Reduced right-hand sides (n, k) of rhs (u, k), and N_pp⁻¹ b_p of the points (p, 3, k)."""
+    reduced = rhs[plan.kept].copy()
+    answer = np.zeros((len(plan.rays.columns), 3, rhs.shape[1]))
+    for chunk in plan_chunks(plan, values):
+        rays = chunk.rays
+        alone = np.linalg.solve(point_normals(rays), rhs[plan.rays.columns[chunk.points]])
+        answer[chunk.points] = alone
+        moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])
+        free = rays.columns >= 0
+        back = np.einsum("nmc,nmk->nck", rays.by_others, moved)[free]
+        np.subtract.at(reduced, rays.columns[free], back)
+    return reduced, answer
+
+
+def point_normals(rays: Rays) -> FloatArray:
+    """N_pp (p, 3, 3) of the points of a chunk."""
+    products = np.einsum("nmi,nmj->nij", rays.by_point, rays.by_point)
+    normals: FloatArray = np.add.reduceat(products, rays.point_pointers[:-1], axis=0)
+    return normals
+
+
+def point_of_ray(rays: Rays) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """(n,) point of each ray within its chunk."""
+    return np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
+
+
+def plan_chunks(plan: Plan, values: Values):  # type: ignore[no-untyped-def]
+    """The ray chunks of a plan at the given values."""
+    return ray_chunks(plan.problem, plan.rays, plan.reduced, values)
+
+
+__all__ = ["RayChunk", "full_directions", "full_step", "plan_chunks", "reduce_right_hand_side"]

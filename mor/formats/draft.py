@@ -1,0 +1,78 @@
+"""A project in the making: the plain data of a project file, put together from the lines of another file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any, NamedTuple
+
+from mor.errors import InputError, Problem
+from mor.project.nodes import Document, Path
+
+
+class Row(NamedTuple):
+    """Cells of a table row, and the line they come from."""
+
+    cells: list[str | None]
+    line: int
+
+
+@dataclass
+class Draft:
+    """Sections, tables and settings of a project, each with the line it comes from."""
+
+    file: str
+    data: dict[str, Any] = field(default_factory=lambda: {"mor": "1"})
+    lines: dict[Path, int] = field(default_factory=dict)
+    files: dict[Path, str] = field(default_factory=dict)
+    """Files of the tables that do not come from ``file``."""
+    problems: list[Problem] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
+    """What was left out, and why."""
+
+    def problem(self, message: str, line: int = 0) -> None:
+        """A mistake at a line of the file."""
+        self.problems.append(Problem(message, self.file, line))
+
+    def note(self, message: str, line: int = 0) -> None:
+        """Something the reader did of its own accord, to be told to the user."""
+        self.notes.append(Problem(message, self.file, line))
+
+    def put(self, key: str, value: Any, line: int = 0) -> None:
+        """A key at the top of the project."""
+        self.data[key] = value
+        if line:
+            self.lines[key,] = line
+
+    def table(self, section: str, columns: Sequence[str], rows: Sequence[Row], file: str = "", **keys: Any) -> Path:
+        """Add a table to a section; columns without any value are left out. Returns its path."""
+        tables = self.data.setdefault(section, [])
+        path: Path = (section, len(tables))
+        used = [k for k in range(len(columns)) if any(row.cells[k] is not None for row in rows)]
+        keys = {key: value for key, value in keys.items() if value is not None and value != []}
+        cells = [[row.cells[k] for k in used] for row in rows]
+        tables.append({**keys, "columns": [columns[k] for k in used], "rows": cells})
+        self.lines[path] = rows[0].line
+        for i, row in enumerate(rows):
+            self.lines[*path, "rows", i] = row.line
+        if file:
+            self.files[path] = file
+        return path
+
+    def finish(self) -> Document:
+        """The finished document. Raises :class:`InputError` with every mistake found."""
+        if self.problems:
+            raise InputError(sorted(self.problems, key=lambda problem: (problem.file, problem.line)))
+        return Document(self.data, self.lines, self.file, self.files, tuple(self.notes))
+
+
+def number(text: str) -> float:
+    """A finite number. Raises ``ValueError`` with words."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"found {text!r}, expected a number") from None
+    if not isfinite(value) or "_" in text:
+        raise ValueError(f"found {text!r}, expected a number")
+    return value

@@ -1,0 +1,66 @@
+"""Wrong pairs are found and left out, the same ones every time."""
+
+import numpy as np
+import pytest
+
+from mor.approximate.bundle import image_bundle
+from mor.approximate.relative_outcome import RelativeOutcome
+from mor.approximate.relative_robust import robust_relative_orientation
+
+
+def spoilt(scenes, seed, kind, part, noise=0.002):
+    rng = np.random.default_rng(seed + 1000)
+    made = getattr(scenes, kind)(seed, noise, n=int(rng.integers(20, 51)))
+    n = len(made.points)
+    wrong = rng.choice(n, max(1, int(part * n)), replace=False)
+    made.rays[1][wrong, :2] = rng.uniform(-1, 1, (len(wrong), 2)) * [18.0, 12.0]
+    return made, wrong
+
+
+@pytest.mark.parametrize("kind", ["scene", "plane_scene"])
+@pytest.mark.parametrize("part", [0.05, 0.3])
+def test_wrong_pairs_are_left_out(scenes, kind, part):
+    for seed in range(8):
+        made, wrong = spoilt(scenes, seed, kind, part)
+        base, rotation = scenes.relative_truth(made.cameras)
+        result = robust_relative_orientation(*(image_bundle(r, made.sigma) for r in made.rays))
+        found = result.orientation
+        assert found.outcome in (RelativeOutcome.DETERMINED, RelativeOutcome.AMBIGUOUS)
+        error = min(
+            np.linalg.norm(one.base - base) + np.linalg.norm(one.rotation - rotation)
+            for one in (found, *found.alternatives)
+        )
+        assert error < 0.03
+        assert np.sum(result.agreeing[wrong]) <= 1
+        assert np.sum(~result.agreeing) <= len(wrong) + 1
+
+
+def test_without_wrong_pairs_nothing_is_sampled(scenes):
+    made = scenes.scene(2, 0.001, n=30)
+    result = robust_relative_orientation(*(image_bundle(r, made.sigma) for r in made.rays))
+    assert result.samples == 0
+    assert np.all(result.agreeing)
+
+
+def test_same_input_gives_the_same_result(scenes):
+    made, _ = spoilt(scenes, 3, "scene", 0.2)
+    bundles = [image_bundle(r, made.sigma) for r in made.rays]
+    first, second = (robust_relative_orientation(*bundles) for _ in range(2))
+    np.testing.assert_array_equal(first.orientation.rotation, second.orientation.rotation)
+    np.testing.assert_array_equal(first.agreeing, second.agreeing)
+
+
+def test_mismatched_identities_throughout_are_refused(scenes):
+    made = scenes.scene(5, 0.001, n=25)
+    shuffled = made.rays[1][np.random.default_rng(1).permutation(25)]
+    result = robust_relative_orientation(image_bundle(made.rays[0], 0.001), image_bundle(shuffled, 0.001))
+    assert not result.orientation.outcome.usable
+    assert not np.any(result.agreeing)
+
+
+def test_degenerate_data_keep_their_name(scenes):
+    made = scenes.scene(6, 0.001, n=25)
+    a = image_bundle(made.rays[0], 0.001)
+    assert robust_relative_orientation(a, a).orientation.outcome is RelativeOutcome.IDENTICAL
+    mirrored = image_bundle(made.rays[1] * [-1.0, 1.0, 1.0], 0.001)
+    assert not robust_relative_orientation(a, mirrored).orientation.outcome.usable

@@ -1,0 +1,26 @@
+"""What all tests share: the hand-built networks of ``scenes.py``, and the reference data beside the repository."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from reference_data import missing, reference_folder  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Callable[[str], Path]:
+    """Folder of a reference data set by name; the test is skipped where it is missing."""
+
+    def find(name: str) -> Path:
+        folder = reference_folder(name)
+        if folder is None:
+            pytest.skip(missing(name))
+        return folder
+
+    return find

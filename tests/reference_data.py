@@ -1,0 +1,117 @@
+"""Where the reference data are, how a network is given start values that come with them, and results by name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from mor.geometry.rotations import rotation_from_angles
+from mor.pipeline import Solved
+from mor.project.network import Network, build_network
+from mor.project.nodes import Document, read_yaml
+from mor.project.validation import validate
+
+
+def reference_folder(name: str) -> Path | None:
+    """Folder of a data set: below ``MOR_SHARED_DATA``, or ``shared/data`` beside the repository."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("MOR_SHARED_DATA") or beside) / name
+    return folder if folder.is_dir() else None
+
+
+def missing(name: str) -> str:
+    """Why a test is skipped."""
+    return f"reference data {name!r} not found (set MOR_SHARED_DATA, or put them in ../shared/data)"
+
+
+def reference_files(name: str, pattern: str) -> Sequence[object]:
+    """Files of a data set as test parameters; one skipped parameter where the set is missing."""
+    folder = reference_folder(name)
+    if folder is None:
+        return [pytest.param(None, marks=pytest.mark.skip(reason=missing(name)), id="missing")]
+    return [pytest.param(path, id=path.stem) for path in sorted(folder.glob(pattern))]
+
+
+def with_starts(network: Network, places: Mapping[str, Sequence[float]]) -> Network:
+    """The network with missing coordinates taken from ``places`` (project axes), and directions oriented by them."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    points = network.things["point"]
+    for name, block in zip(points.ids, points.parts["position"], strict=True):
+        if name in places:
+            given = network.edge.matrix @ np.nan_to_num(np.array(places[name], dtype=float))
+            start["point"][block] = np.where(np.isnan(start["point"][block]), given, start["point"][block])
+    for block, orientation in _orientations(network, start["point"]).items():
+        if np.isnan(start["rotation"][block]).any():
+            start["rotation"][block] = rotation_from_angles(np.array([[0.0, 0.0, -orientation]]))[0]
+    return replace(network, start=start)
+
+
+def _orientations(network: Network, points: np.ndarray) -> dict[int, float]:
+    """Mean orientation (bearing minus direction) of every direction set."""
+    sums: dict[int, complex] = {}
+    for group in network.groups:
+        if group.type.key != "directions":
+            continue
+        vector = points[group.blocks[3]] - points[group.blocks[0]]
+        turns = np.arctan2(vector[:, 0], vector[:, 1]) - group.observed[:, 0]
+        for block, turn in zip(group.blocks[1], turns, strict=True):
+            sums[int(block)] = sums.get(int(block), 0j) + complex(np.exp(1j * turn))
+    return {block: float(np.angle(total)) for block, total in sums.items()}
+
+
+class Outcome(NamedTuple):
+    """One adjusted observation, in the axes and senses of the project; σ of the adjusted value for σ0 = 1."""
+
+    line: int
+    type: str
+    component: str
+    references: tuple[str, ...]
+    observed: float
+    v: float
+    r: float
+    s: float
+    w: float
+
+
+def observations(solved: Solved) -> list[Outcome]:
+    """All observations in the order of their lines."""
+    rows = []
+    for group, quality, w in zip(solved.network.groups, solved.quality.groups, solved.quality.w, strict=True):
+        T = group.external.transform if group.external else np.eye(len(group.type.components))
+        offset = group.external.offset if group.external else 0.0
+        observed, v, w_given = (np.nan_to_num(a) @ T for a in (group.observed - offset, quality.v, w))
+        r, q = (np.nan_to_num(a) @ np.abs(T) for a in (quality.r, quality.q_adjusted))
+        here = (group.mask @ np.abs(T)) > 0.5
+        for i, k in zip(*np.nonzero(here), strict=True):
+            names = tuple(reference[i] for reference in group.references)
+            values = (observed[i, k], v[i, k], r[i, k], np.sqrt(max(q[i, k], 0.0)), w_given[i, k])
+            component = group.type.components[k].name
+            line = int(group.lines[i]) if len(group.lines) else 0
+            rows.append(Outcome(line, group.type.key, component, names, *map(float, values)))
+    return sorted(rows, key=lambda row: row.line)
+
+
+def point_results(solved: Solved) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Coordinates and standard deviations for σ0 = 1 of every point, in the axes of the project."""
+    points, M = solved.network.things["point"], solved.network.edge.matrix
+    blocks = points.parts["position"]
+    coordinates = solved.adjustment.values["point"][blocks] @ M
+    variances = np.diagonal(solved.quality.cofactors["point"][blocks], axis1=1, axis2=2) @ np.abs(M)
+    sigma = np.sqrt(np.maximum(variances, 0.0))
+    return {name: (coordinates[i], sigma[i]) for i, name in enumerate(points.ids)}
+
+
+def network_of(document: Document, folder: Path) -> Network:
+    """The network of a document."""
+    return build_network(validate(document), document, folder)
+
+
+def network_of_yaml(text: str, folder: Path) -> Network:
+    """The network of a project file given as text; its tables are looked for in ``folder``."""
+    return network_of(read_yaml(text, "project.yaml"), folder)

@@ -1,0 +1,131 @@
+"""The architecture: imports point only downwards, no module is long, none is called after nothing in particular."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import mor
+
+ROOT = Path(mor.__file__).parent
+MODULES = sorted(ROOT.rglob("*.py"))
+
+LAYERS = (
+    ("errors", "units"),
+    ("geometry",),
+    ("parameters",),
+    ("observations",),
+    ("project",),
+    ("approximate", "adjustment"),
+    ("quality",),
+    ("report", "formats"),
+    ("pipeline",),
+    ("cli",),
+)
+"""Bottom to top; what stands in one layer does not know each other."""
+LEVEL = {name: level for level, layer in enumerate(LAYERS) for name in layer}
+FORBIDDEN = {("adjustment", "project")}
+"""Downwards, and still not allowed: the solver works without a project file."""
+NAMELESS = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
+LONGEST = 400
+
+
+def _part(module: Path) -> str:
+    """``adjustment`` for mor/adjustment/solve.py, ``pipeline`` for mor/pipeline.py; mor/__init__.py imports nothing."""
+    return module.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def _imports(source: str, package: tuple[str, ...]) -> Iterator[tuple[str, int]]:
+    """Part of mor and line of every import, wherever it stands; ``package`` is what relative imports count from."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = list(package[: len(package) - node.level + 1]) if node.level else []
+            base += node.module.split(".") if node.module else []
+            names = [".".join(base)] if len(base) > 1 else [".".join([*base, a.name]) for a in node.names]
+        else:
+            continue
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "mor" and len(parts) > 1:
+                yield parts[1], node.lineno
+
+
+def _offence(importer: str, imported: str) -> str | None:
+    if imported not in LEVEL:
+        return None if imported.startswith("__") else f"{imported} belongs to no layer"
+    if importer == imported or importer == "__main__":
+        return None
+    if importer not in LEVEL:
+        return f"{importer} belongs to no layer"
+    if LEVEL[imported] >= LEVEL[importer]:
+        return f"{importer} must not import {imported}"
+    return f"{importer} must not import {imported}" if (importer, imported) in FORBIDDEN else None
+
+
+def _offences(module: Path) -> list[str]:
+    package = ("mor", *module.relative_to(ROOT).parent.parts)
+    found = ((line, _offence(_part(module), part)) for part, line in _imports(module.read_text(), package))
+    return [f"line {line}: {offence}" for line, offence in found if offence]
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: str(module.relative_to(ROOT)))
+def test_imports_point_only_downwards(module):
+    assert _offences(module) == []
+
+
+@pytest.mark.parametrize(
+    ("source", "parts"),
+    [
+        ("import mor.cli.main", ["cli"]),
+        ("import numpy, mor.units as u", ["units"]),
+        ("from mor.project import model", ["project"]),
+        ("from mor import pipeline, units", ["pipeline", "units"]),
+        ("def f():\n    from mor.quality.assess import assess", ["quality"]),
+        ("from . import solve", ["adjustment"]),
+        ("from ..project.model import Project", ["project"]),
+        ("from .. import report", ["report"]),
+        ("import mor", []),
+        ("from moritz import cli", []),
+    ],
+)
+def test_every_form_of_import_is_seen(source, parts):
+    assert [part for part, _ in _imports(source, ("mor", "adjustment"))] == parts
+
+
+@pytest.mark.parametrize(
+    ("importer", "imported", "allowed"),
+    [
+        ("adjustment", "observations", True),
+        ("adjustment", "adjustment", True),
+        ("adjustment", "project", False),
+        ("approximate", "project", True),
+        ("approximate", "adjustment", False),
+        ("adjustment", "approximate", False),
+        ("observations", "adjustment", False),
+        ("cli", "pipeline", True),
+        ("pipeline", "cli", False),
+        ("__init__", "cli", False),
+        ("report", "formats", False),
+        ("geometry", "utils", False),
+    ],
+)
+def test_what_is_allowed(importer, imported, allowed):
+    assert (_offence(importer, imported) is None) == allowed
+
+
+def test_every_part_of_the_program_belongs_to_a_layer():
+    assert {_part(module) for module in MODULES} - {"__init__", "__main__"} <= set(LEVEL)
+
+
+def test_no_module_is_long():
+    long = {str(m.relative_to(ROOT)): n for m in MODULES if (n := len(m.read_text().splitlines())) > LONGEST}
+    assert long == {}
+
+
+def test_every_module_is_named_after_what_it_does():
+    assert [str(m) for m in MODULES if m.stem in NAMELESS or m.parent.name in NAMELESS] == []
