@@ -75,7 +75,9 @@ def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
         Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
         for c in network.correlations
     )
+    reference = {"point": start["point"]}
+    movements = reference if network.datum.at_reference else None
     datum = Datum(
-        network.datum.name, network.datum.free, {"point": network.datum.mask}, {"point": start["point"]}
+        network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements
     )
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)

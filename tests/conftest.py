@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from reference_data import missing, reference_folder  # noqa: E402
+from reference_data import missing, reference_folder
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,10 @@
 """The datum: which null directions are free movements of the whole network, and how the datum binds them.
 
 The inner constraint binds the total correction of the masked components to their reference,
-Bᵀ(x − x₀) = 0 with B = M G₀, G₀ the movements of the network at the reference. Any solution of a minimal datum is carried there
-by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ, S = I − G (BᵀG)⁻¹ Bᵀ.
+Bᵀ(x − x₀) = 0 with B = M G, G the movements of the network at the adjusted coordinates (then the sum of squared
+corrections of the masked components is the smallest), or at coordinates the datum names, usually the reference. Any
+solution of a minimal datum is carried there by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ,
+S = I − G (BᵀG)⁻¹ Bᵀ. Shifts and rotations of whole points lead to the same coordinates either way, scale does not.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 
 from mor.adjustment.defect import similarities
 from mor.adjustment.problem import Datum, Problem
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.index import Index, Values
 
 
@@ -40,7 +42,7 @@ class STransformation:
     core: FloatArray
     """(d, d) BᵀQB."""
 
-    def correction(self, one: FloatArray, other: FloatArray) -> FloatArray:
+    def correction(self, one: IntArray, other: IntArray) -> FloatArray:
         """What S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
 
         Negative numbers stand for fixed components and yield zeros.
@@ -62,13 +64,13 @@ def datum_mask(datum: Datum, index: Index) -> BoolArray:
 def constraint(null: FloatArray, problem: Problem, values: Values) -> Constraint:
     """Inner constraints over the components that carry the datum, for movements (u, d) of the network at ``values``.
 
-    On points a movement is a similarity; its displacements are taken at the *reference* coordinates, so that the
-    datum is the same wherever the iteration starts.
+    Where the datum names coordinates to take the movements at, points are displaced by the same similarity there.
     """
     mask = datum_mask(problem.datum, problem.index)
     normals = np.where(mask[:, None], null, 0.0)
     chosen = problem.datum.mask.get("point")
-    if chosen is None or null.shape[1] == 0:
+    elsewhere = problem.datum.movements
+    if chosen is None or elsewhere is None or null.shape[1] == 0:
         return Constraint(normals, mask)
     columns = problem.index.columns["point"]
     free = columns >= 0
@@ -76,7 +78,7 @@ def constraint(null: FloatArray, problem: Problem, values: Values) -> Constraint
     now = similarities(values["point"], centre)[free]
     movement = np.linalg.lstsq(now, null[columns[free]], rcond=1e-12)[0]
     used = free & chosen
-    normals[columns[used]] = similarities(problem.datum.reference["point"], centre)[used] @ movement
+    normals[columns[used]] = similarities(elsewhere["point"], centre)[used] @ movement
     return Constraint(normals, mask)
 
 
@@ -112,7 +114,7 @@ def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArr
     return STransformation(null, binding, through, constraint.normals.T @ through)
 
 
-def _rows(matrix: FloatArray, columns: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> FloatArray:
+def _rows(matrix: FloatArray, columns: IntArray) -> FloatArray:
     return np.where((columns >= 0)[..., None], matrix[columns], 0.0)
 
 

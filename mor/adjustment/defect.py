@@ -92,8 +92,8 @@ def similarity_generators(coordinates: FloatArray, used: BoolArray) -> FloatArra
 def _telling_components(problem: Problem, values: Values, dimension: int) -> BoolArray:
     """(n, 3) point components that tell whether null vectors are movements of the network.
 
-    The free ones f. A null space of dimension k and the similarities of dimension s meet in k + s − f dimensions by mere
-    chance; where that is positive, the fixed components that observations look at are taken in as well.
+    The free ones f. A null space of dimension k and the similarities of dimension s meet in k + s − f dimensions by
+    mere chance; where that is positive, the fixed components that observations look at are taken in as well.
     """
     free, fixed = _network_components(problem, values)
     generators = similarity_generators(values["point"], free)

@@ -32,6 +32,8 @@ class Datum:
     free: bool
     mask: Mapping[str, BoolArray]
     reference: Values
+    movements: Values | None = None
+    """Coordinates at which the movements of the inner constraints are taken; ``None``: the adjusted ones."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mor.adjustment.problem import Problem
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.parameters.index import Values, move
 
-TINY_STEP = 1e-9
+TINY_STEP = 1e-7
 """Largest change in units of σ at which the iteration is over."""
 ROUND_OFF_STEP = 1e-3
 """Changes below this that no longer shrink are round-off of the data, not progress."""
@@ -190,16 +190,13 @@ def _at(state: Adjustment, values: Mapping[str, FloatArray], iterations: tuple[I
     normals = build_normals(state.plan, values)
     inverse = invert(state.plan, normals, values, state.anchors)
     defect = explain_defect(inverse.null, state.problem, values)
-    bound = state.constraint
-    if defect.datum.shape[1] != bound.normals.shape[1]:
-        bound = constraint(defect.datum, state.problem, values)
     moved = replace(
         state,
         values=values,
         normals=normals,
         inverse=inverse,
         defect=defect,
-        constraint=bound,
+        constraint=constraint(defect.datum, state.problem, values),
         iterations=iterations,
     )
     return _judge_defect(moved)

@@ -104,6 +104,18 @@ def angles_in_image(corners: FloatArray) -> Angles:
     return Angles(np.array(cotangents[:2]), np.array(cotangents[2:]), k, crossing)
 
 
+def diagonals_cross(corners: FloatArray) -> bool:
+    """True if the diagonals 12 and 34 of rays (4, 3) meet between their ends, in front."""
+    one, two, three, four = unit(corners)
+    crossing = angles_in_image(corners).crossing
+    between = [
+        float(cross(crossing, first) @ cross(crossing, second)) < 0.0
+        and float(crossing @ (first + second)) > 0.0
+        for first, second in ((one, two), (three, four))
+    ]
+    return all(between)
+
+
 def _cot(first: FloatArray, second: FloatArray) -> float:
     return float(first @ second) / max(float(np.linalg.norm(cross(first, second))), 1e-300)
 
@@ -150,6 +162,8 @@ def solve_quadrilateral(corners_a: FloatArray, corners_b: FloatArray) -> list[Qu
     unsquared (7) and (2a), (2b). Admissible solutions come first. The list is empty where the corners make
     no quadrilateral.
     """
+    if not diagonals_cross(corners_a) or not diagonals_cross(corners_b):
+        return []
     angles_a, angles_b = angles_in_image(corners_a), angles_in_image(corners_b)
     link = linking_constants(angles_a, angles_b)
     if not np.all(np.isfinite(link)) or link.c1 <= 0.0 or link.c2 <= 0.0:

@@ -43,7 +43,7 @@ class PlaneShape:
     rotations: FloatArray
     """(m, 3, 3) D of the images."""
     sigma_points: FloatArray
-    """(n, 2) for the a-priori σ of the rays, with respect to all points and images (inner constraints)."""
+    """(n, 2) for the a-priori σ of the rays, with inner constraints over all points."""
     residuals: FloatArray
     """(m, n, 2) in units of σ; not a number where a point is not seen."""
     sigma0: float
@@ -165,9 +165,6 @@ def _result(
 ) -> PlaneShape:
     unseen = ~np.any(seen, axis=0)
     redundancy = len(residuals) - (6 * len(bundles) + 2 * int(np.sum(~unseen)) - FREE)
-    values, vectors = np.linalg.eigh(design.T @ design)
-    known = slice(FREE + 2 * int(np.sum(unseen)), None)
-    cofactors = np.sum(vectors[:, known] ** 2 / np.maximum(values[known], 1e-300), axis=1)
     spread = np.full((len(bundles), len(state.points), 2), np.nan)
     offset = 0
     front = True
@@ -178,18 +175,31 @@ def _result(
         offset += 2 * count
         star = (space[there] - state.positions[k]) @ state.rotations[k].T
         front = front and bool(np.all(ahead(bundle.take(there), star)))
-    sigma_points = np.sqrt(cofactors[6 * len(bundles) :]).reshape(-1, 2)
+    sigma_points = _sigma_points(design, 6 * len(bundles))
     sigma0 = float(np.sqrt(residuals @ residuals / redundancy)) if redundancy > 0 else float("nan")
     return PlaneShape(
         PlaneOutcome.UNIQUE if front else PlaneOutcome.NOT_VISIBLE,
         state.points,
         state.positions,
         state.rotations,
-        np.where(unseen[:, None], np.nan, sigma_points),
+        sigma_points,
         spread,
         sigma0,
         redundancy,
     )
+
+
+def _sigma_points(design: FloatArray, frames: int) -> FloatArray:
+    """Standard deviations (n, 2) of the points in their own datum, by the S-transformation; NaN where unseen."""
+    active = np.any(design != 0.0, axis=0)
+    values, vectors = np.linalg.eigh(design[:, active].T @ design[:, active])
+    null, inner = vectors[:, :FREE], vectors[:, :FREE].copy()
+    inner[: int(np.sum(active[:frames]))] = 0.0
+    into_datum = np.eye(len(values)) - null @ np.linalg.solve(inner.T @ null, inner.T)
+    roots = into_datum @ vectors[:, FREE:] / np.sqrt(np.maximum(values[FREE:], 1e-300))
+    sigma = np.full(len(active), np.nan)
+    sigma[active] = np.linalg.norm(roots, axis=1)
+    return np.asarray(sigma[frames:].reshape(-1, 2))
 
 
 def _decided(shapes: list[PlaneShape], pairs: list[PlaneOutcome]) -> PlaneShape:
@@ -207,10 +217,10 @@ def _decided(shapes: list[PlaneShape], pairs: list[PlaneOutcome]) -> PlaneShape:
         pass
     elif objective(best) > misfit_limit(best.redundancy):
         outcome = PlaneOutcome.NOT_PLANE
-    elif rivals:
-        outcome = PlaneOutcome.AMBIGUOUS
     elif len(pairs) == 1 and pairs[0] is PlaneOutcome.BASE_ALONG_NORMAL:
         outcome = pairs[0]
+    elif rivals:
+        outcome = PlaneOutcome.AMBIGUOUS
     return replace(best, outcome=outcome, alternatives=tuple(rivals))
 
 

@@ -17,7 +17,7 @@ from mor.approximate.coplanarity import adjust_coplanarity, first_order_residual
 from mor.approximate.five_points import five_point_unknowns
 from mor.approximate.relative import MINIMUM, best_of_four, relative_orientation
 from mor.approximate.relative_outcome import RelativeOrientation, RelativeOutcome
-from mor.approximate.relative_result import failed
+from mor.approximate.relative_result import BEHIND, failed
 from mor.approximate.rinner import auxiliary_unknowns
 from mor.geometry.arrays import BoolArray, FloatArray
 
@@ -80,7 +80,14 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
             break
         found, orientation = now, relative_orientation(a.take(now), b.take(now))
     unknowns = auxiliary_unknowns(orientation.base, orientation.rotation)
-    return RobustOrientation(orientation, found, first_order_residuals(a, b, unknowns[None])[0], samples)
+    residuals = first_order_residuals(a, b, unknowns[None])[0]
+    meeting = residuals < AGREES
+    if np.sum(found) < BEHIND * np.sum(meeting):
+        # Many rays meet, but behind a frame: no wrong pairs, but a mirrored or reversed bundle.
+        whole = relative_orientation(a.take(meeting), b.take(meeting))
+        if not whole.outcome.usable:
+            return RobustOrientation(whole, np.zeros(len(a), dtype=bool), residuals, samples)
+    return RobustOrientation(orientation, found, residuals, samples)
 
 
 def _agreeing(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.geometry.arrays import FloatArray, IntArray
-from mor.project.groups import Group
 from mor.project.model import Observations
+from mor.project.observation_rows import Group
 from mor.project.reading import Reading
 from mor.project.tables import Place
 

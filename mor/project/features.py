@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.errors import Problem
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import PLAIN_TYPES, ObservationGroup
 from mor.project.edge import UnitError
@@ -65,42 +65,71 @@ def _observed_zero(
 
     Plane: z̄ = 0; line: x̄ = ȳ = 0; right angle: z̄ = 0 for the first plane, x̄ = 0 for the second. The offsets of the
     observed coordinates and the turns that move them are free, all else is fixed.
+
+    The two residuals of a point on a line are components in axes that turn with the system. Were its turn about
+    the line fixed in space, a free network could no longer turn about the line without changing them; so a point
+    beside the line carries the turn: its ȳ, observed as zero, which nothing else controls (r = 0).
     """
     coordinates = reading.shop.store("point").all_values()
     D, centre = _start(coordinates, first, other, feature.type)
-    observed = np.full((len(first) + len(other), 3), np.nan)
+    members, names = np.concatenate([first, other]), [*feature.points, *feature.other]
     offsets, turns = _freedom(feature.type)
+    observed = np.full((len(members), 3), np.nan)
     if feature.type == "line":
         observed[:, :2] = 0.0
+        beside = _point_beside(reading, coordinates, D, centre)
+        if beside:
+            block = reading.shop.things["point"].part(beside, "position")
+            D, turns = _turned_towards(coordinates[block] - centre, D), np.ones_like(turns)
+            members, names = np.append(members, block), [*names, beside]
+            observed = np.append(observed, [[np.nan, 0.0, np.nan]], axis=0)
     else:
         observed[: len(first), 2] = 0.0
         observed[len(first) :, 0] = 0.0
     label = f"{feature.type} {feature.id}"
-    shop = reading.shop
-    none = np.full((1, 3), np.nan)
+    system = _add_system(reading, label, centre, D, turns, offsets)
+    count = len(members)
+    return ObservationGroup(
+        name=label,
+        type=PLAIN_TYPES["local"],
+        blocks=(*(np.full(count, block) for block in system), members),
+        observed=observed,
+        sigma=np.where(np.isfinite(observed), sigma, np.nan),
+        constants=np.zeros((count, 0)),
+        references=((label,) * count, tuple(names)),
+    )
+
+
+def _add_system(
+    reading: Reading, label: str, centre: FloatArray, D: FloatArray, turns: BoolArray, offsets: BoolArray
+) -> tuple[int, int, int, int]:
+    """Position, rotation, scale and offset blocks of the system of a feature."""
+    shop, none = reading.shop, np.full((1, 3), np.nan)
     position = shop.store("point").add_fixed(label, centre.tolist())
     rotation = int(shop.store("rotation").add([label], angles_from_rotation(D)[None], turns, none)[0])
     shop.store("rotation").about_axes.add(rotation)
     offset = int(shop.store("eccentricity").add([label], np.zeros((1, 3)), offsets, none)[0])
-    count = len(observed)
-    return ObservationGroup(
-        name=label,
-        type=PLAIN_TYPES["local"],
-        blocks=(
-            np.full(count, position),
-            np.full(count, rotation),
-            np.zeros(count, dtype=np.int64),
-            np.full(count, offset),
-            np.concatenate([first, other]),
-        ),
-        observed=observed,
-        sigma=np.where(np.isfinite(observed), sigma, np.nan),
-        constants=np.zeros((count, 0)),
-        references=((label,) * count, (*feature.points, *feature.other)),
-    )
+    return position, rotation, 0, offset
 
 
-def _freedom(type_: str) -> tuple[FloatArray, FloatArray]:
+def _point_beside(reading: Reading, coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> str:
+    """Name of the point farthest from the line (z axis of D through the centre); empty where all are on it."""
+    points = reading.shop.things["point"]
+    local = (coordinates[points.parts["position"]] - centre) @ D.T
+    away = np.nan_to_num(np.hypot(local[:, 0], local[:, 1]))
+    farthest = int(np.argmax(away))
+    far_enough = away[farthest] > 0.01 * np.abs(np.nan_to_num(local)).max()
+    return points.ids[farthest] if far_enough else ""
+
+
+def _turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
+    """Rotation with the z axis of D whose x axis points to the side of a direction."""
+    across = direction - D[2] * (D[2] @ direction)
+    x = across / np.linalg.norm(across)
+    return np.stack([x, np.cross(D[2], x), D[2]])
+
+
+def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
     """(1, 3) free offsets and free turns about the axes of the system."""
     offsets, turns = {
         "plane": ([False, False, True], [True, True, False]),

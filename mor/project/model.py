@@ -224,6 +224,10 @@ class Datum(Strict):
     components: list[Literal["x", "y", "z"]] = Field(
         default_factory=lambda: ["x", "y", "z"], description="Components that carry it, where free names none"
     )
+    movements: Literal["adjusted", "reference"] = Field(
+        default="adjusted",
+        description="Coordinates at which shifts, rotations and scale of the inner constraints are taken",
+    )
 
 
 class Settings(Strict):

@@ -16,6 +16,7 @@ from mor.parameters.index import Blocks
 from mor.project.axes import external
 from mor.project.cameras import read_cameras
 from mor.project.correlations import Correlation, correlations
+from mor.project.direction_sets import check_direction_sets
 from mor.project.edge import Edge, ImageScale
 from mor.project.entities import Entities, unknown_name, workshop
 from mor.project.features import feature_groups
@@ -39,6 +40,8 @@ class DatumChoice:
     free: bool
     mask: BoolArray
     """(points, 3) coordinates that carry it, internal axes."""
+    at_reference: bool = False
+    """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
 
 
 @dataclass(frozen=True)
@@ -65,24 +68,30 @@ class Network:
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
 
 
+_READERS = {
+    "camera": read_cameras,
+    "instrument": read_instruments,
+    "point": read_points,
+    "pair": read_pairs,
+    "image": read_images,
+    "station": read_stations,
+    "system": read_systems,
+}
+"""Readers of the namespaces; each may refer to those before it."""
+
+
 def build_network(project: Project, document: Document, folder: Path) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found."""
     problems: list[Problem] = []
     edge = Edge(project.units, project.axes)
     reading = Reading(project, Place(document, (), folder), edge, workshop(), problems)
-    for read in (
-        read_cameras,
-        read_instruments,
-        read_points,
-        read_pairs,
-        read_images,
-        read_stations,
-        read_systems,
-    ):
+    for space, read in _READERS.items():
+        before = len(problems)
         read(reading)
-    if problems:
-        raise InputError(problems)
+        if len(problems) > before:
+            reading.broken.add(space)
     read_in = read_groups(reading)
+    check_direction_sets(reading, read_in)
     plain = [group.group for group in read_in]
     others = [
         *parameter_groups(reading),
@@ -142,9 +151,10 @@ def _datum(reading: Reading) -> DatumChoice:
     if chosen == "free":
         chosen = Datum()
     assert isinstance(chosen, Datum)
+    at_reference = chosen.movements == "reference"
     if chosen.free == "all":
         mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
-        return DatumChoice("free, inner constraints over all points", True, mask)
+        return DatumChoice("free, inner constraints over all points", True, mask, at_reference)
     by_components = (
         chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
     )
@@ -153,7 +163,7 @@ def _datum(reading: Reading) -> DatumChoice:
         for name in names:
             mask[_datum_points(reading, name)] |= _internal_row(reading, components)
         words.append(f"{', '.join(components)} of {len(names)} named points or groups")
-    return DatumChoice(f"free, inner constraints over {' and '.join(words)}", True, mask)
+    return DatumChoice(f"free, inner constraints over {' and '.join(words)}", True, mask, at_reference)
 
 
 def _internal_row(reading: Reading, components: str) -> BoolArray:
@@ -169,5 +179,7 @@ def _datum_points(reading: Reading, name: str) -> IntArray:
     if name in points.numbers:
         return np.array([points.part(name, "position")], dtype=np.int64)
     known = [*points.ids, *reading.groups]
+    if "point" in reading.broken:
+        return np.zeros(0, dtype=np.int64)
     reading.problems.append(reading.at("datum").problem(unknown_name("datum point", name, known)))
     return np.zeros(0, dtype=np.int64)

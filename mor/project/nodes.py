@@ -17,6 +17,8 @@ from mor.errors import InputError, Problem
 Path: TypeAlias = tuple[str | int, ...]
 
 _NULLS = {"", "~", "null", "Null", "NULL"}
+_DEEPEST = 20
+"""Levels of nesting; no project needs half of them."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class Document:
     """Files of the parts that come from another file than ``file``."""
     notes: tuple[Problem, ...] = ()
     """What a reader left out or decided on its own, to be told to the user."""
+    problems: tuple[Problem, ...] = ()
+    """Mistakes that leave something to go on with (a key given twice): told together with those of the content."""
 
     def line(self, path: Path) -> int:
         """Line of the value at a path, or of the nearest value above it."""
@@ -47,7 +51,7 @@ class Document:
 def read_yaml(text: str, file: str) -> Document:
     """Plain data of a YAML document with a mapping at its top.
 
-    Raises :class:`InputError` for broken YAML, a key given twice (all of them at once), or another kind of document.
+    Keys given twice are among its ``problems``. Raises :class:`InputError` for broken YAML or another kind of document.
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
@@ -56,22 +60,26 @@ def read_yaml(text: str, file: str) -> Document:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
         words = " ".join(part for part in (error.context, error.problem) if part)
         raise InputError([Problem(f"this is not valid YAML: {words}", file, line)]) from None
+    except yaml.YAMLError as error:
+        words = str(error).splitlines()[0]
+        raise InputError([Problem(f"this is not a text file of YAML: {words}", file)]) from None
     if not isinstance(node, yaml.MappingNode):
         raise InputError([Problem("expected a mapping of keys and values (mor: 1, title: …)", file, 1)])
     lines: dict[Path, int] = {}
     problems: list[Problem] = []
     data = _walk(node, (), lines, problems, file)
-    if problems:
-        raise InputError(problems)
-    return Document(data, lines, file)
+    return Document(data, lines, file, problems=tuple(problems))
 
 
 def _walk(node: yaml.Node, path: Path, lines: dict[Path, int], problems: list[Problem], file: str) -> Any:
     lines[path] = node.start_mark.line + 1
+    if len(path) > _DEEPEST:
+        raise InputError([Problem("this is nested too deeply, or refers to itself", file, lines[path])])
     if isinstance(node, yaml.MappingNode):
         return _mapping(node, path, lines, problems, file)
     if isinstance(node, yaml.SequenceNode):
         return [_walk(item, (*path, i), lines, problems, file) for i, item in enumerate(node.value)]
+    assert isinstance(node, yaml.ScalarNode)
     plain = node.style not in ("'", '"', "|", ">")
     return None if plain and node.value in _NULLS else node.value
 

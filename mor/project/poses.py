@@ -84,9 +84,8 @@ def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -
     given = np.flatnonzero(np.isfinite(height))
     result = np.zeros(len(labels), dtype=np.int64)
     for i in np.flatnonzero(sigma < 0.0):
-        reading.problems.append(
-            Problem(f"sigma_height: found {sigma[i]:g}, expected a σ ≥ 0", rows.file, int(rows.lines[i]))
-        )
+        words = "sigma_height: found a negative σ, expected a σ ≥ 0"
+        reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
     observed = (sigma > 0.0) & ("height" not in fixed)
     result[given] = reading.shop.store("height").add(
         [labels[i] for i in given],

@@ -21,6 +21,8 @@ class Reading:
     edge: Edge
     shop: Workshop
     problems: list[Problem]
+    broken: set[str] = field(default_factory=set)
+    """Namespaces that could not be read completely: a name missing from them may be no mistake of its own."""
     scales: dict[str, ImageScale] = field(default_factory=dict)
     groups: dict[str, list[int]] = field(default_factory=dict)
     """Point groups by name: block numbers."""

@@ -26,7 +26,7 @@ class Statuses(NamedTuple):
 
     def rows(self, chosen: IntArray) -> Statuses:
         """Some of the blocks."""
-        return Statuses(*(array[chosen] for array in self))
+        return Statuses(self.values[chosen], self.free[chosen], self.sigma[chosen], self.start[chosen])
 
 
 def number_column(
@@ -67,7 +67,7 @@ def component_rows(
         sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
     if common_sigma is not None:
         for i in np.flatnonzero(common_sigma < 0.0):
-            words = f"sigma: found {common_sigma[i]:g}, expected a σ ≥ 0"
+            words = "sigma: found a negative σ, expected a σ ≥ 0"
             problems.append(Problem(words, rows.file, int(rows.lines[i])))
         sigma[common_sigma < 0.0] = np.nan
     for k, component in enumerate(components):
@@ -87,9 +87,8 @@ def _check_sigma(
     rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Problem]
 ) -> None:
     for i in np.flatnonzero(sigma < 0.0):
-        problems.append(
-            Problem(f"sigma_{name}: found {sigma[i]:g}, expected a σ ≥ 0", rows.file, int(rows.lines[i]))
-        )
+        words = f"sigma_{name}: found a negative σ, expected a σ ≥ 0"
+        problems.append(Problem(words, rows.file, int(rows.lines[i])))
     for i in np.flatnonzero(~np.isnan(sigma) & np.isnan(values)):
         problems.append(Problem(f"{name} has a σ but no value", rows.file, int(rows.lines[i])))
 
@@ -133,6 +132,6 @@ def settings(
             problems.append(at.problem(f"{name}: {error}"))
             continue
         if sigma[0, k] < 0.0:
-            problems.append(at.problem(f"{name}: found σ {sigma[0, k]:g}, expected a σ ≥ 0"))
+            problems.append(at.problem(f"{name}: found a negative σ, expected a σ ≥ 0"))
         free[0, k] = isinstance(setting, Value) and setting.fixed is None and sigma[0, k] != 0.0
     return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), start)

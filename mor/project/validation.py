@@ -12,14 +12,40 @@ from mor.project.model import Project
 from mor.project.nodes import Document, Path
 
 
+_OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
+
+
 def validate(document: Document) -> Project:
     """The model of a document. Raises :class:`InputError` with every mistake found."""
     try:
-        return Project.model_validate(document.data)
+        project = Project.model_validate(document.data)
     except ValidationError as error:
-        details = error.errors(include_url=False)
-        problems = {_problem(document, detail): None for detail in details}
+        details = _telling(document, error.errors(include_url=False))
+        problems = dict.fromkeys([*document.problems, *(_problem(document, detail) for detail in details)])
         raise InputError(sorted(problems, key=lambda problem: problem.line)) from None
+    if document.problems:
+        raise InputError(document.problems)
+    return project
+
+
+def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Of a value that is none of several things it may be, only what it fails as what it looks like."""
+    paths = [_data_path(document.data, detail["loc"]) for detail in details]
+    return [
+        detail
+        for detail, path in zip(details, paths, strict=True)
+        if not _of_another_kind(detail)
+        or not any(
+            other is not detail and not _of_another_kind(other) and beneath[: len(path)] == path
+            for other, beneath in zip(details, paths, strict=True)
+        )
+    ]
+
+
+def _of_another_kind(detail: ErrorDetails) -> bool:
+    """True where an error says only that this is another kind of thing."""
+    structured = isinstance(detail.get("input"), (dict, list))
+    return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
 
 
 def _problem(document: Document, detail: ErrorDetails) -> Problem:

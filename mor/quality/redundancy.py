@@ -14,7 +14,7 @@ from mor.adjustment.point_elimination import cofactors as ray_cofactors
 from mor.adjustment.ray_plan import RayChunk, ray_chunks
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 class ObservationQuality(NamedTuple):
@@ -85,7 +85,7 @@ def _empty(misclosure: FloatArray) -> ObservationQuality:
 
 
 def _fill(
-    quality: ObservationQuality, rows: FloatArray, here: FloatArray, adjusted: FloatArray, weight: FloatArray
+    quality: ObservationQuality, rows: IntArray, here: BoolArray, adjusted: FloatArray, weight: FloatArray
 ) -> None:
     variance = 1.0 / np.where(here, weight, 1.0) ** 2
     r = np.clip(1.0 - adjusted / variance, 0.0, 1.0)

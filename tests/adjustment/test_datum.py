@@ -71,7 +71,9 @@ def test_the_total_corrections_satisfy_the_inner_constraints(network, datum):
 @EACH
 def test_the_result_does_not_depend_on_the_start(network):
     scene, points, problem = noisy(network)
-    results = [adjust(problem, scene.start(amount, seed)) for amount, seed in ((1e-2, 1), (3e-2, 2), (1e-6, 3))]
+    results = [
+        adjust(problem, scene.start(amount, seed)) for amount, seed in ((1e-2, 1), (3e-2, 2), (1e-6, 3))
+    ]
     first = coordinates(results[0], points)
     for other in results[1:]:
         assert other.outcome is Outcome.CONVERGED
@@ -168,7 +170,9 @@ def test_the_datum_may_be_carried_by_chosen_components():
     mask["point"][:3, 2] = True
     adjustment = adjust(replace(problem, datum=replace(problem.datum, mask=mask)), scene.start(1e-3))
     assert adjustment.outcome is Outcome.CONVERGED
-    heights = coordinates(adjustment, points[:3])[:, 2] - [scene.truth["point"][name][2] for name in points[:3]]
+    heights = coordinates(adjustment, points[:3])[:, 2] - [
+        scene.truth["point"][name][2] for name in points[:3]
+    ]
     assert abs(heights.sum()) < 1e-12
     assert np.abs(heights).max() > 1e-6
 
@@ -182,7 +186,7 @@ def test_a_network_without_a_defect_keeps_its_datum_whatever_the_mask():
 
 
 def test_mask_of_the_unknowns():
-    scene, points, problem = noisy("plane, distances", datum=slice(0, 2))
+    *_, problem = noisy("plane, distances", datum=slice(0, 2))
     mask = datum_mask(problem.datum, problem.index)
     assert [problem.index.label(k)[1] for k in np.flatnonzero(mask)] == ["N0", "N0", "N1", "N1"]
 

@@ -55,11 +55,15 @@ def local_system(**how) -> tuple[Scene, list[str]]:
     scene, points = photo_block()
     free = {"origin": True, "rotation": True, "scale": True, "offset": False, **how}
     scene.add("point", "origin", [1.0, 0.5, -0.3], free=free["origin"])
-    scene.add("rotation", "system", [0.0, 0.0, 0.7] if "level" in how else [0.2, -0.3, 0.7], free=free["rotation"])
+    scene.add(
+        "rotation", "system", [0.0, 0.0, 0.7] if "level" in how else [0.2, -0.3, 0.7], free=free["rotation"]
+    )
     scene.add("scale", "system", [1.1], free=free["scale"])
     scene.add("eccentricity", "system", [0.0, 0.0, 0.0], free=free["offset"])
     for point in points[:5]:
-        scene.observe("local", "origin", "system", "system", "system", point, sigma=1e-3, only=how.get("only"))
+        scene.observe(
+            "local", "origin", "system", "system", "system", point, sigma=1e-3, only=how.get("only")
+        )
     return scene, points
 
 
@@ -93,7 +97,9 @@ NETWORKS = {
         TRANSLATION | ROTATION,
     ),
     "plane with an origin that moves along z only": (
-        lambda: local_system(origin=(False, False, True), rotation=(True, True, False), scale=False, only=(2,)),
+        lambda: local_system(
+            origin=(False, False, True), rotation=(True, True, False), scale=False, only=(2,)
+        ),
         TRANSLATION | ROTATION,
     ),
 }
@@ -119,7 +125,9 @@ def test_null_vectors_change_no_observation(network):
     dense = dense_system(adjustment.problem, adjustment.values)
     rows = dense.A / np.linalg.norm(dense.A, axis=1, keepdims=True)
     assert np.abs(rows @ (null / np.linalg.norm(null, axis=0))).max() < 1e-11
-    assert np.linalg.matrix_rank(dense.A / np.linalg.norm(dense.A, axis=0), tol=1e-9) == dense.A.shape[1] - len(movements)
+    assert np.linalg.matrix_rank(dense.A / np.linalg.norm(dense.A, axis=0), tol=1e-9) == dense.A.shape[
+        1
+    ] - len(movements)
 
 
 def test_a_datum_that_is_partly_given_leaves_a_combination():
@@ -200,7 +208,9 @@ def test_several_loose_things_are_told_apart():
     assert sorted(found, key=str) == sorted(
         [{("point", "one")}, {("point", "two")}, *[{("point", "unseen")}] * 3], key=str
     )
-    unseen = [one.unknowns for one in adjustment.defect.undetermined if ("point", "unseen", "x") in one.unknowns]
+    unseen = [
+        one.unknowns for one in adjustment.defect.undetermined if ("point", "unseen", "x") in one.unknowns
+    ]
     assert unseen == [(("point", "unseen", "x"),)]
 
 

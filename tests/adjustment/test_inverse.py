@@ -56,7 +56,9 @@ def test_as_many_null_vectors_as_there_are_and_each_is_null(network):
     assert inverse.null.shape[1] == dimension
     assert inverse.weak.shape[1] == 0
     unit = inverse.null / np.linalg.norm(inverse.null / inverse.scale[:, None], axis=0)
-    assert np.abs(np.linalg.solve(np.linalg.cholesky(dense.covariance), dense.A) @ unit).max(initial=0.0) < 1e-10
+    assert (
+        np.abs(np.linalg.solve(np.linalg.cholesky(dense.covariance), dense.A) @ unit).max(initial=0.0) < 1e-10
+    )
 
 
 @EACH
@@ -65,7 +67,9 @@ def test_solutions_of_equations_in_the_range(network):
     inverse = invert(plan, normals, values, find_anchors(plan, normals, values))
     F = functionals(dense)
     expected = pseudo_solution(dense, F)
-    np.testing.assert_allclose(F.T @ inverse.solve(F), expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        F.T @ inverse.solve(F), expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max()
+    )
     np.testing.assert_allclose(inverse.solve(F[:, 0]), inverse.solve(F)[:, 0], rtol=1e-12)
 
 
@@ -105,7 +109,9 @@ def test_selected_cofactors_and_weak_part_make_the_variances_of_observations(net
     for anchors in (find_anchors(plan, normals, values), np.arange(min(u, dimension + 3))):
         inverse = invert(plan, normals, values, anchors)
         Q = inverse.selected().to_dense() + inverse.weak @ inverse.weak.T
-        if not plan.clusters:  # else the pattern holds what the observations of a cluster need, checked in quality
+        if (
+            not plan.clusters
+        ):  # else the pattern holds what the observations of a cluster need, checked in quality
             found = np.einsum("iu,uv,iv->i", dense.A, Q, dense.A)
             np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * expected.max())
 
@@ -133,7 +139,7 @@ def test_a_weak_direction_is_neither_null_nor_lost():
 
 
 def test_a_damped_step_is_the_solution_of_the_damped_system():
-    plan, normals, values, dense = prepare(photo_block()[0], disturbed=1e-2)
+    plan, normals, _, dense = prepare(photo_block()[0], disturbed=1e-2)
     N, b = dense.normal, dense.A.T @ dense.weights @ dense.l
     damping = 1e-3
     expected = np.linalg.solve(N + damping * np.diag(np.diagonal(N)), b)

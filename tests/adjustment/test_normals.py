@@ -16,7 +16,7 @@ def image_variant_block() -> tuple[Scene, list[str]]:
     scene, points = photo_block(scale_bar=True)
     for number in range(3):
         name = f"camera {number}"
-        shares = {component: "camera" for component in range(1, 10)}
+        shares = dict.fromkeys(range(1, 10), "camera")
         scene.add("interior/mor", name, [20.0, *[0.0] * 9], free=(True, *[False] * 9), shares=shares)
         scene.observe("difference/interior/mor", "camera", name, sigma=0.01, only=(0,))
         rows = scene.groups["image/mor"]

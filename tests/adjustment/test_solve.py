@@ -83,7 +83,9 @@ def test_a_far_start_is_reached_without_ever_getting_worse():
     assert any(iteration.damping > 0.0 for iteration in far.iterations)
     assert far.iterations[-1].damping == 0.0
     objectives = [iteration.objective for iteration in far.iterations]
-    assert all(after <= before * (1 + 1e-9) for before, after in zip(objectives, objectives[1:], strict=False))
+    assert all(
+        after <= before * (1 + 1e-9) for before, after in zip(objectives, objectives[1:], strict=False)
+    )
     np.testing.assert_allclose(coordinates(far, points), coordinates(near, points), atol=1e-9)
 
 

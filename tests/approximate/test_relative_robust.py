@@ -62,5 +62,13 @@ def test_degenerate_data_keep_their_name(scenes):
     made = scenes.scene(6, 0.001, n=25)
     a = image_bundle(made.rays[0], 0.001)
     assert robust_relative_orientation(a, a).orientation.outcome is RelativeOutcome.IDENTICAL
+
+
+def test_a_mirrored_bundle_is_not_taken_for_wrong_pairs(scenes):
+    made = scenes.scene(0, 0.001, n=25)
+    rng = np.random.default_rng(1)
+    made.rays[1][:2, :2] = rng.uniform(-1, 1, (2, 2)) * [18.0, 12.0]
     mirrored = image_bundle(made.rays[1] * [-1.0, 1.0, 1.0], 0.001)
-    assert not robust_relative_orientation(a, mirrored).orientation.outcome.usable
+    result = robust_relative_orientation(image_bundle(made.rays[0], 0.001), mirrored)
+    assert result.orientation.outcome is RelativeOutcome.MIRRORED
+    assert not np.any(result.agreeing)

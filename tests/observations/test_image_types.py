@@ -10,12 +10,13 @@ from mor.geometry.rotations import rotation_from_angles
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES
 
 POSITION, POINT = np.array([[1.0, 2.0, 10.0]]), np.array([[3.0, 1.0, 2.0]])
+LEVELLED = np.eye(3)
 ZERO1, ZERO3 = np.zeros((1, 1)), np.zeros((1, 3))
 INTERIOR = np.array([[20.0, 0.5, -0.25, *[0.0] * 7]])
 CONSTANTS = np.zeros((1, 3))
 
 
-def image(position=POSITION, D=np.eye(3), height=0.0, eccentricity=ZERO3, point=POINT):
+def image(position=POSITION, D=LEVELLED, height=0.0, eccentricity=ZERO3, point=POINT):
     blocks = [position, D[None], np.array([[height]]), np.asarray(eccentricity), INTERIOR, point]
     return IMAGE_TYPES["mor"].equation(blocks, CONSTANTS).values[0]
 
@@ -32,7 +33,9 @@ def test_kappa_turns_the_camera_and_the_image_the_other_way():
 
 
 def test_height_lifts_the_rotation_centre_above_the_position():
-    np.testing.assert_allclose(image(height=1.5), image(position=POSITION + [0.0, 0.0, 1.5]), rtol=1e-15)
+    np.testing.assert_allclose(
+        image(height=1.5), image(position=POSITION + np.array([0.0, 0.0, 1.5])), rtol=1e-15
+    )
 
 
 def test_eccentricity_leads_from_projection_centre_to_rotation_centre_in_image_axes():

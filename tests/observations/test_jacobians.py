@@ -81,7 +81,7 @@ def _block(kind, place, random):
 
 
 def _admissible(type_key, place):
-    """A camera sees only what is in front; three angles have no derivatives at φ = 100 gon (tested close to it below)."""
+    """A camera sees only what is in front; three angles have no derivatives at φ = 100 gon (tested close by)."""
     if type_key in ("observed/rotation", "difference/rotation"):
         return place.phi is None
     return not type_key.startswith(ONLY_IN_FRONT) or place.direction[2] < -0.2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mor.geometry.rotations import rotation_from_angles
-from mor.observations import LEVEL, LOCAL
+from mor.observations import ALL_TYPES, LEVEL, LOCAL
 
 ORIGIN = np.array([[5.0, -3.0, 2.0]])
 OFFSET = np.array([[0.1, 0.2, -0.3]])
@@ -68,3 +68,10 @@ def test_a_turn_about_the_vertical_moves_no_level():
     np.testing.assert_allclose(level(turned).values, level(D).values, atol=1e-16)
     (jacobian,) = level(D).jacobians
     np.testing.assert_allclose(jacobian[0] @ D[:, 2], 0.0, atol=1e-17)
+
+
+def test_observed_coordinates_are_the_coordinates():
+    positions = np.arange(6.0).reshape(2, 3)
+    computed = ALL_TYPES["coordinates"].equation([positions], np.zeros((2, 0)))
+    np.testing.assert_array_equal(computed.values, positions)
+    np.testing.assert_array_equal(computed.jacobians[0], np.broadcast_to(np.eye(3), (2, 3, 3)))

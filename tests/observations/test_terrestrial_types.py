@@ -10,8 +10,8 @@ import pytest
 from mor.observations import ALL_TYPES
 
 START, END = (3.0, -2.0, 1.0), (-1.5, 4.0, 2.5)
-I, T = 1.6, 1.3  # heights of instrument and target
-DX, DY, DZ = END[0] - START[0], END[1] - START[1], END[2] + T - START[2] - I
+INSTRUMENT, TARGET = 1.6, 1.3
+DX, DY, DZ = END[0] - START[0], END[1] - START[1], END[2] + TARGET - START[2] - INSTRUMENT
 
 
 def compute(type_key, *blocks, constants=()):
@@ -21,7 +21,7 @@ def compute(type_key, *blocks, constants=()):
     return kind.equation(arrays, np.array([row])).values[0]
 
 
-def between(type_key, *more, start=START, end=END, heights=(I, T), constants=()):
+def between(type_key, *more, start=START, end=END, heights=(INSTRUMENT, TARGET), constants=()):
     return compute(type_key, start, [heights[0]], end, [heights[1]], *more, constants=constants)
 
 

@@ -80,7 +80,9 @@ def test_cofactors_of_adjusted_observations_and_of_residuals(network):
     white = white / np.linalg.norm(white, axis=0)
     adjusted = lower @ white @ np.linalg.pinv(white, rcond=1e-9) @ lower.T
     variance = np.diagonal(dense.covariance)
-    np.testing.assert_allclose(flat(quality, "q_adjusted", dense) / variance, np.diagonal(adjusted) / variance, atol=1e-9)
+    np.testing.assert_allclose(
+        flat(quality, "q_adjusted", dense) / variance, np.diagonal(adjusted) / variance, atol=1e-9
+    )
     residual = np.diagonal(dense.covariance - adjusted)
     np.testing.assert_allclose(flat(quality, "q_residual", dense) / variance, residual / variance, atol=1e-9)
 
@@ -88,7 +90,9 @@ def test_cofactors_of_adjusted_observations_and_of_residuals(network):
 def test_residuals_are_adjusted_minus_observed(network):
     quality, dense = network
     np.testing.assert_allclose(flat(quality, "v", dense), -dense.l, atol=1e-12)
-    assert quality.sigma0**2 * quality.redundancy == pytest.approx(dense.l @ dense.weights @ dense.l, rel=1e-9)
+    assert quality.sigma0**2 * quality.redundancy == pytest.approx(
+        dense.l @ dense.weights @ dense.l, rel=1e-9
+    )
 
 
 def test_weighted_residuals_share_out_the_objective(network):

@@ -71,7 +71,7 @@ def repetitions():
         variances.append(quality.sigma0**2)
         cofactors = np.diagonal(quality.cofactors["point"], axis1=1, axis2=2)
         free = cofactors > 0.0
-        errors.append(((adjustment.values["point"] - truth)[free] / np.sqrt(cofactors[free])))
+        errors.append((adjustment.values["point"] - truth)[free] / np.sqrt(cofactors[free]))
         normalised.append(np.concatenate([w.ravel() for w in quality.w]))
     return quality.redundancy, np.array(variances), np.array(errors), np.array(normalised)
 

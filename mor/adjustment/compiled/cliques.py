@@ -165,6 +165,33 @@ def find_start(indptr: IntArray, indices: IntArray, position: IntArray, row: int
 
 
 @compile_kernel
+def starts_of_column(
+    blocks: IntArray, indptr: IntArray, indices: IntArray, position: IntArray, starts: IntArray
+) -> bool:
+    """Set where the blocks (blocks[i], blocks[0]), ascending, start; return False where one is not stored."""
+    column = blocks[0]
+    first, end = indptr[column], indptr[column + 1]
+    low = first
+    for slot in range(blocks.size):
+        row = blocks[slot]
+        number = first + row - column
+        if number >= end or indices[number] != row:
+            high = end
+            while low < high:
+                number = (low + high) // 2
+                if indices[number] < row:
+                    low = number + 1
+                else:
+                    high = number
+            if low >= end or indices[low] != row:
+                return False
+            number = low
+        low = number + 1
+        starts[slot] = position[number]
+    return True
+
+
+@compile_kernel
 def places_of_ray(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
     """Set where the pairs of columns (K,) of a ray stand in the flat values: (K, K).
 

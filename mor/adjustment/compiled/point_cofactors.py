@@ -13,11 +13,11 @@ from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
     Clique,
     Pattern,
-    find_start,
     grouped,
     merge,
     places_of_ray,
     same_columns,
+    starts_of_column,
     survey,
 )
 from mor.adjustment.compiled.point_store import (
@@ -65,7 +65,7 @@ def multiply_by_inverse(
     """Set the products H = Q_cc E, laid out as the couplings E; return False where a pair is not stored."""
     _, offsets, indptr, _, position = pattern
     products[: store.first_coupling[groups]] = 0.0
-    panel = np.empty(16)
+    panel, starts = np.empty(16), np.empty(indptr.size - 1, dtype=np.int64)
     first = 0
     while first < indptr.size - 1:
         last = end_of_strip(first, indptr, position)
@@ -84,7 +84,7 @@ def multiply_by_inverse(
                 if panel.size < width * length:
                     panel = np.empty(2 * width * length)
                 column = panel[: width * length].reshape((width, length))
-                if not fetch_column(values, blocks[slot:], begin[slot:], pattern, column):
+                if not fetch_column(values, blocks[slot:], begin[slot:], pattern, starts, column):
                     return False
                 multiply(column, E[:, begin[slot] :], H[:, begin[slot] :])
         first = last
@@ -93,7 +93,12 @@ def multiply_by_inverse(
 
 @compile_kernel
 def fetch_column(
-    values: FloatArray, blocks: IntArray, begin: IntArray, pattern: Pattern, column: FloatArray
+    values: FloatArray,
+    blocks: IntArray,
+    begin: IntArray,
+    pattern: Pattern,
+    starts: IntArray,
+    column: FloatArray,
 ) -> bool:
     """Copy the blocks of the column ``blocks[0]``, transposed, to (w, length); False where one is not stored.
 
@@ -101,10 +106,10 @@ def fetch_column(
     """
     _, _, indptr, indices, position = pattern
     width = column.shape[0]
+    if not starts_of_column(blocks, indptr, indices, position, starts):
+        return False
     for slot in range(blocks.size):
-        place = find_start(indptr, indices, position, blocks[slot], blocks[0])
-        if place < 0:
-            return False
+        place = starts[slot]
         low = begin[slot] - begin[0]
         high = begin[slot + 1] - begin[0] if slot + 1 < blocks.size else column.shape[1]
         if width % 3 == 0:
@@ -155,20 +160,23 @@ def multiply(column: FloatArray, E: FloatArray, H: FloatArray) -> None:
 
 @compile_kernel
 def gather_rays(columns: IntArray, pattern: Pattern, values: FloatArray, of_ray: FloatArray) -> bool:
-    """Set the part (K, K) of Q_cc for the columns (r, K) of each ray, zero for fixed ones and above the blocks.
+    """Set the part (K, K) of Q_cc for the columns (r, K) of each ray, folded into its lower triangle.
 
-    Off the diagonal blocks it is doubled, so that quadratic forms come out right. False where a pair is not stored.
+    What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a pair is
+    not stored.
     """
     width = columns.shape[1]
     starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
+    of_ray[: columns.shape[0]] = 0.0
     for i in range(columns.shape[0]):
         if not places_of_ray(columns[i], pattern, starts, places):
             return False
         for k in range(width):
             for m in range(width):
                 place = places[k, m]
-                twice = place >= 0 and places[m, k] < 0
-                of_ray[i, k, m] = 0.0 if place < 0 else (2.0 if twice else 1.0) * values[place]
+                if place >= 0:
+                    factor = 2.0 if places[m, k] < 0 else 1.0
+                    of_ray[i, max(k, m), min(k, m)] += factor * values[place]
     return True
 
 
@@ -183,23 +191,27 @@ def cofactors_of_rays(
     of_rays: FloatArray,
 ) -> None:
     """Set the variances (r, 2) of the computed values of the rays of one point with Q_pp = Q."""
-    width = local.shape[1]
     for i in range(by_point.shape[0]):
-        for c in range(2):
-            jacobian, point = by_others[i, c], by_point[i, c]
-            total = 0.0
-            for k in range(width):
-                part = of_ray[i, k]
-                product = 0.0
-                for m in range(width):
-                    product += part[m] * jacobian[m]
-                if local[i, k] >= 0:
-                    at = local[i, k]
-                    product -= 2.0 * (H[0, at] * point[0] + H[1, at] * point[1] + H[2, at] * point[2])
-                    total += jacobian[k] * product
-            for d in range(3):
-                total += point[d] * (Q[d, 0] * point[0] + Q[d, 1] * point[1] + Q[d, 2] * point[2])
-            of_rays[i, c] = total
+        first, second, a, b = by_others[i, 0], by_others[i, 1], by_point[i, 0], by_point[i, 1]
+        of_first, of_second = 0.0, 0.0
+        for d in range(3):
+            of_first += a[d] * (Q[d, 0] * a[0] + Q[d, 1] * a[1] + Q[d, 2] * a[2])
+            of_second += b[d] * (Q[d, 0] * b[0] + Q[d, 1] * b[1] + Q[d, 2] * b[2])
+        for k in range(first.size):
+            at = local[i, k]
+            if at < 0:
+                continue
+            row = of_ray[i, k]
+            x, y = 0.0, 0.0
+            for m in range(k + 1):
+                x += row[m] * first[m]
+                y += row[m] * second[m]
+            x -= 2.0 * (H[0, at] * a[0] + H[1, at] * a[1] + H[2, at] * a[2])
+            y -= 2.0 * (H[0, at] * b[0] + H[1, at] * b[1] + H[2, at] * b[2])
+            of_first += first[k] * x
+            of_second += second[k] * y
+        of_rays[i, 0] = of_first
+        of_rays[i, 1] = of_second
 
 
 @compile_kernel

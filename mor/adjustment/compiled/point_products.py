@@ -13,11 +13,11 @@ from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
     Clique,
     Pattern,
-    find_start,
     grouped,
     merge,
     places_of_ray,
     same_columns,
+    starts_of_column,
     survey,
 )
 from mor.adjustment.compiled.point_store import (
@@ -122,7 +122,7 @@ def carry_rest(
 def subtract_products(store: Store, groups: int, pattern: Pattern, values: FloatArray) -> bool:
     """Subtract V Vᵀ of all groups from the reduced matrix; return False where a pair is not stored."""
     _, offsets, indptr, _, position = pattern
-    panel = np.empty(16)
+    panel, starts = np.empty(16), np.empty(indptr.size - 1, dtype=np.int64)
     first = 0
     while first < indptr.size - 1:
         last = end_of_strip(first, indptr, position)
@@ -141,7 +141,7 @@ def subtract_products(store: Store, groups: int, pattern: Pattern, values: Float
                     panel = np.empty(2 * width * length)
                 product = panel[: width * length].reshape((width, length))
                 multiply(V, begin[slot], product)
-                if not subtract_column(product, blocks[slot:], begin[slot:], pattern, values):
+                if not subtract_column(product, blocks[slot:], begin[slot:], pattern, starts, values):
                     return False
         first = last
     return True
@@ -176,18 +176,23 @@ def multiply(V: FloatArray, first: int, product: FloatArray) -> None:
 
 @compile_kernel
 def subtract_column(
-    product: FloatArray, blocks: IntArray, begin: IntArray, pattern: Pattern, values: FloatArray
+    product: FloatArray,
+    blocks: IntArray,
+    begin: IntArray,
+    pattern: Pattern,
+    starts: IntArray,
+    values: FloatArray,
 ) -> bool:
-    """Subtract a product from the blocks of the column ``blocks[0]``; False where one of them is not stored.
+    """Subtract a product from the blocks of the column ``blocks[0]``; False where one is not stored.
 
     Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
     """
     _, _, indptr, indices, position = pattern
     width = product.shape[0]
+    if not starts_of_column(blocks, indptr, indices, position, starts):
+        return False
     for slot in range(blocks.size):
-        place = find_start(indptr, indices, position, blocks[slot], blocks[0])
-        if place < 0:
-            return False
+        place = starts[slot]
         low = begin[slot] - begin[0]
         high = begin[slot + 1] - begin[0] if slot + 1 < blocks.size else product.shape[1]
         if width % 3 == 0:

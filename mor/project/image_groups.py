@@ -1,0 +1,129 @@
+"""Groups of image coordinates: split by camera model, converted when the camera is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.project.axes import external_image
+from mor.project.edge import ImageScale, UnitError, split
+from mor.project.model import Observations
+from mor.project.names import numbers
+from mor.project.observation_rows import Group, chosen_names, group_name, own_or_common, sigma_is_good
+from mor.project.reading import Reading
+from mor.project.tables import Column, Place, Rows
+from mor.units import IMAGE
+
+
+def units_of_values(entry: Observations) -> Observations:
+    """``values: {sigma: 0.5 um}`` as a number and a unit: image units are converted when the camera is known."""
+    values, units = dict(entry.values), entry.units
+    for name, text in entry.values.items():
+        try:
+            number, unit = split(text)
+        except UnitError:
+            continue  # told when the column is read
+        if unit and name.startswith("sigma") and not isinstance(units, str):
+            values[name], units = repr(number), {**units, name: unit}
+    return entry.model_copy(update={"values": values, "units": units})
+
+
+def raw_image(name: str, required: bool = False) -> Column:
+    """A column in the image unit of whichever camera: converted when the camera is known."""
+
+    def plain(text: str, unit: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not np.isfinite(value):
+            raise UnitError(f"found {text!r}, expected a number (units are said for the column: units: …)")
+        return value
+
+    return Column(name, parse=plain, factor=lambda unit: 1.0, required=required)
+
+
+def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows, place: Place) -> list[Group]:
+    """One group for every camera and kind of image (single, stereo follower) of an entry."""
+    images = reading.shop.things["image"]
+    image = numbers(reading, "image", rows.text("image"), rows)
+    point = numbers(reading, "point", rows.text("point"), rows)
+    if (image < 0).any() or (point < 0).any():
+        return []
+    follows = images.parts["relative rotation"][image] >= 0
+    keys = images.parts["camera"][image] * 2 + follows
+    result = []
+    for key in np.unique(keys):
+        chosen = np.flatnonzero(keys == key)
+        group = _image_group(reading, entry, number, rows, place, image[chosen], point[chosen], chosen)
+        result += [group] if group is not None else []
+    return result
+
+
+def _image_group(
+    reading: Reading,
+    entry: Observations,
+    number: int,
+    rows: Rows,
+    place: Place,
+    image: IntArray,
+    point: IntArray,
+    chosen: IntArray,
+) -> Group | None:
+    images, points = reading.shop.things["image"], reading.shop.things["point"]
+    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image[0]]]
+    camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
+    follows = bool(images.parts["relative rotation"][image[0]] >= 0)
+    type_ = (FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
+    try:
+        observed, sigma, factors = _image_values(entry, rows, chosen, scale)
+    except UnitError as error:
+        reading.problems.append(place.problem(str(error), "units"))
+        return None
+    constants = np.concatenate([observed, np.zeros((len(chosen), len(type_.constants) - 2))], axis=1)
+    if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
+        constants[:, 2] = reading.edge.number(camera.r0, IMAGE, "", scale)
+    blocks = tuple(
+        points.parts["position"][point] if slot.of == "point" else images.parts[slot.part][image]
+        for slot in type_.slots
+    )
+    group = ObservationGroup(
+        name=group_name(entry, number),
+        type=type_,
+        blocks=blocks,
+        observed=observed,
+        sigma=sigma * entry.factor,
+        constants=constants,
+        references=(chosen_names(rows.text("image"), chosen), chosen_names(rows.text("point"), chosen)),
+        external=external_image(scale),
+        image_unit=scale.unit,
+        lines=rows.lines[chosen],
+        file=rows.file,
+    )
+    if not sigma_is_good(group, rows, chosen, reading.problems):
+        return None
+    return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _image_values(
+    entry: Observations, rows: Rows, chosen: IntArray, scale: ImageScale
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def unit(name: str) -> str:
+        given = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
+        return given or scale.coordinate_unit
+
+    if unit("x") != unit("y"):
+        raise UnitError("x and y must have the same unit")
+    xy = np.stack([rows.number("x")[chosen], rows.number("y")[chosen]], axis=1)
+    common = rows.number("sigma")[chosen] * scale.factor(unit("sigma"))
+    sigma = np.stack(
+        [
+            own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common)
+            for c in "xy"
+        ],
+        axis=1,
+    )
+    factors = np.full(2, scale.factor(unit("sigma")))
+    return scale.inwards(xy, unit("x")), sigma, factors

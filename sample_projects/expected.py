@@ -1,0 +1,89 @@
+"""``python -m sample_projects.expected [names]``: write down what the program gives for the sample projects today.
+
+The files ``expected.json`` are compared by the tests; write them anew only when a change of results is understood.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor.parameters.kinds import INTERIORS
+from mor.pipeline import Solved, read_document, read_network, solve_network
+from mor.quality.assess import Quality, standard_deviations
+from sample_projects.simulate import SCENES
+
+ROOT = Path(__file__).resolve().parent
+SHOWN = 6
+"""Points written down, spread evenly over all of them."""
+
+
+def solve_sample(name: str) -> Solved:
+    """A sample project, adjusted and assessed."""
+    return solve_network(read_network(read_document(ROOT / name / "project.yaml"), ROOT / name))
+
+
+def summary(solved: Solved) -> dict[str, Any]:
+    """What is written down of an adjustment, in the units of the project."""
+    adjustment, quality = solved.adjustment, quality_of(solved)
+    points = point_results(solved)
+    shown = [list(points)[k] for k in np.linspace(0, len(points) - 1, SHOWN).round().astype(int)]
+    return {
+        "outcome": adjustment.outcome.value,
+        "observations": adjustment.problem.observations,
+        "unknowns": adjustment.problem.index.count,
+        "defect": adjustment.defect.datum.shape[1],
+        "redundancy": quality.redundancy,
+        "sigma0": quality.sigma0,
+        "cameras": camera_results(solved),
+        "points": [
+            {"id": name, **dict(zip(("x", "y", "z", "sx", "sy", "sz"), points[name], strict=True))} for name in shown
+        ],
+    }
+
+
+def quality_of(solved: Solved) -> Quality:
+    """The quality of a converged adjustment. Raises ``ValueError`` where there is none."""
+    if solved.quality is None:
+        raise ValueError(f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}")
+    return solved.quality
+
+
+def point_results(solved: Solved) -> dict[str, list[float]]:
+    """x, y, z, sx, sy, sz of every point; the axes of the project are those of the program in all samples."""
+    things = solved.network.things["point"]
+    blocks = things.parts["position"]
+    values = solved.adjustment.values["point"][blocks]
+    sigma = standard_deviations(quality_of(solved), "point")[blocks]
+    return {name: [*map(float, xyz), *map(float, s)] for name, xyz, s in zip(things.ids, values, sigma, strict=True)}
+
+
+def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:
+    """Value and σ of the estimated components of every camera."""
+    network = solved.network
+    result: dict[str, dict[str, list[float]]] = {}
+    for name, camera in network.project.cameras.items():
+        kind = INTERIORS[camera.model]
+        block = network.things["camera"].part(name, "interior")
+        values = solved.adjustment.values[kind.key][block]
+        sigma = standard_deviations(quality_of(solved), kind.key)[block]
+        free = network.blocks[kind.key].free[block]
+        result[name] = {kind.names[k]: [float(values[k]), float(sigma[k])] for k in np.flatnonzero(free)}
+    return result
+
+
+def main(names: list[str]) -> int:
+    """Write ``expected.json`` of the named samples, or of all; returns the exit code."""
+    for name in names or SCENES:
+        text = json.dumps(summary(solve_sample(name)), indent=1, ensure_ascii=False)
+        (ROOT / name / "expected.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+        print(f"{name}: written", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,26 @@
+"""Simulation of the sample projects, independent of the program: known truth, seeded noise, the same bytes every time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+
+SCENES = (
+    "facade",
+    "test_field",
+    "aerial_strip",
+    "building",
+    "stereo_rig",
+    "single_station",
+    "machine_part",
+    "image_variant",
+)
+"""Names of the sample projects; each has a module here and a folder beside."""
+
+Files = dict[str, str]
+
+
+def simulate(name: str) -> Files:
+    """Texts of the simulated files of a sample project, by file name relative to its folder."""
+    scene: Callable[[], Files] = import_module(f"sample_projects.simulate.{name}").simulate
+    return scene()
