@@ -77,7 +77,5 @@ def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
     )
     reference = {"point": start["point"]}
     movements = reference if network.datum.at_reference else None
-    datum = Datum(
-        network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements
-    )
+    datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)

@@ -53,8 +53,16 @@ class Quantity:
 
     def unit(self, length: str, angle: str, image: str) -> str:
         """Unit of this quantity in words, for headers: ``"mm"``, ``"gon"``, ``"1/mm^2"``, ``"1"``."""
-        above = [_power(u, e) for u, e in ((length, self.length), (angle, self.angle), (image, self.image)) if e > 0]
-        below = [_power(u, -e) for u, e in ((length, self.length), (angle, self.angle), (image, self.image)) if e < 0]
+        above = [
+            _power(u, e)
+            for u, e in ((length, self.length), (angle, self.angle), (image, self.image))
+            if e > 0
+        ]
+        below = [
+            _power(u, -e)
+            for u, e in ((length, self.length), (angle, self.angle), (image, self.image))
+            if e < 0
+        ]
         if below:
             return f"{' '.join(above) or '1'}/{' '.join(below)}"
         return " ".join(above) or "1"

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from mor.parameters.kinds import INTERIORS
-from mor.pipeline import Solved, read_document, read_network, solve_network
+from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.assess import Quality, standard_deviations
+from mor.quality.solved import Solved
 from sample_projects.simulate import SCENES
 
 ROOT = Path(__file__).resolve().parent
@@ -38,12 +39,24 @@ def summary(solved: Solved) -> dict[str, Any]:
         "unknowns": adjustment.problem.index.count,
         "defect": adjustment.defect.datum.shape[1],
         "redundancy": quality.redundancy,
-        "sigma0": quality.sigma0,
-        "cameras": camera_results(solved),
-        "points": [
-            {"id": name, **dict(zip(("x", "y", "z", "sx", "sy", "sz"), points[name], strict=True))} for name in shown
-        ],
+        "sigma0": _digits(quality.sigma0),
+        "cameras": {
+            name: {part: [_digits(value), _digits(sigma)] for part, (value, sigma) in components.items()}
+            for name, components in camera_results(solved).items()
+        },
+        "points": [_point_entry(name, points[name]) for name in shown],
     }
+
+
+def _point_entry(name: str, result: list[float]) -> dict[str, Any]:
+    coordinates = [round(value, 8) for value in result[:3]]
+    sigma = [_digits(value) for value in result[3:]]
+    return {"id": name, **dict(zip(("x", "y", "z", "sx", "sy", "sz"), (*coordinates, *sigma), strict=True))}
+
+
+def _digits(value: float) -> float:
+    """A value with as many digits as repeat from run to run."""
+    return float(f"{value:.9g}")
 
 
 def quality_of(solved: Solved) -> Quality:
@@ -59,7 +72,10 @@ def point_results(solved: Solved) -> dict[str, list[float]]:
     blocks = things.parts["position"]
     values = solved.adjustment.values["point"][blocks]
     sigma = standard_deviations(quality_of(solved), "point")[blocks]
-    return {name: [*map(float, xyz), *map(float, s)] for name, xyz, s in zip(things.ids, values, sigma, strict=True)}
+    return {
+        name: [*map(float, xyz), *map(float, s)]
+        for name, xyz, s in zip(things.ids, values, sigma, strict=True)
+    }
 
 
 def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:
@@ -73,6 +89,20 @@ def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:
         sigma = standard_deviations(quality_of(solved), kind.key)[block]
         free = network.blocks[kind.key].free[block]
         result[name] = {kind.names[k]: [float(values[k]), float(sigma[k])] for k in np.flatnonzero(free)}
+    return result
+
+
+def parameter_results(solved: Solved) -> dict[tuple[str, str, str], tuple[float, float]]:
+    """Value and σ of the free components of distance meters, eccentricities and bases, by kind, block, component."""
+    result = {}
+    for kind in ("distance meter", "eccentricity", "base"):
+        blocks = solved.network.blocks.get(kind)
+        if blocks is None:
+            continue
+        values, sigma = solved.adjustment.values[kind], standard_deviations(quality_of(solved), kind)
+        for block, component in zip(*np.nonzero(blocks.free), strict=True):
+            key = (kind, blocks.ids[block], blocks.kind.names[component])
+            result[key] = (float(values[block, component]), float(sigma[block, component]))
     return result
 
 

@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
+from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.parameters.index import partly_free
 from mor.pipeline import Solved
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
 from mor.project.validation import validate
+from mor.quality.precision import angle_cofactors
 
 
 def reference_folder(name: str) -> Path | None:
@@ -115,3 +117,29 @@ def network_of(document: Document, folder: Path) -> Network:
 def network_of_yaml(text: str, folder: Path) -> Network:
     """The network of a project file given as text; its tables are looked for in ``folder``."""
     return network_of(read_yaml(text, "project.yaml"), folder)
+
+
+def image_results(solved: Solved) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """X, Y, Z, ω, φ, κ (rad) and standard deviations for σ0 = 1 of every image."""
+    images = solved.network.things["image"]
+    position, rotation = images.parts["position"], images.parts["rotation"]
+    values = solved.adjustment.values
+    pose = np.concatenate(
+        [values["point"][position], angles_from_rotation(values["rotation"][rotation])], axis=1
+    )
+    by_angles = partly_free(solved.network.blocks["rotation"])
+    cofactors = solved.quality.cofactors
+    angles = angle_cofactors(cofactors["rotation"], values["rotation"], by_angles)
+    blocks = (cofactors["point"][position], angles[rotation])
+    variances = np.concatenate([np.diagonal(q, axis1=1, axis2=2) for q in blocks], axis=1)
+    return {name: (pose[i], np.sqrt(variances[i])) for i, name in enumerate(images.ids)}
+
+
+def interior_results(solved: Solved, camera: str) -> dict[str, tuple[float, float]]:
+    """Interior orientation of a camera: value and standard deviation for σ0 = 1 of every component."""
+    model = f"interior/{solved.network.project.cameras[camera].model}"
+    block = solved.network.things["camera"].part(camera, "interior")
+    names = solved.network.blocks[model].kind.names
+    values = solved.adjustment.values[model][block]
+    sigma = np.sqrt(np.diagonal(solved.quality.cofactors[model][block]))
+    return {name: (float(v), float(s)) for name, v, s in zip(names, values, sigma, strict=True)}

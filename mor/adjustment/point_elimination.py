@@ -19,7 +19,7 @@ from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
 from mor.adjustment.compiled import point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
 from mor.adjustment.rays import Rays
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -49,18 +49,17 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Bool
 
     Args:
         rays: residuals and Jacobians, whole points.
-        reduced: the system to add to. Its pattern must hold all pairs of blocks that the rays of a point
-        meet.
+        reduced: the system to add to. Its pattern must hold all pairs of blocks that the rays of a
+            point meet.
         damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
             diagonal is the caller's.
 
     Returns:
-        (p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is
-        known. It is
-        held: it neither moves nor weakens anything.
+        (p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is known.
+        It is held: it neither moves nor weakens anything.
 
     Raises:
-        ValueError: the pattern lacks a pair of blocks that meet in a point.
+        ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     if not compiled.available:
         return point_reference.accumulate(
@@ -68,11 +67,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Bool
         )
     held = np.empty((rays.points, 3), dtype=np.bool_)
     stored = point_products.accumulate(
-        rays.residual,
-        rays.by_point,
-        rays.by_others,
-        rays.columns,
-        rays.point_pointers,
+        *_arrays(rays, reduced.matrix.structure.unknowns),
         damping,
         _pattern(reduced.matrix.structure),
         reduced.matrix.values,
@@ -96,11 +91,7 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
         return point_reference.back_substitute(rays, reduced_step, damping)
     steps = np.empty((rays.points, 3))
     points.back_substitute(
-        rays.residual,
-        rays.by_point,
-        rays.by_others,
-        rays.columns,
-        rays.point_pointers,
+        *_arrays(rays, reduced_step.size),
         damping,
         np.ascontiguousarray(reduced_step, dtype=np.float64),
         steps,
@@ -120,16 +111,13 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
         One minus the latter is the redundancy number.
 
     Raises:
-        ValueError: the pattern lacks a pair of blocks that meet in a point.
+        ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     if not compiled.available:
         return point_reference.cofactors(rays, inverse)
     of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2))
     stored = point_cofactors.cofactors(
-        rays.by_point,
-        rays.by_others,
-        rays.columns,
-        rays.point_pointers,
+        *_arrays(rays, inverse.structure.unknowns)[1:],
         _pattern(inverse.structure),
         inverse.values,
         of_points,
@@ -143,6 +131,19 @@ def _pattern(structure: BlockStructure) -> Pattern:
     """Return the arrays of a pattern as the kernels take them."""
     block_of, offsets = structure.block_of, structure.offsets
     return Pattern(block_of, offsets, structure.indptr, structure.indices, structure.position)
+
+
+def _arrays(rays: Rays, unknowns: int) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+    """Return the arrays of the rays as the kernels take them, which look neither at layout nor at bounds."""
+    if rays.columns.max(initial=-1) >= unknowns:
+        raise ValueError(f"the rays have columns beyond the {unknowns} unknowns of the reduced system")
+    return (
+        np.ascontiguousarray(rays.residual, dtype=np.float64),
+        np.ascontiguousarray(rays.by_point, dtype=np.float64),
+        np.ascontiguousarray(rays.by_others, dtype=np.float64),
+        np.ascontiguousarray(rays.columns, dtype=np.int64),
+        np.ascontiguousarray(rays.point_pointers, dtype=np.int64),
+    )
 
 
 def _refuse_unless(stored: bool) -> None:

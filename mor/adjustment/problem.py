@@ -54,5 +54,5 @@ class Problem:
 
     @property
     def observations(self) -> int:
-        """Number of observations n."""
-        return int(sum(np.count_nonzero(group.mask) for group in self.groups))
+        """Number of observations n; excluded ones do not count."""
+        return int(sum(np.count_nonzero(group.mask & ~group.left_out) for group in self.groups))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mor.geometry.arrays import FloatArray, IntArray
 
 
@@ -18,6 +20,9 @@ class Rays:
         columns: (n, K) number of each of these unknowns in the reduced system, -1 where it is fixed. No
             number twice in a row.
         point_pointers: (p+1,) the rays of point i are ``point_pointers[i]:point_pointers[i+1]``.
+
+    Raises:
+        ValueError: the shapes do not agree, or the points do not cover the rays.
     """
 
     residual: FloatArray
@@ -25,6 +30,15 @@ class Rays:
     by_others: FloatArray
     columns: IntArray
     point_pointers: IntArray
+
+    def __post_init__(self) -> None:
+        n, width = self.columns.shape
+        shapes = (self.residual.shape, self.by_point.shape, self.by_others.shape)
+        if shapes != ((n, 2), (n, 2, 3), (n, 2, width)):
+            raise ValueError(f"shapes of the rays do not agree: {n} rows of {width} columns, but {shapes}")
+        pointers = self.point_pointers
+        if pointers[0] != 0 or pointers[-1] != n or (np.diff(pointers) < 0).any():
+            raise ValueError(f"the point pointers do not ascend from 0 to the number of rays, {n}")
 
     @property
     def rays(self) -> int:

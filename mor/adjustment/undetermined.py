@@ -61,7 +61,7 @@ def _of_single_blocks(basis: FloatArray, index: Index) -> list[FloatArray]:
     )
     heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * _ALONE
     ends = np.append(starts[1:], len(basis))
-    directions = []
+    directions: list[FloatArray] = []
     for start, end in zip(starts[heavy], ends[heavy], strict=True):
         _, lengths, right = np.linalg.svd(basis[start:end], full_matrices=False)
         alone = right[1.0 - lengths**2 < _ALONE].T
@@ -72,14 +72,13 @@ def _of_single_blocks(basis: FloatArray, index: Index) -> list[FloatArray]:
 def _echelon(movements: FloatArray) -> FloatArray:
     """Combinations (r, r) of movements (m, r) of which each alone moves one of r chosen components."""
     chosen: list[int] = []
-    left = movements.copy()
+    left: FloatArray = movements.copy()
     for _ in range(movements.shape[1]):
         row = int(np.argmax(np.linalg.norm(left, axis=1)))
         chosen.append(row)
-        unit = left[row] / np.linalg.norm(left[row])
-        left -= np.outer(left @ unit, unit)
-    inverse: FloatArray = np.linalg.inv(movements[chosen])
-    return inverse
+        unit: FloatArray = left[row] / np.linalg.norm(left[row])
+        left = left - np.outer(left @ unit, unit)
+    return np.asarray(np.linalg.inv(movements[chosen]), dtype=np.float64)
 
 
 def _sparsest(basis: FloatArray, functional: FloatArray, index: Index) -> FloatArray:
@@ -91,12 +90,12 @@ def _sparsest(basis: FloatArray, functional: FloatArray, index: Index) -> FloatA
     starts = _block_starts(index)
     lengths = np.diff(np.append(starts, len(basis)))
     direction = functional
-    for damping in np.geomspace(1.0, 1e-9, 40):
+    for damping in np.geomspace(1.0, 1e-6, 30):
         squares = np.add.reduceat((basis @ direction) ** 2, starts)
         weights = np.repeat(1.0 / (squares + damping**2 * squares.max()), lengths)
         gram = basis.T @ (weights[:, None] * basis)
-        direction = np.linalg.solve(gram, functional)
-        direction = direction / (functional @ direction)
+        answer = np.linalg.solve(gram, functional)
+        direction = np.asarray(answer / (functional @ answer), dtype=np.float64)
     return direction
 
 

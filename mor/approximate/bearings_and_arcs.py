@@ -34,8 +34,7 @@ class Section:
     points: FloatArray
     """(k, 2), k = 0, 1 or 2."""
     sigma0: float
-    """√ of the mean square misclosure: angular (radians) of bearings, length of distances; NaN without
-    redundancy."""
+    """√ of the mean square misclosure: angular (radians) of bearings, length of distances; NaN without redundancy."""
 
     @property
     def point(self) -> FloatArray:

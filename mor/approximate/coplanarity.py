@@ -146,8 +146,7 @@ def _step(normal: FloatArray, side: FloatArray, damping: float) -> FloatArray:
 
 
 def in_front(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:
-    """Return (n, 2): is the intersection in front of A, of B? Rays parallel within their noise count as
-    they point."""
+    """Return (n, 2): is the intersection in front of A, of B? Rays parallel within their noise count as they point."""
     turned = b.rays @ rotation
     normal = cross(a.rays, turned)
     depth_a = np.einsum("ni,ni->n", cross(base, turned), normal)

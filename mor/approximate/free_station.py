@@ -67,8 +67,7 @@ def free_station_level(
     sigma_direction: float,
     sigma_distance: float,
 ) -> FreeStation:
-    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where
-    missing."""
+    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing."""
     points = np.asarray(points, dtype=float)
     observed = np.column_stack([directions, distances]).astype(float)
     sigma = np.array([sigma_direction, sigma_distance])

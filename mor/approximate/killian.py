@@ -133,8 +133,7 @@ def _constants(cot_a: FloatArray, cot_b: FloatArray) -> tuple[float, float]:
 
 
 def cubic(link: Linking) -> FloatArray:
-    """Coefficients (4,) of (9), highest power of ϱ first, with the sign of the errata in the coefficient of
-    ϱ."""
+    """Coefficients (4,) of (9), highest power of ϱ first, with the sign of the errata in the coefficient of ϱ."""
     square, total = link.k_b**2 - 1.0, link.g1 + link.g2
     h, product = link.k1 * link.k2 + link.k_a * link.c1 * link.c2, link.g1 * link.g2
     k12, k_b = link.k1 * link.k2, link.k_b
@@ -242,8 +241,7 @@ def _same(first: Quadrilateral, second: Quadrilateral) -> bool:
 
 
 def corners_in_plane(solution: Quadrilateral) -> FloatArray:
-    """Corners (4, 2) in the plane: S the origin, corner 1 on the first axis, corner 3 on the side of the
-    second."""
+    """Corners (4, 2) in the plane: S the origin, corner 1 on the first axis, corner 3 on the side of the second."""
     sine = np.sqrt(max(0.0, 1.0 - solution.cos_alpha**2))
     a1, a2, b1, b2 = solution.halves
     second = np.array([solution.cos_alpha, sine])

@@ -43,8 +43,7 @@ class PlaneOutcome(Enum):
 
 
 class PlaneOrientation(NamedTuple):
-    """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X =
-    1."""
+    """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X = 1."""
 
     normal: FloatArray
     """(3,) unit normal n in A, pointing from A to the plane."""
@@ -80,16 +79,14 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
 
 
 def misfit_limit(redundancy: int) -> float:
-    """Value of Σ (v/σ)² beyond which the model does not hold: expectation plus five standard deviations, σ
-    doubled."""
+    """Value of Σ (v/σ)² beyond which the model does not hold: expectation plus five standard deviations, σ doubled."""
     return float(4.0 * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 1.0))
 
 
 def solutions_of_homography(
     matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
 ) -> list[PlaneOrientation]:
-    """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3)
-    first."""
+    """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3) first."""
     corners = corners_within(rays_a)
     image = corners @ matrix.T
     found = []
@@ -179,8 +176,7 @@ def _thin(bundle: Bundle) -> bool:
 
 
 def thickness(bundle: Bundle) -> float:
-    """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of
-    points."""
+    """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of points."""
     values = np.linalg.svd(bundle.directions, compute_uv=False)
     return float(values[2] / np.sqrt(len(bundle)))
 

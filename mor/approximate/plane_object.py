@@ -1,5 +1,4 @@
-"""What one does with the shape of a plane object: scale, level or wall, further points, sides and angles
-(Killian)."""
+"""What one does with the shape of a plane object: scale, level or wall, further points, sides and angles (Killian)."""
 
 from __future__ import annotations
 
@@ -98,8 +97,7 @@ def points_in_plane(shape: PlaneShape, image: int, rays: FloatArray) -> FloatArr
 
 
 def point_off_plane(shape: PlaneShape, images: Sequence[int] | IntArray, bundle: Bundle) -> Intersection:
-    """Further point anywhere, from its rays in two or more images: ray i of ``bundle`` in image
-    ``images[i]``."""
+    """Further point anywhere, from its rays in two or more images: ray i of ``bundle`` in image ``images[i]``."""
     index = np.asarray(images, dtype=np.int64)
     return intersect(bundle, shape.positions[index], shape.rotations[index])
 

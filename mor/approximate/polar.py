@@ -39,8 +39,7 @@ def polar_rays(directions: FloatArray, verticals: FloatArray) -> FloatArray:
 def polar_points(
     station: FloatArray, kappa: float, directions: FloatArray, verticals: FloatArray, distances: FloatArray
 ) -> FloatArray:
-    """Points (n, 3) from a levelled station (3,): directions, vertical directions and slope distances
-    (n,)."""
+    """Points (n, 3) from a levelled station (3,): directions, vertical directions and slope distances (n,)."""
     rays = polar_rays(np.asarray(directions) - kappa, verticals)
     return np.asarray(np.asarray(station) + rays * np.asarray(distances)[:, None])
 
@@ -58,8 +57,7 @@ def polar_points_level(
 def orient(
     station: FloatArray, points: FloatArray, directions: FloatArray, weights: FloatArray | None = None
 ) -> Orientation:
-    """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3): circular
-    mean."""
+    """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3): circular mean."""
     differences = np.asarray(directions) - bearing(station, points)
     weight = np.ones(len(differences)) if weights is None else np.asarray(weights, dtype=float)
     if not len(differences):
@@ -76,6 +74,5 @@ def trigonometric_height(
     instrument_height: float = 0.0,
     target_height: float = 0.0,
 ) -> float:
-    """Height of a target from the ``height`` of the station, a horizontal ``distance`` and the vertical
-    direction."""
+    """Height of a target from the ``height`` of the station, a horizontal ``distance`` and the vertical direction."""
     return height + instrument_height + distance * float(np.tan(vertical)) - target_height

@@ -174,8 +174,7 @@ def _apart(first: FloatArray, second: FloatArray) -> bool:
 
 
 def adjust_seeds(a: Bundle, b: Bundle, seeds: list[Seed]) -> list[Coplanarity]:
-    """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective
-    first."""
+    """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective first."""
     return distinct([_facing(a, b, adjust_coplanarity(a, b, *seed)) for seed in seeds])
 
 

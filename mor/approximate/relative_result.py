@@ -18,8 +18,7 @@ AS_GOOD = 25.0
 APART = 8.0
 """Standard deviations beyond which two orientations are different ones."""
 WEAK = 0.1
-"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is
-weak."""
+"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
 WRONG = 6.0
 """σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
@@ -60,8 +59,7 @@ def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = 
 
 
 def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
-    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the
-    choice."""
+    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
     if not judged.adjusted:
         return failed(RelativeOutcome.NO_BASE, len(a))
     chosen, rivals = _choice(a, b, judged.adjusted)

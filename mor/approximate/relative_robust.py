@@ -127,8 +127,7 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
 
 
 def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it
-    behind."""
+    """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it behind."""
     base, rotation = best_of_four(a, b, ik)
     front = np.all(in_front(a, b, base, rotation), axis=1)
     return np.asarray(np.where(front, np.minimum(residuals, TRUNCATION), TRUNCATION))
@@ -140,8 +139,7 @@ def _samples_needed(agreeing: float) -> float:
 
 
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
-    """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a
-    sample."""
+    """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a sample."""
     agreeing: BoolArray = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
     base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
     for _ in range(ROUNDS):

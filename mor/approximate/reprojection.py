@@ -37,8 +37,7 @@ def reproject(bundle: Bundle, star: FloatArray) -> Reprojection:
 
 
 def misfits(bundle: Bundle, star: FloatArray) -> FloatArray:
-    """Lengths (m, n) of the residuals, in units of σ, of m sets of points ``star`` (m, n, 3); infinite
-    behind."""
+    """Lengths (m, n) of the residuals, in units of σ, of m sets of points ``star`` (m, n, 3); infinite behind."""
     depth = np.einsum("ni,mni->mn", bundle.normals, star)
     factor = np.einsum("ni,ni->n", bundle.normals, bundle.rays) / np.where(depth == 0.0, 1e-300, depth)
     offset = star * factor[:, :, None] - bundle.rays

@@ -18,7 +18,7 @@ from mor.approximate.reprojection import misfits
 from mor.approximate.resection_adjust import Pose, adjust_pose, star_of
 from mor.approximate.resection_outcome import Resection, ResectionOutcome, failed_resection, judged
 from mor.approximate.resection_plane import is_plane, object_plane, resect_plane
-from mor.approximate.three_points import resect_three_points
+from mor.approximate.three_points import nearly_resect_three_points
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 SAMPLES = 80
@@ -76,7 +76,7 @@ def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -
     triples = _triples(len(points), generator)
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)
-    found = resect_three_points(points[triples] - centre, bundle.rays[triples])
+    found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
     poses = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
     if len(points) >= 4 and is_plane(object_plane(points)):
         planar = resect_plane(bundle, points)

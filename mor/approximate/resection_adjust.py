@@ -36,8 +36,7 @@ def pose_design(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[FloatAr
 
 
 def adjust_pose(bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40) -> Pose:
-    """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they
-    must be."""
+    """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they must be."""
     damping = 0.0
     residuals, design = pose_design(bundle, points, pose)
     for _ in range(iterations):

@@ -16,8 +16,7 @@ from mor.geometry.rotations import angles_from_rotation
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
 WEAK = 0.1
-"""σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is
-weak."""
+"""σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is weak."""
 HALF = 0.5
 """Part of the points that must agree."""
 
@@ -82,8 +81,7 @@ def failed_resection(outcome: ResectionOutcome, points: int) -> Resection:
 
 
 def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArray]]) -> Resection:
-    """Choose the pose that most points agree with, then the one of least Σ (v/σ)²; name what is not
-    decided."""
+    """Choose the pose that most points agree with, then the one of least Σ (v/σ)²; name what is not decided."""
     if not refined:
         return failed_resection(ResectionOutcome.DOES_NOT_FIT, len(points))
     costs = [_objective(bundle, points, pose, agreeing) for pose, agreeing in refined]

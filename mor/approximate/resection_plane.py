@@ -17,8 +17,7 @@ from mor.approximate.vectors import cross, tangent_axes, unit
 from mor.geometry.arrays import FloatArray
 
 FLAT = 1e-3
-"""Thickness of the object, relative to its smaller extension in the plane, below which it is treated as
-plane."""
+"""Thickness of the object, relative to its smaller extension in the plane, below which it is treated as plane."""
 
 
 class ObjectPlane(NamedTuple):
@@ -48,8 +47,7 @@ def is_plane(plane: ObjectPlane) -> bool:
 
 
 def resect_plane(bundle: Bundle, points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Position (3,) and rotation (3, 3) from n ≥ 4 points (n, 3) near a plane; none if they are too
-    collinear."""
+    """Position (3,) and rotation (3, 3) from n ≥ 4 points (n, 3) near a plane; none if they are too collinear."""
     plane = object_plane(points)
     if plane.extensions[1] <= 0.0:
         return None

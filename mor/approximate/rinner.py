@@ -53,8 +53,7 @@ def coplanarity_rows(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 
 
 def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
-    """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least
-    value."""
+    """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least value."""
     _, values, right = np.linalg.svd(rows, full_matrices=True)
     padded = np.zeros(9)
     padded[: len(values)] = values
@@ -82,8 +81,7 @@ def adjoint(ik: FloatArray) -> FloatArray:
 
 
 def base_in_three_ways(ik: FloatArray) -> Basis:
-    """Base from the adjoint (9), (10a). The signs of the λ come from the products, not from the roots
-    (10b)."""
+    """Base from the adjoint (9), (10a). The signs of the λ come from the products, not from the roots (10b)."""
     products = adjoint(ik).T
     lengths = np.linalg.norm(products, axis=1)
     base = products[np.argmax(lengths)] / np.max(lengths)

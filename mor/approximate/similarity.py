@@ -67,8 +67,7 @@ class Similarity:
 
 
 def similarity(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
-    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear); ``weights`` (n,)
-    > 0."""
+    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear); ``weights`` (n,) > 0."""
     return _solved(source, target, weights, scaled=True)
 
 

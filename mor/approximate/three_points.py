@@ -22,6 +22,10 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 REAL = 1e-3
 """Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs)."""
+NEARLY_REAL = 0.15
+"""The same where measuring errors, not rounding, may have parted a double root."""
+NEARLY_HOLDS = 1e-2
+"""Misclosure of the cosine laws, relative to the largest side squared, of the real part of such a root."""
 HOLDS = 1e-9
 """Misclosure of the cosine laws, relative to the largest side squared, of a solution."""
 REFINEMENTS = 4
@@ -44,13 +48,27 @@ def resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolut
     Up to four per sample. Collinear points, or two equal ones, leave none or senseless ones; on the dangerous
     cylinder (through the points, upright on their plane) two of them fall together.
     """
+    return _resected(points, rays, REAL, 0.0)
+
+
+def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
+    """All resections, and the real part of those that errors of the rays have just made complex.
+
+    Near the dangerous cylinder that is the place where the rays fit best, a start for an adjustment.
+    """
+    return _resected(points, rays, NEARLY_REAL, NEARLY_HOLDS)
+
+
+def _resected(
+    points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float
+) -> ThreePointSolutions:
     directions = unit(rays)
     sides = np.stack([_side(points, 1, 2), _side(points, 0, 2), _side(points, 0, 1)], axis=1)
     cosines = np.stack(
         [_cosine(directions, 1, 2), _cosine(directions, 0, 2), _cosine(directions, 0, 1)], axis=1
     )
     sound = np.all(sides > 0.0, axis=1)
-    sample, distances = _distances(np.where(sound[:, None], sides, 1.0), cosines)
+    sample, distances = _distances(np.where(sound[:, None], sides, 1.0), cosines, imaginary, misclosure)
     keep = sound[sample] & np.all(distances > 0.0, axis=1)
     sample, distances = sample[keep], distances[keep]
     placed = directions[sample] * distances[:, :, None]
@@ -105,9 +123,11 @@ def _roots(coefficients: FloatArray) -> FloatArray:
         return np.asarray(np.where(flip[:, None], 1.0 / roots, roots))
 
 
-def _distances(sides: FloatArray, cosines: FloatArray) -> tuple[IntArray, FloatArray]:
+def _distances(
+    sides: FloatArray, cosines: FloatArray, imaginary: float, misclosure: float
+) -> tuple[IntArray, FloatArray]:
     roots = _roots(quartic(sides, cosines))
-    real = np.isfinite(roots) & (np.abs(roots.imag) <= REAL * (1.0 + np.abs(roots))) & (roots.real > 0.0)
+    real = np.isfinite(roots) & (np.abs(roots.imag) <= imaginary * (1.0 + np.abs(roots))) & (roots.real > 0.0)
     sample, which = np.nonzero(real)
     v = roots.real[sample, which]
     _, b, c = sides[sample].T
@@ -118,12 +138,12 @@ def _distances(sides: FloatArray, cosines: FloatArray) -> tuple[IntArray, FloatA
     sample, distances = np.concatenate([sample, sample]), np.concatenate(both)
     fit = np.max(np.abs(_laws(distances, sides[sample], cosines[sample])), axis=1)
     near = fit < 0.05 * np.max(sides[sample], axis=1) ** 2
-    sample, distances = sample[near], distances[near]
-    distances = _refined(distances, sides[sample], cosines[sample])
-    fit = np.max(np.abs(_laws(distances, sides[sample], cosines[sample])), axis=1)
-    largest = np.max(np.maximum(sides[sample], np.abs(distances)), axis=1) ** 2
-    holds = fit < HOLDS * largest
-    return _without_repeats(sample[holds], distances[holds])
+    sample, distances, fit = sample[near], distances[near], fit[near]
+    refined = _refined(distances, sides[sample], cosines[sample])
+    fit_refined = np.max(np.abs(_laws(refined, sides[sample], cosines[sample])), axis=1)
+    holds = fit_refined < HOLDS * np.max(np.maximum(sides[sample], np.abs(refined)), axis=1) ** 2
+    keep = holds | (fit < misclosure * np.max(sides[sample], axis=1) ** 2)
+    return _without_repeats(sample[keep], np.where(holds[:, None], refined, distances)[keep])
 
 
 def _laws(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArray:

@@ -8,8 +8,7 @@ from mor.geometry.arrays import FloatArray
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Vector products (…, 3) over the last axis; for short arrays several times as fast as
-    ``numpy.cross``."""
+    """Vector products (…, 3) over the last axis; for short arrays several times as fast as ``numpy.cross``."""
     shape = np.broadcast_shapes(first.shape, second.shape)
     product = np.empty(shape)
     x, y, z = first[..., 0], first[..., 1], first[..., 2]

@@ -18,6 +18,10 @@ COMMANDS = {
 }
 
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
 class _Lazy(click.Group):
     """Commands are imported when they are called: ``mor --help`` imports nothing heavy."""
 
@@ -69,13 +73,17 @@ def run(arguments: Sequence[str] | None = None) -> int:
         error.show()
         return ExitCode.INPUT
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted; nothing was written", err=True)
-        return 130
+        click.echo("interrupted; no file was left incomplete", err=True)
+        return INTERRUPTED
     except MorError as error:
         click.echo(str(error), err=True)
         return error.exit_code
     except BrokenPipeError:
         return ExitCode.DONE
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        click.echo(f"{place}{error.strerror or error}", err=True)
+        return ExitCode.INPUT
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _internal(error)
     return int(result) if isinstance(result, int) else ExitCode.DONE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.status import Status
 
     from mor.adjustment.solve import Iteration
+    from mor.errors import Problem
 
 
 @dataclass
@@ -30,6 +31,12 @@ class Progress:
             self.status.update(f"{name} …")
         elif self.verbose and not self.quiet:
             click.echo(f"{name} …", err=True)
+
+    def notes(self, notes: Iterable[Problem]) -> None:
+        """What a reader left out or decided on its own."""
+        for note in notes:
+            if not self.quiet:
+                click.echo(f"note: {note}", err=True)
 
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""

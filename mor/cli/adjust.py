@@ -39,18 +39,20 @@ def command(
     """
     from mor.cli._progress import progress
     from mor.pipeline import read_document, read_network, solve_network
-    from mor.report.folder import check_free
+    from mor.report.folder import check_free, check_inputs
     from mor.report.text.head import verdict
     from mor.report.text.undetermined import section as undetermined
     from mor.report.write import results_text, write_results
 
-    folder = output or project.with_suffix(".results")
     writes = output is not None or not as_json
-    if writes and project.is_file():
-        check_free(folder, force)
     with progress(quiet, verbose) as say:
         say.phase("reading")
         document = read_document(project)
+        folder = output or project.with_suffix(".results")
+        if writes:
+            check_free(folder, force)
+            check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
+        say.notes(document.notes)
         network = read_network(document, project.parent)
         say.phase("adjusting")
         solved = solve_network(network, say.iteration)

@@ -20,6 +20,9 @@ def command(project: Path, quiet: bool) -> None:
     from mor.pipeline import read_document, read_network
     from mor.report.contents import contents
 
-    network = read_network(read_document(project), project.parent)
+    document = read_document(project)
+    network = read_network(document, project.parent)
     if not quiet:
+        for note in document.notes:
+            click.echo(f"note: {note}", err=True)
         click.echo(contents(network))

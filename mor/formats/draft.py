@@ -31,13 +31,13 @@ class Draft:
     notes: list[Problem] = field(default_factory=list)
     """What was left out, and why."""
 
-    def problem(self, message: str, line: int = 0) -> None:
-        """A mistake at a line of the file."""
-        self.problems.append(Problem(message, self.file, line))
+    def problem(self, message: str, line: int = 0, file: str = "") -> None:
+        """A mistake at a line of the file, or of another file that belongs to it."""
+        self.problems.append(Problem(message, file or self.file, line))
 
-    def note(self, message: str, line: int = 0) -> None:
+    def note(self, message: str, line: int = 0, file: str = "") -> None:
         """Something the reader did of its own accord, to be told to the user."""
-        self.notes.append(Problem(message, self.file, line))
+        self.notes.append(Problem(message, file or self.file, line))
 
     def put(self, key: str, value: Any, line: int = 0) -> None:
         """A key at the top of the project."""
@@ -45,7 +45,9 @@ class Draft:
         if line:
             self.lines[key,] = line
 
-    def table(self, section: str, columns: Sequence[str], rows: Sequence[Row], file: str = "", **keys: Any) -> Path:
+    def table(
+        self, section: str, columns: Sequence[str], rows: Sequence[Row], file: str = "", **keys: Any
+    ) -> Path:
         """Add a table to a section; columns without any value are left out. Returns its path."""
         tables = self.data.setdefault(section, [])
         path: Path = (section, len(tables))

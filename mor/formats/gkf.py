@@ -52,7 +52,10 @@ def read_gkf(path: Path) -> Document:
 
 def _read_network(network: Element, body: Element, draft: Draft) -> None:
     parameters = {key: value for part in network.all("parameters") for key, value in part.attributes.items()}
-    axes, angles = network.attributes.get("axes-xy", "ne").strip(), network.attributes.get("angles", "left-handed")
+    axes, angles = (
+        network.attributes.get("axes-xy", "ne").strip(),
+        network.attributes.get("angles", "left-handed"),
+    )
     left = angles.strip() == "left-handed"
     sigma_apriori = float(parameters.get("sigma-apr", "10"))
     points = read_points(body, draft)
@@ -65,7 +68,9 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     clusters = without_lonely_directions(clusters, draft)
     draft.put("title", _title(network))
     draft.put("units", {"length": "m", "angle": "gon"})
-    draft.put("axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"})
+    draft.put(
+        "axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"}
+    )
     put_points(points, draft)
     _put_observations(clusters, draft)
     put_datum(points, draft)

@@ -33,7 +33,11 @@ KINDS = {
     "distance": GamaKind("horizontal_distance", _FROM_TO, (("val", "distance"),), ("xy",), "distance-stdev"),
     "s-distance": GamaKind("distance", _FROM_TO, (("val", "distance"),), ("xy", "z"), "distance-stdev", True),
     "direction": GamaKind(
-        "directions", (("from", "station"), ("to", "to")), (("val", "horizontal"),), ("xy",), "direction-stdev"
+        "directions",
+        (("from", "station"), ("to", "to")),
+        (("val", "horizontal"),),
+        ("xy",),
+        "direction-stdev",
     ),
     "angle": GamaKind(
         "angle", (("from", "at"), ("bs", "from"), ("fs", "to")), (("val", "angle"),), ("xy",), "angle-stdev"
@@ -116,14 +120,21 @@ def _observation(
     element: Element, cluster: Element, root: Element, sigma_apriori: float, draft: Draft
 ) -> GamaObservation | None:
     kind = KINDS[element.name]
-    given = {**{k: v for k, v in cluster.attributes.items() if k in ("from", "from_dh")}, **element.attributes}
+    given = {
+        **{k: v for k, v in cluster.attributes.items() if k in ("from", "from_dh")},
+        **element.attributes,
+    }
     missing = [attribute for attribute, _ in kind.names if attribute not in given]
     if missing:
-        draft.problem(f"<{element.name}>: {missing[0]!r} is given neither here nor in <{cluster.name}>", element.line)
+        draft.problem(
+            f"<{element.name}>: {missing[0]!r} is given neither here nor in <{cluster.name}>", element.line
+        )
         return None
     names = tuple(given[attribute].strip() for attribute, _ in kind.names)
     if len(set(names)) < len(names):
-        draft.problem(f"<{element.name}>: {names[0]!r} is given twice; different points are needed", element.line)
+        draft.problem(
+            f"<{element.name}>: {names[0]!r} is given twice; different points are needed", element.line
+        )
         return None
     values = tuple(given[a].strip() if a in given else None for a, _ in kind.components)
     heights = (given.get("from_dh"), given.get("to_dh")) if kind.heights else (None, None)
@@ -163,7 +174,9 @@ def _covariance(element: Element, entries: int, draft: Draft) -> FloatArray | No
     matrix = matrices[0]
     size, band = int(matrix.attributes["dim"]), int(matrix.attributes["band"])
     if size != entries or len(matrices) > 1:
-        words = f"found {len(matrices)} matrices" if len(matrices) > 1 else f"dim = {size}, but {entries} values"
+        words = (
+            f"found {len(matrices)} matrices" if len(matrices) > 1 else f"dim = {size}, but {entries} values"
+        )
         draft.problem(f"<cov-mat>: {words} in <{element.name}>", matrix.line)
         return None
     rows, columns = np.nonzero(np.triu(np.ones((size, size))) - np.triu(np.ones((size, size)), band + 1))
@@ -181,7 +194,9 @@ def _covariance(element: Element, entries: int, draft: Draft) -> FloatArray | No
     return result
 
 
-def without_inactive(clusters: list[GamaCluster], points: dict[str, GamaPoint], draft: Draft) -> list[GamaCluster]:
+def without_inactive(
+    clusters: list[GamaCluster], points: dict[str, GamaPoint], draft: Draft
+) -> list[GamaCluster]:
     """Clusters without what refers to points, or components of points, that take no part."""
     result = []
     for cluster in clusters:
@@ -190,7 +205,9 @@ def without_inactive(clusters: list[GamaCluster], points: dict[str, GamaPoint], 
     return result
 
 
-def _active(observation: GamaObservation, points: dict[str, GamaPoint], draft: Draft) -> GamaObservation | None:
+def _active(
+    observation: GamaObservation, points: dict[str, GamaPoint], draft: Draft
+) -> GamaObservation | None:
     kind = KINDS[observation.kind]
     for name in observation.names:
         point = points.get(name)

@@ -103,7 +103,8 @@ RULES = {
             "tol-abs": _positive,
             "sigma-act": _one_of("aposteriori", "apriori"),
             **dict.fromkeys(
-                ("update-constrained-coordinates", "algorithm", "language", "encoding", "angles", "latitude"), _anything
+                ("update-constrained-coordinates", "algorithm", "language", "encoding", "angles", "latitude"),
+                _anything,
             ),
             **dict.fromkeys(("ellipsoid", "cov-band", "iterations"), _anything),
         },
@@ -113,7 +114,9 @@ RULES = {
         {},
         {
             "distance-stdev": _distance_sigma,
-            **dict.fromkeys(("direction-stdev", "angle-stdev", "zenith-angle-stdev", "azimuth-stdev"), _positive),
+            **dict.fromkeys(
+                ("direction-stdev", "angle-stdev", "zenith-angle-stdev", "azimuth-stdev"), _positive
+            ),
         },
     ),
     "point": Rule(

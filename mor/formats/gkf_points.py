@@ -50,7 +50,9 @@ def read_points(root: Element, draft: Draft) -> dict[str, GamaPoint]:
         for part in PARTS:
             missing = [name for name in part if name not in point.coordinates]
             if part in point.fixed and missing:
-                draft.problem(f"point {point.name!r}: {', '.join(missing)} is fixed but not given", point.line)
+                draft.problem(
+                    f"point {point.name!r}: {', '.join(missing)} is fixed but not given", point.line
+                )
     return points
 
 

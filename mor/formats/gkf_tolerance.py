@@ -39,7 +39,9 @@ def within_tolerance(
             gross = bool(missed > tolerance)
             kept.append(None if gross else observation)
             if gross:
-                words = f"it misses the given coordinates by {missed:.3f} m, more than tol-abs = {tolerance:g} m"
+                words = (
+                    f"it misses the given coordinates by {missed:.3f} m, more than tol-abs = {tolerance:g} m"
+                )
                 draft.note(f"<{observation.kind}> not used: {words}", observation.line)
         result.append(cluster.keep(kept))
     return result

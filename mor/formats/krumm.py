@@ -34,7 +34,9 @@ KINDS = {
     "Angles": KrummKind("angle", ("at", "from", "to"), "angle", angular=True),
     "GridBearings": KrummKind("bearing", ("from", "to"), "bearing", angular=True),
     "ZenithAngles": KrummKind("zenith_angle", ("from", "to"), "zenith_angle", angular=True, heights=True),
-    "VerticalAngles": KrummKind("vertical_direction", ("from", "to"), "vertical_direction", angular=True, heights=True),
+    "VerticalAngles": KrummKind(
+        "vertical_direction", ("from", "to"), "vertical_direction", angular=True, heights=True
+    ),
 }
 """Sections of the form names, value, σ, and heights where it says so; the others have readers of their own."""
 _PLANE = ("Distances", "Directions", "Angles", "GridBearings")
@@ -63,7 +65,11 @@ def read_krumm(path: Path) -> Document:
         _put_section(section, draft)
     settings = {"dimensions": estimated}
     for section in sections:
-        if section.name == "Sigma0" and section.lines and _is_positive(section.lines[0].words[0], section.lines[0], draft):
+        if (
+            section.name == "Sigma0"
+            and section.lines
+            and _is_positive(section.lines[0].words[0], section.lines[0], draft)
+        ):
             settings["sigma0"] = section.lines[0].words[0]
     draft.put("settings", settings)
     return draft.finish()
@@ -118,7 +124,9 @@ def _put_plain(section: Section, kind: KrummKind, draft: Draft) -> None:
             rows.append(Row([*names, rest[0], sigma, *(heights or [None, None])], line.number))
     if rows:
         columns = [*kind.names, kind.value, "sigma", "from_height", "to_height"]
-        draft.table("observations", columns, rows, type=kind.type, units={kind.value: unit, "sigma": sigma_unit})
+        draft.table(
+            "observations", columns, rows, type=kind.type, units={kind.value: unit, "sigma": sigma_unit}
+        )
 
 
 def _form(kind: KrummKind) -> str:
@@ -166,7 +174,16 @@ def _put_baselines(section: Section, draft: Draft) -> None:
             rows.append(Row([*line.words, *([None, None] if len(line.words) == 11 else [])], line.number))
     if rows:
         pairs = ("dx_dx", "dx_dy", "dx_dz", "dy_dy", "dy_dz", "dz_dz")
-        columns = ["from", "to", "dx", "dy", "dz", *(f"cov_{pair}" for pair in pairs), "from_height", "to_height"]
+        columns = [
+            "from",
+            "to",
+            "dx",
+            "dy",
+            "dz",
+            *(f"cov_{pair}" for pair in pairs),
+            "from_height",
+            "to_height",
+        ]
         draft.table("observations", columns, rows, type="vector")
 
 

@@ -89,7 +89,9 @@ def _read_datum(section: Section, coordinates: Coordinates, draft: Draft) -> Non
                 coordinates.free.append(component)
     size = len(coordinates.observed)
     if any(len(row) != size for row in coordinates.covariance):
-        draft.problem(f"the covariance matrix of {size} observed coordinates is not {size} × {size}", section.number)
+        draft.problem(
+            f"the covariance matrix of {size} observed coordinates is not {size} × {size}", section.number
+        )
 
 
 def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) -> tuple[str, str] | None:
@@ -98,7 +100,11 @@ def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) ->
         return word, "z"
     if word[:1].lower() in coordinates.estimated and word[1:] in coordinates.texts:
         return word[1:], word[0].lower()
-    expected = "a point" if coordinates.estimated == "z" else f"{', '.join(coordinates.estimated)} and a point, as in xA"
+    expected = (
+        "a point"
+        if coordinates.estimated == "z"
+        else f"{', '.join(coordinates.estimated)} and a point, as in xA"
+    )
     draft.problem(f"found {word!r}, expected {expected} of [Coordinates]", line.number)
     return None
 
@@ -108,7 +114,9 @@ def put_coordinates(coordinates: Coordinates, draft: Draft) -> None:
     tables: dict[str, list[Row]] = {}
     for name, texts in coordinates.texts.items():
         held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
-        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
+        tables.setdefault(held, []).append(
+            Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name])
+        )
     for held, rows in tables.items():
         draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
     if coordinates.free is not None:

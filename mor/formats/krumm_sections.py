@@ -68,7 +68,9 @@ def read_sections(text: str, draft: Draft) -> list[Section]:
 def _section(whole: str, number: int, draft: Draft) -> Section:
     match = _HEADER.match(re.split("[%#]", whole, maxsplit=1)[0])
     if match is None:
-        draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
+        draft.problem(
+            f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number
+        )
         return Section("Graphics", "", "", number)
     given = match[1]
     by_name = {name.lower(): name for name in KNOWN}
@@ -84,6 +86,9 @@ def _section(whole: str, number: int, draft: Draft) -> Section:
 def _unit(text: str, number: int, draft: Draft) -> str:
     unit = _SHORT_UNITS.get(text, text)
     if unit and unit not in ANGLE_UNITS and unit not in LENGTH_UNITS:
-        draft.problem(f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})", number)
+        draft.problem(
+            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})",
+            number,
+        )
         return ""
     return unit

@@ -7,6 +7,7 @@ from mor.observations._contract import (
     ObservationType,
     Reference,
     Slot,
+    without,
     wrap,
 )
 from mor.observations.angle import ANGLE_TYPE
@@ -65,5 +66,6 @@ __all__ = [
     "ObservationType",
     "Reference",
     "Slot",
+    "without",
     "wrap",
 ]

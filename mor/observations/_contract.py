@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +62,8 @@ class ObservationType:
     """Components that count in the sense of the project's horizontal angles."""
     bearings: tuple[int, ...] = ()
     """Those of them that also count from the project's zero direction."""
+    tell_face: Callable[[FloatArray], FloatArray] | None = None
+    """Face (1 or 2) that the reading (n,) of the last component tells, for types with a constant ``face``."""
     in_object_axes: bool = False
     """True where the components are coordinates in the axes of the object system."""
 
@@ -109,6 +111,8 @@ class ObservationGroup:
     image_unit: str = "mm"
     lines: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     file: str = ""
+    excluded: BoolArray | None = None
+    """(n, m) entries kept out of the adjustment: they have next to no weight, and a residual all the same."""
 
     @property
     def count(self) -> int:
@@ -119,6 +123,29 @@ class ObservationGroup:
     def mask(self) -> BoolArray:
         """(n, m) true where there is an observation."""
         return np.isfinite(self.observed)
+
+    @property
+    def left_out(self) -> BoolArray:
+        """(n, m) true where there is an observation that is kept out of the adjustment."""
+        return self.mask & self.excluded if self.excluded is not None else np.zeros(self.observed.shape, bool)
+
+    @property
+    def given_sigma(self) -> FloatArray:
+        """(n, m) standard deviations, those of excluded entries as they were before they were excluded."""
+        return np.where(self.left_out, self.sigma / OUT, self.sigma)
+
+
+OUT = 1e10
+"""Factor on the σ of an excluded entry: its weight, 10⁻²⁰ of what it was, is below all round-off.
+
+It stays in the system, so that its residual and the cofactors of its adjusted value come out like all others.
+"""
+
+
+def without(group: ObservationGroup, excluded: BoolArray) -> ObservationGroup:
+    """The group with these entries (n, m) excluded, and no others."""
+    sigma = np.where(group.mask & excluded, group.given_sigma * OUT, group.given_sigma)
+    return replace(group, sigma=sigma, excluded=excluded if excluded.any() else None)
 
 
 def wrap(angle: FloatArray) -> FloatArray:

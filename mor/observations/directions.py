@@ -10,7 +10,7 @@ from mor.geometry.arrays import FloatArray
 from mor.geometry.frames import by_point, by_rotation, into_frame
 from mor.observations._between import POSITIONS, bearing
 from mor.observations._contract import Computed, ObservationType, Reference, Slot
-from mor.observations.vertical import FACE, RADIUS, REFRACTION_SLOT, bent_elevation
+from mor.observations.vertical import FACE, RADIUS, REFRACTION_SLOT, bent_elevation, face_of_zenith
 from mor.units import ANGLE, Component
 
 SLOTS = (
@@ -67,6 +67,11 @@ def _on_the_circle(zenith: bool) -> Callable[[Sequence[FloatArray], FloatArray],
     return equation
 
 
+def face_of_vertical(vertical: FloatArray) -> FloatArray:
+    """Face two where the telescope points backwards: between a quarter and three quarters of the circle."""
+    return np.where(np.cos(np.nan_to_num(vertical)) < 0.0, 2.0, 1.0)
+
+
 def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
     return ObservationType(
         key=key,
@@ -75,6 +80,7 @@ def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
         slots=SLOTS,
         equation=_on_the_circle(zenith),
         constants=(RADIUS, FACE),
+        tell_face=face_of_zenith if zenith else face_of_vertical,
         distances=("station", "to"),
         turns=(0,),
     )

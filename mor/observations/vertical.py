@@ -59,6 +59,11 @@ def zenith_angle(blocks: Sequence[FloatArray], constants: FloatArray) -> Compute
     )
 
 
+def face_of_zenith(zenith: FloatArray) -> FloatArray:
+    """Face two where the zenith angle is beyond the half circle."""
+    return np.where(np.remainder(np.nan_to_num(zenith), 2.0 * np.pi) > np.pi, 2.0, 1.0)
+
+
 VERTICAL_DIRECTION = ObservationType(
     key="vertical_direction",
     components=(Component("vertical_direction", ANGLE),),
@@ -75,5 +80,6 @@ ZENITH_ANGLE = ObservationType(
     slots=(*BETWEEN_SLOTS, REFRACTION_SLOT),
     equation=zenith_angle,
     constants=(RADIUS, FACE),
+    tell_face=face_of_zenith,
     distances=("from", "to"),
 )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from mor.errors import InputError, Problem
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.project.model import Observations
 from mor.project.observation_rows import Group
@@ -51,12 +52,9 @@ def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlat
         components = np.flatnonzero(mask[i])
         covariance = group.transform @ covariances[i] @ group.transform.T
         covariance = covariance[np.ix_(components, components)]
-        if not _positive_definite(covariance):
-            place = reading.at("observations", group.entry)
-            words = (
-                f"{group.group.file}:{group.group.lines[i]}: the covariance matrix is not positive definite"
-            )
-            reading.problems.append(place.problem(words))
+        words = _not_positive_definite(covariance)
+        if words:
+            reading.problems.append(Problem(words, group.group.file, int(group.group.lines[i])))
             continue
         size = len(components)
         result.append(Correlation(np.full(size, number), np.full(size, i), components, covariance))
@@ -88,8 +86,9 @@ def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> l
         return []
     turn = _turn(groups, where, rows, components)
     covariance = turn @ given @ turn.T
-    if not _positive_definite(covariance):
-        reading.problems.append(place.problem("the covariance matrix is not positive definite", "covariance"))
+    words = _not_positive_definite(covariance)
+    if words:
+        reading.problems.append(place.problem(words, "covariance"))
         return []
     return [Correlation(where, rows, components, covariance)]
 
@@ -100,28 +99,26 @@ def _entries(groups: list[Group], number: int) -> tuple[IntArray, IntArray, IntA
 
 
 def _turn(groups: list[Group], where: IntArray, rows: IntArray, components: IntArray) -> FloatArray:
-    """Matrix that takes the entries as given (same places, project axes and units) to internal ones."""
-    size = len(rows)
-    turn = np.zeros((size, size))
-    place = {
-        (int(g), int(r), int(c)): k for k, (g, r, c) in enumerate(zip(where, rows, components, strict=True))
-    }
-    for (g, r, c), k in place.items():
+    """Matrix that takes the entries as given (same rows, project axes and units) to internal ones.
+
+    Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
+    """
+    turn = np.zeros((len(rows), len(rows)))
+    blocks: dict[tuple[int, int], list[int]] = {}
+    for k, (g, r) in enumerate(zip(where, rows, strict=True)):
+        blocks.setdefault((int(g), int(r)), []).append(k)
+    for (g, _), entries in blocks.items():
         group = groups[g]
-        for given in np.flatnonzero(group.transform[c]):
-            source = place.get((g, r, int(given)))
-            if source is not None:
-                turn[k, source] = group.transform[c, given] * group.factors[given]
+        given = [int(np.argmax(np.abs(group.transform[components[k]]))) for k in entries]
+        place = dict(zip(sorted(given), entries, strict=True))
+        for k, source in zip(entries, given, strict=True):
+            turn[k, place[source]] = group.transform[components[k], source] * group.factors[source]
     return turn
 
 
 def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray | None:
     if not isinstance(entry.covariance, str):
-        rows: list[list[float]] = entry.covariance or []
-        if len({len(row) for row in rows}) > 1:
-            reading.problems.append(place.problem("covariance: rows of different length", "covariance"))
-            return None
-        return np.array(rows, dtype=float)
+        return _rectangle(reading, entry.covariance or [], place)
     path = place.folder / entry.covariance
     if not path.is_file():
         reading.problems.append(
@@ -129,18 +126,55 @@ def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray |
         )
         return None
     try:
-        with path.open(newline="") as file:
-            return np.array([[float(cell) for cell in row] for row in csv.reader(file) if row], dtype=float)
-    except ValueError as error:
-        reading.problems.append(place.problem(f"covariance: {entry.covariance}: {error}", "covariance"))
+        rows = _rows_of_file(path)
+    except InputError as error:
+        reading.problems.extend(error.problems)
         return None
+    return _rectangle(reading, rows, place)
 
 
-def _positive_definite(matrix: FloatArray) -> bool:
-    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+def _rectangle(reading: Reading, rows: list[list[float]], place: Place) -> FloatArray | None:
+    if len({len(row) for row in rows}) > 1:
+        reading.problems.append(place.problem("covariance: rows of different length", "covariance"))
+        return None
+    return np.array(rows, dtype=float)
+
+
+def _rows_of_file(path: Path) -> list[list[float]]:
+    """Numbers of a CSV file without header. Raises :class:`InputError`."""
+    rows, problems = [], []
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+        cells = [cell.strip() for cell in line.split(",")]
+        if not line.strip():
+            continue
+        try:
+            rows.append([float(cell) for cell in cells])
+        except ValueError:
+            bad = next(cell for cell in cells if not _is_number(cell))
+            problems.append(Problem(f"found {bad!r}, expected a number", str(path), number))
+    if problems:
+        raise InputError(problems)
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
         return False
+    return True
+
+
+def _not_positive_definite(matrix: FloatArray) -> str:
+    """What is wrong with a covariance matrix, in words; empty where nothing is."""
+    if not np.isfinite(matrix).all():
+        return "the covariance matrix is not complete: found NaN"
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+        return "the covariance matrix is not symmetric"
+    if (np.diagonal(matrix) <= 0.0).any():
+        return "the covariance matrix is not positive definite: a variance is missing, zero or negative"
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
-        return False
-    return True
+        return "the covariance matrix is not positive definite: its correlations contradict each other"
+    return ""

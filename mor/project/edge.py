@@ -15,7 +15,7 @@ from mor.geometry.arrays import FloatArray
 from mor.project.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
-_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*$")
+_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?\s*$")
 _SEXAGESIMAL = re.compile(r"^\s*[-+−]?\d+\s*[-°:\s]\s*\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
@@ -62,7 +62,8 @@ class ImageScale:
         if not self.corner:
             return xy * self.factor(unit)
         centre = np.array(self.centre) * self.factor(PIXEL)
-        return (xy * self.factor(unit) - centre) * np.array([1.0, -1.0])
+        centred: FloatArray = (xy * self.factor(unit) - centre) * np.array([1.0, -1.0])
+        return centred
 
 
 def image_scale(camera: Camera, units: Units) -> ImageScale:
@@ -87,7 +88,7 @@ def split(text: str) -> tuple[float, str]:
     match = _NUMBER.match(text)
     if match is None:
         raise UnitError(f"found {text!r}, expected a number, with or without a unit")
-    return float(match[1]), match[2]
+    return float(match[1]), match[2] or ""
 
 
 def _plain(text: str, expected: str) -> float:

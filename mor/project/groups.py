@@ -155,7 +155,8 @@ def _sigma_factor(reading: Reading, entry: Observations, component: Component) -
 def _turn(values: FloatArray, transform: FloatArray) -> FloatArray:
     """Rows times a signed permutation, NaN staying where it is carried to."""
     source = np.argmax(np.abs(transform), axis=1)
-    return values[:, source] * transform[np.arange(len(transform)), source]
+    turned: FloatArray = values[:, source] * transform[np.arange(len(transform)), source]
+    return turned
 
 
 def _sigma(rows: Rows, type_: ObservationType) -> FloatArray:
@@ -185,8 +186,7 @@ def _constants(reading: Reading, type_: ObservationType, rows: Rows, given: Floa
     columns = []
     for constant in type_.constants:
         if constant.name == "face":
-            vertical = given[:, -1]
-            told = np.where(np.nan_to_num(vertical) > np.pi, 2.0, 1.0)
+            told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
             columns.append(own_or_common(rows.number("face"), told))
         else:
             columns.append(np.full(rows.count, constant.default / reading.edge.metres))

@@ -117,11 +117,12 @@ def _own_poses(
 def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
     known = reading.shop.things["camera"].numbers
     result = np.array([known.get(name, -1) for name in rows.text("camera")], dtype=np.int64)
-    for i in np.flatnonzero(result < 0):
-        name = rows.text("camera")[i]
-        if name in reading.project.cameras:
-            continue  # its own mistake is reported already
-        reading.problems.append(Problem(unknown_name("camera", name, known), rows.file, int(rows.lines[i])))
+    names = rows.text("camera")
+    for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
+        if name in reading.project.cameras or "camera" in reading.broken:
+            continue  # its own mistake is told already
+        line = int(rows.lines[names.index(name)])
+        reading.problems.append(Problem(unknown_name("camera", name, known), rows.file, line))
     return None if (result < 0).any() else result
 
 
@@ -130,12 +131,22 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> 
     images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
     followers = {number for number, *_ in leaders}
     for number, leader, pair, file, line in leaders:
-        if leader not in images.numbers:
+        if not leader or not pair:
+            have, lack = ("pair", "leader") if pair else ("leader", "pair")
+            words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
+            reading.problems.append(Problem(words, file, line))
+        elif leader not in images.numbers:
             reading.problems.append(Problem(unknown_name("leader: image", leader, images.ids), file, line))
+        elif pair not in pairs.numbers and "pair" in reading.broken:
+            continue
         elif pair not in pairs.numbers:
             reading.problems.append(Problem(unknown_name("pair", pair, pairs.ids), file, line))
         elif images.numbers[leader] == number:
-            reading.problems.append(Problem(f"image {leader!r} cannot be its own leader", file, line))
+            reading.problems.append(
+                Problem(
+                    f"image {leader!r} is its own leader; a stereo follower follows another image", file, line
+                )
+            )
         elif images.numbers[leader] in followers:
             words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
             reading.problems.append(Problem(words, file, line))

@@ -222,7 +222,7 @@ class Datum(Strict):
         )
     )
     components: list[Literal["x", "y", "z"]] = Field(
-        default_factory=lambda: ["x", "y", "z"], description="Components that carry it, where free names none"
+        default=["x", "y", "z"], description="Components that carry it, where free names none"
     )
     movements: Literal["adjusted", "reference"] = Field(
         default="adjusted",

@@ -23,9 +23,10 @@ from mor.project.features import feature_groups
 from mor.project.groups import read_groups
 from mor.project.images import read_images
 from mor.project.instruments import read_instruments, read_pairs
-from mor.project.knowledge import level_groups, parameter_groups, prior_groups, variant_groups
+from mor.project.knowledge import level_groups, prior_groups, variant_groups
 from mor.project.model import Datum, Project
 from mor.project.nodes import Document
+from mor.project.parameters import parameter_groups
 from mor.project.points import read_points
 from mor.project.reading import Reading
 from mor.project.stations import read_stations, read_systems
@@ -91,7 +92,6 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         if len(problems) > before:
             reading.broken.add(space)
     read_in = read_groups(reading)
-    check_direction_sets(reading, read_in)
     plain = [group.group for group in read_in]
     others = [
         *parameter_groups(reading),
@@ -100,6 +100,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         *variant_groups(reading, reading.variants),
         *prior_groups(reading),
     ]
+    check_direction_sets(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)
     if not plain and not others and not problems:
@@ -169,7 +170,8 @@ def _datum(reading: Reading) -> DatumChoice:
 def _internal_row(reading: Reading, components: str) -> BoolArray:
     """(3,) the internal components behind components of the project, e.g. ``"xy"``."""
     source = np.argmax(np.abs(reading.edge.matrix), axis=1)
-    return np.array([name in components for name in "xyz"])[source]
+    chosen: BoolArray = np.array([name in components for name in "xyz"])[source]
+    return chosen
 
 
 def _datum_points(reading: Reading, name: str) -> IntArray:

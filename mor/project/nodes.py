@@ -41,6 +41,12 @@ class Document:
             path = path[:-1]
         return self.lines.get(path, 1)
 
+    def table_files(self) -> list[str]:
+        """Files that the sections refer to, as written: tables and covariance matrices."""
+        entries = [e for section in self.data.values() if isinstance(section, list) for e in section]
+        named = [e.get(key) for e in entries if isinstance(e, dict) for key in ("file", "covariance")]
+        return [name for name in named if isinstance(name, str)]
+
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""
         while path and path not in self.files:

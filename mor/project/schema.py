@@ -12,8 +12,9 @@ def project_schema() -> str:
 
     Numbers may be written as numbers or as texts, as YAML has them.
     """
-    schema = Project.model_json_schema()
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **_lenient(schema)}
+    lenient = _lenient(Project.model_json_schema())
+    assert isinstance(lenient, dict)
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **lenient}
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -11,7 +11,6 @@ from mor.errors import InputError, Problem, nearest
 from mor.project.model import Project
 from mor.project.nodes import Document, Path
 
-
 _OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
 
 
@@ -30,7 +29,7 @@ def validate(document: Document) -> Project:
 
 def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetails]:
     """Of a value that is none of several things it may be, only what it fails as what it looks like."""
-    paths = [_data_path(document.data, detail["loc"]) for detail in details]
+    paths = [_data_path(document.data, detail) for detail in details]
     return [
         detail
         for detail, path in zip(details, paths, strict=True)
@@ -49,7 +48,7 @@ def _of_another_kind(detail: ErrorDetails) -> bool:
 
 
 def _problem(document: Document, detail: ErrorDetails) -> Problem:
-    path = _data_path(document.data, detail["loc"])
+    path = _data_path(document.data, detail)
     where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
     return Problem(_words(detail, path, where), document.file_of(path), document.line(path))
 
@@ -78,12 +77,12 @@ def _short(given: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _data_path(data: Any, location: tuple[int | str, ...]) -> Path:
+def _data_path(data: Any, detail: ErrorDetails) -> Path:
     """The part of pydantic's location that is a path in the data: names of union members are dropped."""
     path: list[str | int] = []
-    for number, part in enumerate(location):
-        last = number == len(location) - 1
-        if isinstance(data, dict) and (part in data or (last and isinstance(part, str) and "[" not in part)):
+    for number, part in enumerate(detail["loc"]):
+        missing = detail["type"] == "missing" and number == len(detail["loc"]) - 1
+        if isinstance(data, dict) and (part in data or missing):
             data = data.get(part)
             path.append(part)
         elif isinstance(data, list) and isinstance(part, int) and part < len(data):

@@ -1,7 +1,12 @@
-"""Residuals and redundancy numbers of every observation: r = diag(Q_vv P), exact, correlated or not."""
+"""Residuals, redundancy numbers and what the tests need of every observation, exact, correlated or not.
+
+With Q_vv = P⁻¹ − A Q Aᵀ, r = diag(Q_vv P). The tests rest on P Q_vv P (W. Baarda, 1968), of which the diagonal is kept,
+and for the components of one observation row the statistic of the joint test, (Pv)ᵀ (P Q_vv P)⁻¹ (Pv) over them.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +17,12 @@ from mor.adjustment.normals import cluster_rows, image_of_rays
 from mor.adjustment.plan import ClusterRows, reduced_columns
 from mor.adjustment.point_elimination import cofactors as ray_cofactors
 from mor.adjustment.ray_plan import RayChunk, ray_chunks
+from mor.adjustment.rays import Rays
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup
+from mor.quality.joint import joint_statistic
 
 
 class ObservationQuality(NamedTuple):
@@ -29,7 +37,15 @@ class ObservationQuality(NamedTuple):
     q_residual: FloatArray
     """Cofactors of the residuals; 0 where an observation is not controlled at all."""
     weighted: FloatArray
-    """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not."""
+    """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not; 0 where excluded."""
+    precision: FloatArray
+    """Diagonal of P."""
+    q_weighted: FloatArray
+    """Diagonal of P Q_vv P, the cofactors of P v."""
+    joint: FloatArray
+    """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
+    freedom: FloatArray
+    """Number of components of a row that are controlled independently of each other."""
 
 
 def observation_quality(
@@ -53,49 +69,83 @@ def observation_quality(
             moved = np.where((rows.columns >= 0)[:, :, None], weak[rows.columns], 0.0)
             image = rows.jacobian @ moved
             q = q + image @ np.swapaxes(image, 1, 2)
-        adjusted = np.diagonal(q, axis1=1, axis2=2)
         here = row_set.weight > 0.0
-        _fill(quality[row_set.group], row_set.rows, here, adjusted, row_set.weight)
+        white = q * row_set.weight[:, :, None] * row_set.weight[:, None, :]
+        _fill(quality[row_set.group], row_set.rows, here, white, row_set.weight)
     for cluster in plan.clusters:
         _cluster_quality(adjustment, cofactors, cluster, quality, tangent)
     of_points = np.zeros((len(plan.rays.columns), 3, 3))
     for chunk in ray_chunks(adjustment.problem, plan.rays, plan.reduced, values):
-        of_points[chunk.points], whitened = ray_cofactors(chunk.rays, cofactors)
+        of_points[chunk.points], white = _white_cofactors(chunk.rays, cofactors)
         if weak.shape[1]:
             image = image_of_rays(chunk.rays, weak[plan.kept], weak[plan.rays.columns[chunk.points]])
-            whitened = whitened + np.sum(image**2, axis=2)
-        _fill_rays(adjustment, quality, chunk, whitened)
+            white = white + image @ np.swapaxes(image, 1, 2)
+        _fill_rays(adjustment, quality, chunk, white)
+    for group, one in zip(groups, quality, strict=True):
+        _leave_out(group, one)
     return quality, of_points
 
 
+def _white_cofactors(rays: Rays, cofactors: BlockMatrix) -> tuple[FloatArray, FloatArray]:
+    """Q_pp (p, 3, 3) of the points and J Q Jᵀ (n, 2, 2) of the whitened rays of a chunk.
+
+    What stands between x and y follows from the variances of (x + y)/√2 and (x − y)/√2.
+    """
+    of_points, straight = ray_cofactors(rays, cofactors)
+    turn = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+    turned = replace(
+        rays,
+        by_point=np.ascontiguousarray(turn @ rays.by_point),
+        by_others=np.ascontiguousarray(turn @ rays.by_others),
+    )
+    _, diagonals = ray_cofactors(turned, cofactors)
+    between = 0.5 * (diagonals[:, 0] - diagonals[:, 1])
+    return of_points, np.stack([straight[:, 0], between, between, straight[:, 1]], axis=1).reshape(-1, 2, 2)
+
+
 def _fill_rays(
-    adjustment: Adjustment, quality: tuple[ObservationQuality, ...], chunk: RayChunk, whitened: FloatArray
+    adjustment: Adjustment, quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray
 ) -> None:
     for number in np.unique(chunk.group):
         group = adjustment.problem.groups[number]
         here = chunk.group == number
         rows = chunk.row[here]
         weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
-        variance = np.where(group.mask[rows], group.sigma[rows] ** 2, 0.0)
-        _fill(quality[number], rows, group.mask[rows], whitened[here] * variance, weight)
+        _fill(quality[number], rows, group.mask[rows], white[here], weight)
 
 
 def _empty(misclosure: FloatArray) -> ObservationQuality:
-    return ObservationQuality(-misclosure, *(np.full(misclosure.shape, np.nan) for _ in range(4)))
+    fields = len(ObservationQuality._fields) - 1
+    return ObservationQuality(-misclosure, *(np.full(misclosure.shape, np.nan) for _ in range(fields)))
 
 
 def _fill(
-    quality: ObservationQuality, rows: IntArray, here: BoolArray, adjusted: FloatArray, weight: FloatArray
+    quality: ObservationQuality, rows: IntArray, here: BoolArray, white: FloatArray, weight: FloatArray
 ) -> None:
+    """Rows of uncorrelated observations with W J Q Jᵀ W (n, m, m), W their weights (n, m) to the power ½."""
     variance = 1.0 / np.where(here, weight, 1.0) ** 2
-    r = np.clip(1.0 - adjusted / variance, 0.0, 1.0)
+    adjusted = np.diagonal(white, axis1=1, axis2=2)
+    r = np.clip(1.0 - adjusted, 0.0, 1.0)
+    joint, freedom = joint_statistic(quality.v[rows] * weight, np.eye(white.shape[1]) - white, here)
     for array, new in (
         (quality.r, r),
-        (quality.q_adjusted, adjusted),
+        (quality.q_adjusted, adjusted * variance),
         (quality.q_residual, r * variance),
         (quality.weighted, quality.v[rows] / variance),
+        (quality.precision, 1.0 / variance),
+        (quality.q_weighted, r / variance),
+        (quality.joint, joint[:, None]),
+        (quality.freedom, freedom[:, None]),
     ):
         array[rows] = np.where(here, new, array[rows])
+
+
+def _leave_out(group: ObservationGroup, quality: ObservationQuality) -> None:
+    """Excluded entries take no part in sums, and are tested by their own means."""
+    out = group.left_out
+    for array in (quality.r, quality.q_residual, quality.precision, quality.q_weighted, quality.joint, quality.freedom):
+        array[out] = np.nan
+    quality.weighted[out] = 0.0
 
 
 def _cluster_quality(
@@ -112,17 +162,43 @@ def _cluster_quality(
     adjusted = jacobian @ (q + weak @ weak.T) @ jacobian.T
     precision = cluster.whitening.T @ cluster.whitening
     covariance = np.linalg.inv(precision)
-    r = 1.0 - np.diagonal(adjusted @ precision)
-    residual = np.diagonal(covariance - adjusted)
-    misclosure = [
-        quality[group].v[row, component]
-        for group, row, component in zip(cluster.groups, cluster.rows, cluster.components, strict=True)
-    ]
-    weighted = precision @ np.array(misclosure)
-    for k, (group, row, component) in enumerate(
-        zip(cluster.groups, cluster.rows, cluster.components, strict=True)
+    misclosure = quality_at(cluster, [group.v for group in quality])
+    weighted_cofactors = precision - precision @ adjusted @ precision
+    joint, freedom = _joint_of_cluster(cluster, precision @ misclosure, weighted_cofactors)
+    for name, new in (
+        ("r", 1.0 - np.diagonal(adjusted @ precision)),
+        ("q_adjusted", np.diagonal(adjusted)),
+        ("q_residual", np.maximum(np.diagonal(covariance - adjusted), 0.0)),
+        ("weighted", precision @ misclosure),
+        ("precision", np.diagonal(precision)),
+        ("q_weighted", np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))),
+        ("joint", joint),
+        ("freedom", freedom),
     ):
-        quality[group].r[row, component] = r[k]
-        quality[group].q_adjusted[row, component] = adjusted[k, k]
-        quality[group].q_residual[row, component] = max(residual[k], 0.0)
-        quality[group].weighted[row, component] = weighted[k]
+        for number in np.unique(cluster.groups):
+            here = cluster.groups == number
+            getattr(quality[number], name)[cluster.rows[here], cluster.components[here]] = new[here]
+
+
+def quality_at(cluster: ClusterRows, arrays: list[FloatArray]) -> FloatArray:
+    """(k,) entries of a cluster out of one array (n, m) for each group."""
+    result = np.zeros(len(cluster.rows))
+    for number in np.unique(cluster.groups):
+        here = cluster.groups == number
+        result[here] = arrays[number][cluster.rows[here], cluster.components[here]]
+    return result
+
+
+def _joint_of_cluster(
+    cluster: ClusterRows, weighted: FloatArray, cofactors: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Statistic and freedom (k,) of the joint tests of the rows that a cluster touches."""
+    statistic, freedom = np.zeros(len(weighted)), np.zeros(len(weighted))
+    _, row_of = np.unique(np.stack([cluster.groups, cluster.rows]), axis=1, return_inverse=True)
+    scale = np.sqrt(np.diagonal(cluster.whitening.T @ cluster.whitening))
+    for row in range(int(row_of.max(initial=-1)) + 1):
+        here = np.flatnonzero(row_of.ravel() == row)
+        part = cofactors[np.ix_(here, here)] / np.outer(scale[here], scale[here])
+        found = joint_statistic((weighted[here] / scale[here])[None], part[None], np.ones((1, len(here)), bool))
+        statistic[here], freedom[here] = found[0][0], found[1][0]
+    return statistic, freedom

@@ -5,12 +5,24 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from fnmatch import fnmatch
 from pathlib import Path
 
 from mor.errors import InputError, Problem
 
 Writer = Callable[[Path], None]
+
+RESULT_FILES = (
+    "results.json",
+    "report.txt",
+    "residuals.csv",
+    "points.csv",
+    "images.csv",
+    "adjusted.yaml",
+    "start_*.csv",
+)
+"""Names (patterns) of all files an adjustment may write."""
 
 
 def check_free(folder: Path, force: bool) -> None:
@@ -23,8 +35,22 @@ def check_free(folder: Path, force: bool) -> None:
         )
 
 
+def check_inputs(folder: Path, inputs: Iterable[Path]) -> None:
+    """Raise :class:`InputError` where results would overwrite a file that the project is read from, forced or not."""
+    problems = [
+        Problem(
+            "results would overwrite this file, which the project is read from; choose another folder",
+            str(path),
+        )
+        for path in dict.fromkeys(inputs)
+        if path.resolve().parent == folder.resolve() and _is_result(path.name)
+    ]
+    if problems:
+        raise InputError(problems)
+
+
 def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> None:
-    """Write all files into a folder; other files in it are left alone.
+    """Write all files into a folder; results of an earlier run that are not written again go, other files stay.
 
     Everything is written into a folder beside it first. Interrupted, it leaves the old results untouched.
     """
@@ -40,5 +66,12 @@ def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> No
             return
         for name in writers:
             os.replace(beside / name, folder / name)
+        for path in folder.iterdir():
+            if path.name not in writers and _is_result(path.name):
+                path.unlink()
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def _is_result(name: str) -> bool:
+    return any(fnmatch(name, pattern) for pattern in RESULT_FILES)

@@ -66,7 +66,10 @@ def _group_table(solved: Solved, number: int, group: ObservationGroup) -> pl.Dat
         "flag": _flags(solved, number, group)[rows, components],
     }
     frame = pl.DataFrame(
-        {key: pl.Series(key, columns[key], dtype=kind, strict=False) for key, kind in SCHEMA.items()}
+        {
+            key: pl.Series(key, np.asarray(columns[key]), dtype=kind, strict=False)
+            for key, kind in SCHEMA.items()
+        }
     )
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 

@@ -10,6 +10,7 @@ from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
 from mor.parameters.index import partly_free
+from mor.parameters.kinds import KINDS
 from mor.quality.precision import angle_cofactors
 from mor.quality.solved import Solved
 from mor.units import ANGLE_UNITS
@@ -31,6 +32,8 @@ def angle_unit(solved: Solved) -> str:
 
 def plain(solved: Solved, kind: str, numbers: IntArray) -> Estimate:
     """Values and σ of plain blocks, in internal units (which are the project's for lengths and numbers)."""
+    if len(numbers) == 0:
+        return Estimate(np.zeros((0, KINDS[kind].size)), np.zeros((0, KINDS[kind].size)), None)
     values = solved.adjustment.values[kind][numbers]
     covariance = _covariance(solved, kind, numbers)
     return Estimate(values, _sigma(covariance, values.shape), covariance)
@@ -38,6 +41,8 @@ def plain(solved: Solved, kind: str, numbers: IntArray) -> Estimate:
 
 def points(solved: Solved, numbers: IntArray) -> Estimate:
     """Coordinates of points in project axes, with their covariances in the datum of the adjustment."""
+    if len(numbers) == 0:
+        return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
     M = solved.network.edge.matrix
     values = solved.adjustment.values["point"][numbers] @ M
     covariance = _covariance(solved, "point", numbers)
@@ -48,6 +53,8 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
 
 def rotations(solved: Solved, numbers: IntArray) -> Estimate:
     """ω, φ, κ against project axes, in the project's angle unit, with their rigorous covariances."""
+    if len(numbers) == 0:
+        return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
     edge = solved.network.edge
     D = solved.adjustment.values["rotation"][numbers]
     by_angles = partly_free(solved.network.blocks["rotation"])[numbers]

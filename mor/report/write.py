@@ -19,22 +19,22 @@ TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "image
 
 
 def write_results(solved: Solved, document: Document, source: Path, folder: Path, force: bool) -> None:
-    """Write report, ``results.json``, tables and the adjusted project into a folder."""
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project."""
     residuals = observation_table(solved)
-    frames = {
-        "residuals.csv": residuals,
-        "points.csv": point_table(solved),
-        "images.csv": image_table(solved),
-    }
-    if solved.quality is not None:
-        text, starts = adjusted_project(solved, document, source.resolve(), folder.resolve())
-        frames |= starts
+    converged = solved.quality is not None
     writers: dict[str, Writer] = {
-        "results.json": _text(to_json(results(solved, residuals, TABLES))),
+        "results.json": _text(to_json(results(solved, residuals, TABLES if converged else {}))),
         "report.txt": _text(text_report(solved, residuals)),
-        **{name: _csv(frame) for name, frame in frames.items()},
     }
-    if solved.quality is not None:
+    if converged:
+        text, starts = adjusted_project(solved, document, source.resolve(), folder.resolve())
+        frames = {
+            "residuals.csv": residuals,
+            "points.csv": point_table(solved),
+            "images.csv": image_table(solved),
+            **starts,
+        }
+        writers |= {name: _csv(frame) for name, frame in frames.items()}
         writers["adjusted.yaml"] = _text(text)
     write_folder(folder, writers, force)
 

@@ -1,4 +1,4 @@
-"""Simulation of the sample projects, independent of the program: known truth, seeded noise, the same bytes every time."""
+"""Simulation of the sample projects, independent of the program: known truth, seeded noise, always the same bytes."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sample_projects.simulate.camera import Camera, inside, in_axes
+from sample_projects.simulate.camera import Camera, in_axes, inside
 from sample_projects.simulate.files import IMAGE_HEADER, camera_table, image_row, numbers, point_table, table
 from sample_projects.simulate.geometry import DEGREE, Array, Frame, Mask, disturbed, rotation
 from sample_projects.simulate.rays import measured, seen_points, with_enough_rays
@@ -42,20 +42,29 @@ def simulate() -> dict[str, str]:
     seen = seen_points(rays, points)
     tie = {name: xyz for name, xyz in seen.items() if name.startswith("T")}
     return {
-        "control.csv": point_table({n: p + CONTROL_SIGMA * random.standard_normal(3) for n, p in full.items()}, 3),
+        "control.csv": point_table(
+            {n: p + CONTROL_SIGMA * random.standard_normal(3) for n, p in full.items()}, 3
+        ),
         "height_control.csv": table("id,x,y,z", _height_rows(height_only, random)),
         "tie_points.csv": point_table({n: p + 4.0 * random.standard_normal(3) for n, p in tie.items()}, 0),
         "images.csv": table(IMAGE_HEADER, _image_rows(frames, random)),
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 4)] for r in rays)),
         "truth/points.csv": point_table(seen, 4),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "DMC", f, 4, DEGREE, 8) for n, f in frames.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "DMC", f, 4, DEGREE, 8) for n, f in frames.items()]
+        ),
         "truth/cameras.csv": camera_table({"DMC": CAMERA}),
     }
 
 
 def _on_the_ground(east: float, north: float) -> Array:
     """A place with its terrain height: a valley with a ridge along one side."""
-    height = 262.0 + 34.0 * np.sin(east / 640.0) + 41.0 * np.cos(north / 520.0) + 12.0 * np.sin((east + north) / 190.0)
+    height = (
+        262.0
+        + 34.0 * np.sin(east / 640.0)
+        + 41.0 * np.cos(north / 520.0)
+        + 12.0 * np.sin((east + north) / 190.0)
+    )
     return np.array([EAST + east, NORTH + north, height])
 
 
@@ -97,6 +106,9 @@ def _image_rows(frames: Mapping[str, Frame], random: np.random.RandomState) -> l
 def _height_rows(points: Mapping[str, Array], random: np.random.RandomState) -> list[list[str]]:
     rows = []
     for name, xyz in points.items():
-        rough, height = xyz[:2] + 2.0 * random.standard_normal(2), xyz[2] + CONTROL_SIGMA[2] * random.standard_normal()
+        rough, height = (
+            xyz[:2] + 2.0 * random.standard_normal(2),
+            xyz[2] + CONTROL_SIGMA[2] * random.standard_normal(),
+        )
         rows.append([name, *numbers(rough, 0), *numbers([height], 3)])
     return rows

@@ -6,7 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sample_projects.simulate.building_site import BARS, BOLTS, CAMERA, NETWORK, OBSTACLES, details, frames, targets
+from sample_projects.simulate.building_site import (
+    BARS,
+    BOLTS,
+    CAMERA,
+    NETWORK,
+    OBSTACLES,
+    details,
+    frames,
+    targets,
+)
 from sample_projects.simulate.camera import Camera, sees
 from sample_projects.simulate.files import (
     IMAGE_HEADER,
@@ -14,6 +23,7 @@ from sample_projects.simulate.files import (
     image_row,
     number,
     numbers,
+    parameter_table,
     point_table,
     table,
 )
@@ -44,13 +54,21 @@ class Setup(NamedTuple):
 
 SETUPS = {
     "S1": Setup(np.array([13.4, -15.8, 100.3]), 0.0, 57.3121 * GON, (0.0, 0.0), False),
-    "S2": Setup(np.array([11.9, 34.6, 100.9]), 0.0, 371.0442 * GON, (0.0009 * GON, -0.0013 * GON), False),
+    "S2": Setup(np.array([11.9, 34.6, 100.9]), 0.0, 371.0442 * GON, (0.0312 * GON, -0.0447 * GON), False),
     "S3": Setup(NETWORK["N2"], 1.612, 214.8090 * GON, (0.0, 0.0), True),
 }
 POLES = {"N1": 1.500, "N2": 1.500, "N3": 1.625, "N4": 1.500}
 """Heights of the prisms above the network points."""
 SEEN_FROM = {"S1": ("N1", "N4", "N3"), "S2": ("N2", "N3", "N1"), "S3": ("N3", "N4")}
-LEVEL_LINES = (("BM", "N1"), ("N1", "HB1"), ("HB1", "N4"), ("N4", "N2"), ("N2", "HB2"), ("HB2", "N3"), ("N3", "BM"))
+LEVEL_LINES = (
+    ("BM", "N1"),
+    ("N1", "HB1"),
+    ("HB1", "N4"),
+    ("N4", "N2"),
+    ("N2", "HB2"),
+    ("HB2", "N3"),
+    ("N3", "BM"),
+)
 BENCHMARK = np.array([-25.0, -20.0, 99.4820])
 
 
@@ -79,7 +97,10 @@ def simulate() -> dict[str, str]:
     stations = {"S1": SETUPS["S1"].mark, "S2": SETUPS["S2"].mark}
     network = {n: NETWORK[n] + np.array([0.003, 0.003, 0.05]) * random.standard_normal(3) for n in NETWORK}
     return {
-        "images.csv": table(IMAGE_HEADER, [image_row(n, "N24", disturbed(f, random, 0.2, GON), 2, GON, 1) for n, f in images.items()]),
+        "images.csv": table(
+            IMAGE_HEADER,
+            [image_row(n, "N24", disturbed(f, random, 0.2, GON), 2, GON, 1) for n, f in images.items()],
+        ),
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 4)] for r in rays)),
         "network.csv": point_table(network, 3),
         "building.csv": point_table(start, 2),
@@ -88,8 +109,11 @@ def simulate() -> dict[str, str]:
         "scale_bars.csv": table("from,to,distance,sigma", _bars(random)),
         "truth/points.csv": point_table({**NETWORK, "BM": BENCHMARK, **seen}, 5),
         "truth/stations.csv": point_table(stations, 5),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "N24", f, 5, GON, 7) for n, f in images.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "N24", f, 5, GON, 7) for n, f in images.items()]
+        ),
         "truth/cameras.csv": camera_table({"N24": CAMERA}),
+        "truth/parameters.csv": parameter_table({("distance meter", "prism", "offset"): ZERO_OFFSET}),
     }
 
 

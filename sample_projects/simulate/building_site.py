@@ -40,7 +40,11 @@ BARS = (
     np.array([[0.0, -1.0, 0.0]] * 2 + [[-1.0, 0.0, 0.0]] * 2),
 )
 """Two scale bars: one leans at the south wall, one stands at the west wall."""
-OBSTACLES = (Post(17.5, -6.0, 0.2, GROUND, 102.0), Post(17.5, -6.0, 1.6, 102.0, 106.5), Post(36.0, 9.0, 0.3, GROUND, 105.0))
+OBSTACLES = (
+    Post(17.5, -6.0, 0.2, GROUND, 102.0),
+    Post(17.5, -6.0, 1.6, 102.0, 106.5),
+    Post(36.0, 9.0, 0.3, GROUND, 105.0),
+)
 
 WALLS: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
     "S": ((0.0, 0.0), (1.0, 0.0), (0.0, -1.0)),
@@ -65,7 +69,9 @@ def targets() -> tuple[dict[str, Array], Array]:
     """Four target plates on every wall, and their normals."""
     points, normals = {}, []
     for wall in WALLS:
-        for k, (share, height) in enumerate(((0.06, 100.6), (0.36, 106.6), (0.66, 100.9), (0.94, 106.2)), start=1):
+        for k, (share, height) in enumerate(
+            ((0.06, 100.6), (0.36, 106.6), (0.66, 100.9), (0.94, 106.2)), start=1
+        ):
             points[f"{wall}P{k}"] = _on_wall(wall, share * _length(wall), 0.01, height + 0.1 * share)
             normals.append([*WALLS[wall][2], 0.0])
     return points, np.array(normals)
@@ -92,7 +98,13 @@ def frames(random: np.random.RandomState) -> dict[str, Frame]:
         count = 6 if wall in "SN" else 4
         for k in range(count):
             along = _length(wall) * (k + 0.5) / count
-            places.append((_on_wall(wall, along, 13.5, 0.0), _on_wall(wall, along + random.uniform(-2.0, 2.0), 0.0, 103.6), 0.0))
+            places.append(
+                (
+                    _on_wall(wall, along, 13.5, 0.0),
+                    _on_wall(wall, along + random.uniform(-2.0, 2.0), 0.0, 103.6),
+                    0.0,
+                )
+            )
         corner = _on_wall(wall, _length(wall), 0.0, 103.6)
         for shift, roll in ((-2.0, 0.0), (2.5, 100.0)):
             place = _on_wall(wall, _length(wall) + 9.5 + shift, 9.5 - shift, 0.0)

@@ -51,7 +51,8 @@ def image_of(camera: Camera, star: Array) -> Array:
     x, y = ideal.T
     square = x**2 + y**2
     radial = sum(
-        (a * (square**k - camera.r0 ** (2 * k)) for k, a in enumerate(camera.radial, start=1)), np.zeros(len(x))
+        (a * (square**k - camera.r0 ** (2 * k)) for k, a in enumerate(camera.radial, start=1)),
+        np.zeros(len(x)),
     )
     b1, b2 = camera.decentring
     c1, c2 = camera.affine
@@ -79,4 +80,5 @@ def sees(camera: Camera, frame: Frame, points: Array, normals: Array, steepest: 
 def pixels(camera: Camera, xy: Array) -> Array:
     """(n, 2) pixel coordinates from the upper left corner, y down, of image coordinates in mm."""
     centre = np.array([camera.width, camera.height]) / 2.0
-    return centre + xy / camera.pixel * np.array([1.0, -1.0])
+    result: Array = centre + xy / camera.pixel * np.array([1.0, -1.0])
+    return result

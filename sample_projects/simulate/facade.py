@@ -8,7 +8,16 @@ import numpy as np
 
 from sample_projects.simulate.camera import Camera, pixels, sees
 from sample_projects.simulate.files import IMAGE_HEADER, camera_table, image_row, numbers, point_table, table
-from sample_projects.simulate.geometry import DEGREE, Array, Frame, Mask, Post, disturbed, hidden_by_post, look_at
+from sample_projects.simulate.geometry import (
+    DEGREE,
+    Array,
+    Frame,
+    Mask,
+    Post,
+    disturbed,
+    hidden_by_post,
+    look_at,
+)
 from sample_projects.simulate.rays import measured, seen_points, with_enough_rays
 
 CAMERA = Camera(
@@ -83,7 +92,8 @@ def simulate() -> dict[str, str]:
     rays = with_enough_rays(measured(images, everything, visible, sigma, random), 3)
     seen = seen_points(rays, everything)
     rows = [
-        [ray.image, ray.point, *numbers(pixels(CAMERA, ray.xy[None])[0], 2), f"{in_pixels[ray.point]:g}"] for ray in rays
+        [ray.image, ray.point, *numbers(pixels(CAMERA, ray.xy[None])[0], 2), f"{in_pixels[ray.point]:g}"]
+        for ray in rays
     ]
     return {
         "control.csv": point_table(_noisy(control, CONTROL_SIGMA, random), 3),
@@ -91,7 +101,9 @@ def simulate() -> dict[str, str]:
         "images.csv": table(IMAGE_HEADER, _image_rows(frames, random)),
         "image_points.csv": table("image,point,x,y,sigma", rows),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "D7", f, 6, DEGREE, 7) for n, f in frames.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "D7", f, 6, DEGREE, 7) for n, f in frames.items()]
+        ),
         "truth/cameras.csv": camera_table({"D7": CAMERA}),
     }
 
@@ -116,7 +128,9 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
     result = {}
     for k, (position, target, roll) in enumerate(VIEWS):
         aimed = np.asarray(target) + 0.2 * random.standard_normal(3)
-        result[f"IMG_{4711 + 3 * k}"] = look_at(position, aimed.tolist(), (roll + random.normal(0.0, 1.5)) * DEGREE)
+        result[f"IMG_{4711 + 3 * k}"] = look_at(
+            position, aimed.tolist(), (roll + random.normal(0.0, 1.5)) * DEGREE
+        )
     return result
 
 
@@ -125,6 +139,6 @@ def _noisy(points: Mapping[str, Array], sigma: float, random: np.random.RandomSt
 
 
 def _image_rows(frames: Mapping[str, Frame], random: np.random.RandomState) -> list[list[str]]:
-    return [image_row(n, "D7", disturbed(f, random, 0.15, 1.0 * DEGREE), 2, DEGREE, 1) for n, f in frames.items()]
-
-
+    return [
+        image_row(n, "D7", disturbed(f, random, 0.15, 1.0 * DEGREE), 2, DEGREE, 1) for n, f in frames.items()
+    ]

@@ -43,7 +43,10 @@ def angles(D: Array) -> Array:
 
 
 def look_at(
-    position: Sequence[float], target: Sequence[float], roll: float = 0.0, up: Sequence[float] = (0.0, 0.0, 1.0)
+    position: Sequence[float],
+    target: Sequence[float],
+    roll: float = 0.0,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
 ) -> Frame:
     """A camera at a position whose axis points at a target; ``up`` is upwards in the image, turned by ``roll``."""
     z = np.asarray(position, dtype=float) - np.asarray(target, dtype=float)
@@ -64,7 +67,8 @@ def incidence(points: Array, normals: Array, position: Array) -> Array:
     """(n,) angles between the normals of targets and the rays to a position."""
     rays = position - points
     cosine = np.einsum("ni,ni->n", rays, normals) / np.linalg.norm(rays, axis=1)
-    return np.arccos(np.clip(cosine / np.linalg.norm(normals, axis=1), -1.0, 1.0))
+    angle: Array = np.arccos(np.clip(cosine / np.linalg.norm(normals, axis=1), -1.0, 1.0))
+    return angle
 
 
 class Post(NamedTuple):

@@ -29,7 +29,7 @@ CAMERA = Camera(
     radial=(-1.94e-4, 3.6e-7),
     r0=9.0,
 )
-C_SIGMA, XH_SIGMA, YH_SIGMA = 0.008, 0.012, 0.012
+C_SIGMA, XH_SIGMA, YH_SIGMA = 0.04, 0.05, 0.05
 """How much c, xh, yh of an image differ from those of the camera, mm."""
 SIGMA = 0.0007
 DISTANCE_SIGMA = 0.05
@@ -62,7 +62,9 @@ def simulate() -> dict[str, str]:
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 5)] for r in rays)),
         "distances.csv": table("from,to,distance,sigma", _distances(points, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "zoom", f, 6, GON, 8) for n, f in frames.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "zoom", f, 6, GON, 8) for n, f in frames.items()]
+        ),
         "truth/image_interiors.csv": table("image,c,xh,yh", own),
         "truth/cameras.csv": camera_table({"zoom": CAMERA}),
     }
@@ -72,14 +74,19 @@ def _targets(random: np.random.RandomState) -> tuple[dict[str, Array], Array]:
     """Targets in the corner of a room: 1xx on the left wall, 2xx on the right one, 3xx on boxes in front."""
     points: dict[str, Array] = {}
     normals = []
-    for first, count, normal in ((101, 30, (0.0, -1.0, 0.0)), (201, 30, (-1.0, 0.0, 0.0)), (301, 16, (-1.0, -1.0, 0.6))):
+    for first, count, normal in (
+        (101, 30, (0.0, -1.0, 0.0)),
+        (201, 30, (-1.0, 0.0, 0.0)),
+        (301, 16, (-1.0, -1.0, 0.6)),
+    ):
         for k in range(count):
             along = -2300.0 * (k % 10 + 0.5) / 10.0 + random.uniform(-60.0, 60.0)
             height = 500.0 + 700.0 * (k // 10) + random.uniform(-150.0, 150.0)
             place = {
                 101: np.array([along, 0.0, height]),
                 201: np.array([0.0, along, height]),
-                301: np.array([-300.0, -300.0, 150.0]) + random.uniform(-1.0, 1.0, 3) * np.array([250.0, 250.0, 140.0]),
+                301: np.array([-300.0, -300.0, 150.0])
+                + random.uniform(-1.0, 1.0, 3) * np.array([250.0, 250.0, 140.0]),
             }[first]
             points[f"{first + k}"] = place + 2.0 * random.standard_normal(3)
             normals.append(normal)
@@ -103,6 +110,8 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
 def _distances(points: dict[str, Array], random: np.random.RandomState) -> list[list[str]]:
     rows = []
     for one, other in DISTANCES:
-        length = float(np.linalg.norm(points[other] - points[one])) + DISTANCE_SIGMA * random.standard_normal()
+        length = (
+            float(np.linalg.norm(points[other] - points[one])) + DISTANCE_SIGMA * random.standard_normal()
+        )
         rows.append([one, other, number(length, 2), f"{DISTANCE_SIGMA:g}"])
     return rows

@@ -33,7 +33,10 @@ BAR_SIGMA = 0.01
 FLATNESS, STRAIGHTNESS = 0.012, 0.008
 """How far points are from the machined planes and from the edge, mm."""
 LENGTH, DEPTH, HEIGHT = 620.0, 410.0, 280.0
-BARS = {("10", "11"): ((-160.0, -60.0, -40.0), (-140.0, 445.0, -40.0)), ("12", "13"): ((60.0, 520.0, -40.0), (565.0, 535.0, -40.0))}
+BARS = {
+    ("10", "11"): ((-160.0, -60.0, -40.0), (-140.0, 445.0, -40.0)),
+    ("12", "13"): ((60.0, 520.0, -40.0), (565.0, 535.0, -40.0)),
+}
 
 
 def simulate() -> dict[str, str]:
@@ -58,7 +61,9 @@ def simulate() -> dict[str, str]:
         ),
         "scale_bars.csv": table("from,to,distance,sigma", _bars(points, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "D300", f, 6, GON, 8) for n, f in frames.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "D300", f, 6, GON, 8) for n, f in frames.items()]
+        ),
         "truth/cameras.csv": camera_table({"D300": CAMERA}),
     }
 
@@ -107,7 +112,9 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
         ]
         middle = np.array([LENGTH / 2.0, DEPTH / 2.0, 120.0]) + random.normal(0.0, 25.0, 3)
         roll = (0.0, 100.0, 0.0, -100.0)[k % 4] * GON + random.normal(0.0, 2.0 * GON)
-        result[f"m{k + 1:02d}"] = look_at((middle + distance * np.array(away)).tolist(), middle.tolist(), roll)
+        result[f"m{k + 1:02d}"] = look_at(
+            (middle + distance * np.array(away)).tolist(), middle.tolist(), roll
+        )
     return result
 
 

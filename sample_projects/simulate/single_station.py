@@ -6,8 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sample_projects.simulate.camera import Camera, inside, in_axes
-from sample_projects.simulate.files import camera_table, image_row, numbers, point_table, table
+from sample_projects.simulate.camera import Camera, in_axes, inside
+from sample_projects.simulate.files import (
+    camera_table,
+    image_row,
+    numbers,
+    parameter_table,
+    point_table,
+    table,
+)
 from sample_projects.simulate.geometry import GON, Array, Frame, Mask, disturbed, look_at
 from sample_projects.simulate.rays import measured, seen_points, with_enough_rays
 
@@ -47,10 +54,15 @@ def simulate() -> dict[str, str]:
         "targets.csv": point_table(observed, 5),
         "images.csv": table("id,camera,position,omega,phi,kappa", _rows(turned, random)),
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 5)] for r in rays)),
-        "truth/points.csv": point_table(seen, 6),
+        "truth/points.csv": point_table({**seen, "tripod": CENTRE}, 6),
         "truth/images.csv": table("id,camera,x,y,z,omega,phi,kappa", _true_rows(turned)),
         "truth/cameras.csv": camera_table({"A7": CAMERA}),
-        "truth/eccentricities.csv": table("camera,rx,ry,rz", [["A7", *numbers(ECCENTRICITY, 5)]]),
+        "truth/parameters.csv": parameter_table(
+            {
+                ("eccentricity", "camera A7", name): value
+                for name, value in zip(("rx", "ry", "rz"), ECCENTRICITY, strict=True)
+            }
+        ),
     }
 
 

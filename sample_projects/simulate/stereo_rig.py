@@ -11,14 +11,19 @@ from sample_projects.simulate.files import (
     image_row,
     number,
     numbers,
+    parameter_table,
     point_table,
     table,
 )
 from sample_projects.simulate.geometry import GON, Array, Frame, Mask, disturbed, look_at, rotation
 from sample_projects.simulate.rays import ImagePoint, measured, seen_points, with_enough_rays
 
-LEFT = Camera(c=16.5214, width=4096, height=3000, pixel=0.00345, xh=0.0217, yh=-0.0108, radial=(-4.4e-4, 1.1e-6), r0=5.0)
-RIGHT = Camera(c=16.4873, width=4096, height=3000, pixel=0.00345, xh=-0.0134, yh=0.0302, radial=(-4.6e-4, 1.3e-6), r0=5.0)
+LEFT = Camera(
+    c=16.5214, width=4096, height=3000, pixel=0.00345, xh=0.0217, yh=-0.0108, radial=(-4.4e-4, 1.1e-6), r0=5.0
+)
+RIGHT = Camera(
+    c=16.4873, width=4096, height=3000, pixel=0.00345, xh=-0.0134, yh=0.0302, radial=(-4.6e-4, 1.3e-6), r0=5.0
+)
 BASE = np.array([0.79832, 0.00415, -0.01127])
 TURN = np.array([0.4127, 9.8312, -0.2240]) * GON
 """Place and attitude of the right camera in the axes of the left one: converging by 10 gon."""
@@ -44,7 +49,11 @@ def simulate() -> dict[str, str]:
     rays = with_enough_rays(measured(images, points, visible, SIGMA, random), 3)
     seen = seen_points(rays, points)
     start = {name: xyz + 0.03 * random.standard_normal(3) for name, xyz in seen.items()}
-    rows = [image_row(n, "left", disturbed(f, random, 0.04, GON), 2, GON, 0) for n, (c, f) in images.items() if c is LEFT]
+    rows = [
+        image_row(n, "left", disturbed(f, random, 0.04, GON), 2, GON, 0)
+        for n, (c, f) in images.items()
+        if c is LEFT
+    ]
     followers = [[f"R{k:02d}", "right", f"L{k:02d}", "bar"] for k in range(1, len(leaders) + 1)]
     return {
         "targets.csv": point_table(start, 2),
@@ -54,8 +63,13 @@ def simulate() -> dict[str, str]:
         "tapes.csv": table("from,to,distance,sigma", _tapes(seen, random)),
         "truth/points.csv": point_table(seen, 6),
         "truth/images.csv": table(IMAGE_HEADER, _true_images(images)),
-        "truth/pairs.csv": table("id,bx,by,bz,omega,phi,kappa", [["bar", *numbers(BASE, 6), *numbers(TURN / GON, 6)]]),
+        "truth/pairs.csv": table(
+            "id,bx,by,bz,omega,phi,kappa", [["bar", *numbers(BASE, 6), *numbers(TURN / GON, 6)]]
+        ),
         "truth/cameras.csv": camera_table({"left": LEFT, "right": RIGHT}),
+        "truth/parameters.csv": parameter_table(
+            {("base", "pair bar", name): value for name, value in zip(("bx", "by", "bz"), BASE, strict=True)}
+        ),
     }
 
 

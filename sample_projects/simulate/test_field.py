@@ -7,7 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from sample_projects.simulate.camera import Camera, sees
-from sample_projects.simulate.files import IMAGE_HEADER, camera_table, image_row, number, numbers, point_table, table
+from sample_projects.simulate.files import (
+    IMAGE_HEADER,
+    camera_table,
+    image_row,
+    number,
+    numbers,
+    point_table,
+    table,
+)
 from sample_projects.simulate.geometry import GON, Array, Frame, Mask, disturbed, look_at
 from sample_projects.simulate.rays import measured, seen_points, with_enough_rays
 
@@ -56,7 +64,9 @@ def simulate() -> dict[str, str]:
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 5)] for r in rays)),
         "scale_bars.csv": table("from,to,distance,sigma", _bars(ends, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "20mm", f, 6, GON, 8) for n, f in frames.items()]),
+        "truth/images.csv": table(
+            IMAGE_HEADER, [image_row(n, "20mm", f, 6, GON, 8) for n, f in frames.items()]
+        ),
         "truth/cameras.csv": camera_table({"20mm": CAMERA}),
     }
 
@@ -83,7 +93,11 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
         elevation = (52.0 if k < 8 else 70.0) * GON + random.normal(0.0, 2.0 * GON)
         distance = (2050.0 if k < 8 else 2250.0) + random.normal(0.0, 90.0)
         horizontal = distance * np.cos(elevation)
-        place = [horizontal * np.sin(azimuth), horizontal * np.cos(azimuth), distance * np.sin(elevation) + 100.0]
+        place = [
+            horizontal * np.sin(azimuth),
+            horizontal * np.cos(azimuth),
+            distance * np.sin(elevation) + 100.0,
+        ]
         aimed = [*random.normal(0.0, 90.0, 2), 120.0]
         result[f"{k + 1:03d}"] = look_at(place, aimed, rolls[k % 8] * GON + random.normal(0.0, 2.0 * GON))
     for k, roll in enumerate((0.0, 100.0, 200.0, 300.0)):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from dense_reference import dense_system
 from scenes import (
     Scene,
     add_image,
     add_object_points,
-    dense_system,
     levelling_network,
     photo_block,
     plane_network,

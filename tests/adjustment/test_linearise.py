@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import GON, Scene, dense_system, mixed_network, plane_network
+from dense_reference import dense_system
+from scenes import GON, Scene, mixed_network, plane_network
 
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.parameters.index import move

@@ -8,6 +8,7 @@ import pytest
 from mor.adjustment import compiled, point_elimination, point_reference
 from mor.adjustment.block_matrix import structure_from_cliques
 from mor.adjustment.cholesky import factorise
+from mor.adjustment.compiled import point_store
 from mor.adjustment.elimination import analyse
 from mor.adjustment.point_elimination import accumulate, back_substitute, cofactors, empty_reduced_system
 from mor.adjustment.rays import Rays
@@ -23,7 +24,7 @@ def simulate(points=40, images=9, seed=0, fewest=3, camera_last=False):
     position is fixed, so that blocks have different sizes.
     """
     rng = np.random.default_rng(seed)
-    degree = rng.integers(fewest, 7, points)
+    degree = rng.integers(fewest, min(7, images + 1), points)
     pointers = np.concatenate(([0], np.cumsum(degree)))
     image = np.concatenate([rng.permutation(images)[:d] for d in degree])
     sizes = np.array([2 if b % 6 == 0 else 3 for b in range(2 * images)])
@@ -191,8 +192,10 @@ def test_points_with_a_single_ray_have_one_coordinate_held():
     assert np.array_equal(held.sum(axis=1), single.astype(int))
 
 
-def test_compiled_and_plain_form_agree(monkeypatch):
-    rays, structure = simulate(points=300, images=20, seed=6, fewest=1)
+@pytest.mark.parametrize("images", [4, 20])
+def test_compiled_and_plain_form_agree(images, monkeypatch):
+    """With four images many points share their unknowns; with twenty hardly any do."""
+    rays, structure = simulate(points=300, images=images, seed=6, fewest=1)
     step = np.random.default_rng(1).normal(size=structure.unknowns)
     results = []
     for _ in range(2):
@@ -210,7 +213,51 @@ def test_compiled_and_plain_form_agree(monkeypatch):
         )
         without_compiler(monkeypatch)
     for one, other in zip(*results, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, abs(other).max()))
+
+
+@pytest.mark.skipif(not compiled.available, reason="only the compiled form has a store")
+def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatch):
+    """The large call fills the store and several strips of the reduced system, the small ones never do."""
+    rays, structure = simulate(points=14_000, images=120, seed=8)
+    unknowns = 6 * np.diff(rays.point_pointers).mean() * 17 / 18 + CAMERA
+    assert 3 * rays.points * unknowns > 1.1 * point_store.STORE
+    assert structure.position[-1] > 1.5 * point_store.STRIP
+    whole, pieces = empty_reduced_system(structure), empty_reduced_system(structure)
+    accumulate(rays, whole)
+    parts = [chunk(rays, first, first + 1000) for first in range(0, 14_000, 1000)]
+    for part in parts:
+        accumulate(part, pieces)
+    size = abs(whole.matrix.values).max()
+    np.testing.assert_allclose(pieces.matrix.values, whole.matrix.values, atol=1e-12 * size)
+    np.testing.assert_allclose(pieces.right_hand_side, whole.right_hand_side, atol=1e-9)
+    results = [cofactors(part, whole.matrix) for part in parts]
+    for k, together in enumerate(cofactors(rays, whole.matrix)):
+        np.testing.assert_allclose(together, np.concatenate([result[k] for result in results]), rtol=1e-9)
+    small = chunk(rays, 0, 60)
+    without_compiler(monkeypatch)
+    for one, other in zip(cofactors(small, whole.matrix), results[0], strict=True):
+        np.testing.assert_allclose(one, other[: len(one)], rtol=1e-9)
+
+
+@pytest.mark.usefixtures("either_form")
+def test_rays_without_unknowns_of_their_own_determine_their_points_alone():
+    rays, structure = simulate(seed=9)
+    fixed = np.full_like(rays.columns, -1)
+    rays = Rays(rays.residual, rays.by_point, rays.by_others, fixed, rays.point_pointers)
+    reduced = empty_reduced_system(structure)
+    accumulate(rays, reduced)
+    assert not reduced.matrix.values.any()
+    assert not reduced.right_hand_side.any()
+    steps = back_substitute(rays, np.ones(structure.unknowns))
+    of_points, of_rays = cofactors(rays, reduced.matrix)
+    for p in range(rays.points):
+        part = slice(*rays.point_pointers[p : p + 2])
+        design = rays.by_point[part].reshape(-1, 3)
+        inverse = np.linalg.inv(design.T @ design)
+        np.testing.assert_allclose(steps[p], -inverse @ design.T @ rays.residual[part].ravel(), atol=1e-9)
+        np.testing.assert_allclose(of_points[p], inverse, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(of_rays[part].ravel(), np.diag(design @ inverse @ design.T), atol=1e-9)
 
 
 @pytest.mark.usefixtures("either_form")
@@ -221,3 +268,30 @@ def test_a_pattern_without_a_pair_that_meets_is_refused():
         accumulate(rays, empty_reduced_system(alone))
     with pytest.raises(ValueError, match="lacks a pair"):
         cofactors(rays, point_elimination.empty_reduced_system(alone).matrix)
+
+
+def test_rays_that_do_not_fit_together_are_refused():
+    rays, structure = simulate(seed=10)
+    with pytest.raises(ValueError, match="shapes"):
+        Rays(rays.residual[1:], rays.by_point, rays.by_others, rays.columns, rays.point_pointers)
+    with pytest.raises(ValueError, match="pointers"):
+        Rays(rays.residual, rays.by_point, rays.by_others, rays.columns, rays.point_pointers[:-1])
+    beyond = np.where(rays.columns >= 0, rays.columns + structure.unknowns, -1)
+    rays = Rays(rays.residual, rays.by_point, rays.by_others, beyond, rays.point_pointers)
+    with pytest.raises(ValueError, match="beyond"):
+        accumulate(rays, empty_reduced_system(structure))
+
+
+def test_the_layout_of_the_arrays_does_not_matter():
+    rays, structure = simulate(seed=11)
+    strided = Rays(
+        np.asfortranarray(rays.residual),
+        np.asfortranarray(rays.by_point),
+        np.asfortranarray(rays.by_others),
+        np.asfortranarray(rays.columns),
+        rays.point_pointers,
+    )
+    one, other = empty_reduced_system(structure), empty_reduced_system(structure)
+    accumulate(rays, one)
+    accumulate(strided, other)
+    np.testing.assert_array_equal(one.matrix.values, other.matrix.values)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from dense_reference import dense_system
 from scenes import (
     OBJECT_POINTS,
     Scene,
     coordinates,
-    dense_system,
     levelling_network,
     mixed_network,
     photo_block,
@@ -47,7 +48,7 @@ def test_noise_free_data_give_back_the_truth(network):
 
 
 def test_the_solution_is_that_of_a_dense_adjustment():
-    scene, points = mixed_network()
+    scene, _ = mixed_network()
     problem, values = scene.problem(np.random.default_rng(6)), scene.start(1e-3)
     adjustment = adjust(problem, values)
     for _ in range(8):
@@ -83,9 +84,7 @@ def test_a_far_start_is_reached_without_ever_getting_worse():
     assert any(iteration.damping > 0.0 for iteration in far.iterations)
     assert far.iterations[-1].damping == 0.0
     objectives = [iteration.objective for iteration in far.iterations]
-    assert all(
-        after <= before * (1 + 1e-9) for before, after in zip(objectives, objectives[1:], strict=False)
-    )
+    assert all(after <= before * (1 + 1e-9) for before, after in pairwise(objectives))
     np.testing.assert_allclose(coordinates(far, points), coordinates(near, points), atol=1e-9)
 
 

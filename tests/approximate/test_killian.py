@@ -1,4 +1,5 @@
-"""Killian's quadrilateral: cubic, roots, all solutions, against truth and the decomposition of the collineation."""
+"""Killian's quadrilateral: cubic, roots, all solutions, against truth and the decomposition of the
+collineation."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,5 @@
-"""Relative orientation without approximate values: success, candidates, and every degenerate case by its name."""
+"""Relative orientation without approximate values: success, candidates, and every degenerate case by its
+name."""
 
 import numpy as np
 import pytest
@@ -167,7 +168,8 @@ def angles_to_base(made):
 
 
 def test_a_mirrored_image_is_named_where_the_pair_can_show_it(scenes):
-    """Mirrored rays, twisted about the base, meet in front again if all angles add up to the same side of π."""
+    """Mirrored rays, twisted about the base, meet in front again if all angles add up to the same side of
+    π."""
     shown = 0
     for seed in range(12):
         made = scenes.scene(seed, 0.001, n=25)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import dense_system, mixed_network, photo_block, solve
+from dense_reference import dense_system
+from scenes import mixed_network, photo_block, solve
 
 from mor.geometry.rotations import angles_from_rotation, rotate
 from mor.parameters.index import partly_free

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import (
-    Scene,
-    dense_system,
-    levelling_network,
-    mixed_network,
-    photo_block,
-    plane_network,
-    solve,
-)
+from dense_reference import dense_system
+from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 from mor.adjustment import compiled
 from mor.adjustment.linearise import misclosures

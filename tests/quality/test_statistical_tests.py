@@ -60,7 +60,7 @@ REPETITIONS = 200
 @pytest.fixture(scope="module")
 def repetitions():
     """σ0², normalised residuals, and errors of the unknowns in units of their σ, over seeded repetitions."""
-    scene, points = mixed_network()
+    scene, _ = mixed_network()
     truth = scene.values()["point"]
     variances, errors, normalised = [], [], []
     start = scene.start(1e-6)

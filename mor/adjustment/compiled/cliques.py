@@ -1,4 +1,5 @@
-"""Kernels that find out which blocks of the reduced system the rays of a point meet, and where pairs of them stand.
+"""Kernels that find out which blocks of the reduced system the rays of a point meet, and where pairs of
+them stand.
 
 The unknowns of all rays of a point are merged, block by block, into one short local list, so that a block
 that many rays share (a camera) appears once. The list ascends, hence what stands right of a local column in
@@ -195,8 +196,8 @@ def starts_of_column(
 def places_of_ray(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
     """Set where the pairs of columns (K,) of a ray stand in the flat values: (K, K).
 
-    It is -1 where one of the two is fixed, and above the diagonal blocks. ``starts`` (K,) is working space. Returns
-    False where a pair is not stored.
+    It is -1 where one of the two is fixed, and above the diagonal blocks. ``starts`` (K,) is working space.
+    Returns False where a pair is not stored.
     """
     block_of, offsets, indptr, indices, position = pattern
     above = -1

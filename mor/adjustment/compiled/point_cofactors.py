@@ -28,7 +28,7 @@ from mor.adjustment.compiled.point_store import (
     open_group,
     slots_in_strip,
 )
-from mor.adjustment.compiled.points import couple, factor_point
+from mor.adjustment.compiled.points import clear, couple, factor_point
 from mor.geometry.arrays import FloatArray, IntArray
 
 
@@ -64,7 +64,8 @@ def multiply_by_inverse(
 ) -> bool:
     """Set the products H = Q_cc E, laid out as the couplings E; return False where a pair is not stored."""
     _, offsets, indptr, _, position = pattern
-    products[: store.first_coupling[groups]] = 0.0
+    for k in range(store.first_coupling[groups]):
+        products[k] = 0.0
     panel, starts = np.empty(16), np.empty(indptr.size - 1, dtype=np.int64)
     first = 0
     while first < indptr.size - 1:
@@ -162,13 +163,13 @@ def multiply(column: FloatArray, E: FloatArray, H: FloatArray) -> None:
 def gather_rays(columns: IntArray, pattern: Pattern, values: FloatArray, of_ray: FloatArray) -> bool:
     """Set the part (K, K) of Q_cc for the columns (r, K) of each ray, folded into its lower triangle.
 
-    What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a pair is
-    not stored.
+    What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a
+    pair is not stored.
     """
     width = columns.shape[1]
     starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    of_ray[: columns.shape[0]] = 0.0
     for i in range(columns.shape[0]):
+        clear(of_ray[i])
         if not places_of_ray(columns[i], pattern, starts, places):
             return False
         for k in range(width):
@@ -230,7 +231,8 @@ def finish(
     of_points: FloatArray,
     of_rays: FloatArray,
 ) -> bool:
-    """Set the cofactors of the stored points, in this order, and of their rays; False where a pair is not stored.
+    """Set the cofactors of the stored points, in this order, and of their rays; False where a pair is not
+    stored.
 
     ``of_points`` holds N_pp⁻¹ on entry.
     """

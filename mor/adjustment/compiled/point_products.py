@@ -28,7 +28,7 @@ from mor.adjustment.compiled.point_store import (
     open_group,
     slots_in_strip,
 )
-from mor.adjustment.compiled.points import couple, factor_point
+from mor.adjustment.compiled.points import clear, couple, factor_point
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -112,9 +112,11 @@ def carry_rest(
         shift = pattern.offsets[clique.blocks[slot]] - clique.begin[slot]
         for m in range(clique.begin[slot], clique.begin[slot + 1]):
             right_hand_side[shift + m] -= reduction[m]
-    squares[: columns.shape[0]] = 0.0
-    gradient[: columns.shape[0]] = 0.0
-    reduction[: clique.begin[count]] = 0.0
+    for i in range(columns.shape[0]):
+        clear(squares[i])
+    clear(gradient)
+    for m in range(clique.begin[count]):
+        reduction[m] = 0.0
     return True
 
 
@@ -153,7 +155,7 @@ def multiply(V: FloatArray, first: int, product: FloatArray) -> None:
 
     Three rows at a time: every number that is fetched serves three products.
     """
-    product[:] = 0.0
+    clear(product)
     width, length = product.shape
     whole = width - width % 3
     for q in range(0, V.shape[0], 3):

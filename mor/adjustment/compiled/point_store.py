@@ -1,7 +1,8 @@
-"""Kernels of the store in which groups of points wait until they reach the blocks of the reduced system together.
+"""Kernels of the store in which groups of points wait until they reach the blocks of the reduced system
+together.
 
-It is the way to the memory that costs, not the arithmetic. The blocks of the reduced system are therefore visited in
-strips of columns that stay in the cache, and every strip by all groups in the store.
+It is the way to the memory that costs, not the arithmetic. The blocks of the reduced system are therefore
+visited in strips of columns that stay in the cache, and every strip by all groups in the store.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import Clique
 from mor.geometry.arrays import FloatArray, IntArray
 
-# Numbers in a store (16 MB) and in a strip of columns of the reduced system (1 MB).
-STORE = 2_000_000
+# Numbers in a store (8 MB) and in a strip of columns of the reduced system (1 MB).
+STORE = 1_000_000
 STRIP = 130_000
 
 

@@ -18,6 +18,14 @@ VANISHING = 1e-12
 
 
 @compile_kernel
+def clear(matrix: FloatArray) -> None:
+    """Set a matrix to zero; the assignment to a slice would take seconds to compile."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            matrix[i, j] = 0.0
+
+
+@compile_kernel
 def factor_point(
     by_point: FloatArray,
     residual: FloatArray,
@@ -32,8 +40,9 @@ def factor_point(
     whose
     pivot vanishes is held: reciprocal and u are zero, the row and column of L too.
     """
-    L[:] = 0.0
-    u[:] = 0.0
+    clear(L)
+    for j in range(3):
+        u[j] = 0.0
     for i in range(by_point.shape[0]):
         for c in range(2):
             for j in range(3):
@@ -48,8 +57,8 @@ def factor_point(
         if pivot <= VANISHING * whole:
             inverse[j] = 0.0
             u[j] = 0.0
-            L[j, : j + 1] = 0.0
-            L[j + 1 :, j] = 0.0
+            for k in range(3):
+                L[max(j, k), min(j, k)] = 0.0
             continue
         L[j, j] = np.sqrt(pivot)
         inverse[j] = 1.0 / L[j, j]
@@ -72,7 +81,7 @@ def couple(
     V: FloatArray,
 ) -> None:
     """Set V = W L⁻ᵀ, transposed (3, m), for the rays of one point with local numbers (r, K) of their columns."""
-    V[:] = 0.0
+    clear(V)
     for i in range(by_point.shape[0]):
         for k in range(local.shape[1]):
             at = local[i, k]

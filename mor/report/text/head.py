@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mor.adjustment.solve import Outcome
 from mor.quality.solved import Solved
 from mor.report.summary import summary
 from mor.report.text._layout import fixed, short
@@ -45,10 +46,8 @@ def verdict(solved: Solved) -> list[str]:
     """What to think of it, in plain words."""
     adjustment, quality = solved.adjustment, solved.quality
     if quality is None:
-        return [
-            f"NO SOLUTION: {adjustment.outcome.value}"
-            + (f", {adjustment.reason}." if adjustment.reason else ".")
-        ]
+        reason = f", {adjustment.reason}" if adjustment.reason else ""
+        return [f"NO SOLUTION: {adjustment.outcome.value}{reason}.", *_advice(solved)]
     lines = [f"Converged after {len(adjustment.iterations)} iterations."]
     test = quality.global_test
     if test.redundancy == 0:
@@ -68,6 +67,19 @@ def verdict(solved: Solved) -> list[str]:
         else "No observation is flagged."
     )
     return lines
+
+
+def _advice(solved: Solved) -> list[str]:
+    """What to do where the iteration led nowhere."""
+    count = len(solved.adjustment.iterations)
+    if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
+        more = f"{count} iterations were not enough; settings: {{max_iterations: …}} allows more"
+        return [f"{more}, better start values need fewer."]
+    if solved.adjustment.outcome is Outcome.DIVERGED:
+        return [
+            "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
+        ]
+    return []
 
 
 def _limits(test: dict[str, float]) -> str:

@@ -1,0 +1,51 @@
+"""A part of the network in one coordinate system: what is known of points and frames so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mor.approximate.similarity import Similarity
+from mor.geometry.arrays import FloatArray, IntArray
+
+
+@dataclass
+class Part:
+    """Known coordinates and poses in one system, and how each came about."""
+
+    points: FloatArray
+    """(point blocks, 3) coordinates, NaN where not known."""
+    poses: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    """Frame number → (projection centre, rotation D)."""
+    kappas: dict[int, float] = field(default_factory=dict)
+    """Sight number → κ of a levelled set."""
+    how: dict[str, str] = field(default_factory=dict)
+    """Name → how it was obtained."""
+    levelled: bool = False
+    """True where the Z axis is the vertical."""
+    oriented: bool = False
+    """True where the Y axis is north, so that bearings orient."""
+    scaled: bool = False
+    """True where lengths are in the length unit."""
+    slack: float = 0.0
+    """Radians that rays are allowed beside their σ."""
+    fixed: set[int] = field(default_factory=set)
+    """Points whose coordinates were given: they are not worked out again."""
+
+    def known(self, points: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(n,) true where all three coordinates are known."""
+        return np.isfinite(self.points[points]).all(axis=1)
+
+    def transform(self, similarity: Similarity) -> None:
+        """Carry everything over into another system."""
+        s, R, t = similarity.scale, similarity.rotation, similarity.translation
+        self.points = s * self.points @ R.T + t
+        self.poses = {number: (s * R @ O + t, D @ R.T) for number, (O, D) in self.poses.items()}
+        turn = np.arctan2(R[0, 1], R[0, 0])
+        self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}
+
+
+def empty_part(points: int) -> Part:
+    """A part of which nothing is known."""
+    return Part(np.full((points, 3), np.nan))
