@@ -12,6 +12,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.approximate.strategy import approximate
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.geometry.arrays import FloatArray
@@ -55,15 +56,11 @@ def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
 
 
 def start_values(network: Network) -> Mapping[str, FloatArray]:
-    """Start values of all blocks. Raises :class:`InputError` where some are missing."""
-    mistakes = []
-    for kind, values in network.start.items():
-        blocks = network.blocks[kind]
-        missing = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        mistakes += [Mistake(f"{kind} {blocks.ids[i]!r} has no start value") for i in np.flatnonzero(missing)]
-    if mistakes:
-        raise InputError(mistakes)
-    return network.start
+    """Start values of all blocks, worked out where none are given. Raises :class:`InputError` where some stay missing."""
+    approximation = approximate(network)
+    if approximation.missing:
+        raise InputError([Mistake(words) for words in approximation.missing])
+    return approximation.start
 
 
 def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:

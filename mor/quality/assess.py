@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mor.adjustment.datum import STransformation
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray
+from mor.quality.levels import noncentrality, sidak
 from mor.quality.precision import datum_transformation, parameter_cofactors
 from mor.quality.redundancy import ObservationQuality, observation_quality
+from mor.quality.reliability import Reliability, reliability
 from mor.quality.tests import GlobalTest, critical_value, global_test, normalised_residuals
 
 
@@ -22,6 +24,8 @@ class Levels:
     snooping: float = 0.001
     power: float = 0.8
     overall: float = 0.05
+    familywise: float | None = None
+    """Level of all tests of single observations together (Šidák); it takes the place of ``snooping``."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +44,30 @@ class Quality:
     global_test: GlobalTest
     critical: float
     """Critical value of |w|."""
+    noncentrality: float
+    """δ0² of α0 and β0."""
     groups: tuple[ObservationQuality, ...]
     w: tuple[FloatArray, ...]
-    """Normalised residuals of each group (n, m)."""
+    """Normalised residuals v/σ_v of each group (n, m)."""
+    reliability: tuple[Reliability, ...]
+    """Test values, detectable errors and external reliability of each group."""
     cofactors: Mapping[str, FloatArray]
     """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment; rotations as vectors."""
     datum: STransformation
 
     @property
     def flagged(self) -> tuple[BoolArray, ...]:
-        """Observations whose |w| exceeds the critical value, by group."""
-        return tuple(np.abs(np.nan_to_num(w)) > self.critical for w in self.w)
+        """Observations whose test value |w| exceeds the critical value, by group; excluded ones are not among them."""
+        groups = self.adjustment.problem.groups
+        return tuple(
+            (np.abs(np.nan_to_num(one.test)) > self.critical) & ~group.left_out
+            for one, group in zip(self.reliability, groups, strict=True)
+        )
+
+    @property
+    def omega(self) -> float:
+        """vᵀPv."""
+        return self.adjustment.normals.objective
 
 
 def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bool = True) -> Quality:
@@ -59,6 +76,9 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
     problem = adjustment.problem
     cofactors = adjustment.inverse.selected()
     groups, of_eliminated = observation_quality(adjustment, cofactors)
+    if levels.familywise is not None:
+        levels = replace(levels, snooping=sidak(levels.familywise, problem.observations))
+    ncp = noncentrality(levels.snooping, levels.power)
     datum = datum_transformation(adjustment)
     redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
     omega = adjustment.normals.objective
@@ -76,8 +96,12 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
         levels=levels,
         global_test=global_test(omega, redundancy, levels.overall),
         critical=critical_value(levels.snooping),
+        noncentrality=ncp,
         groups=groups,
         w=tuple(normalised_residuals(group.v, group.q_residual, group.r) for group in groups),
+        reliability=tuple(
+            reliability(group, one, ncp) for group, one in zip(problem.groups, groups, strict=True)
+        ),
         cofactors=blocks,
         datum=datum,
     )

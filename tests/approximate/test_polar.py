@@ -121,6 +121,21 @@ def test_a_third_arc_decides_unless_the_stations_are_in_line():
     np.testing.assert_allclose(np.sort(found.points[:, 1]), [-4, 4], atol=1e-9)
 
 
+def test_redundant_arcs_minimise_the_misclosures():
+    rng = np.random.default_rng(8)
+    stations, point = rng.uniform(-50, 50, (5, 2)), np.array([5.0, 7.0])
+    d = np.linalg.norm(stations - point, axis=1) + 0.05 * rng.normal(size=5)
+    found = arc_section(stations, d)
+
+    def cost(p):
+        return np.sum((np.linalg.norm(stations - p, axis=1) - d) ** 2)
+
+    assert found.outcome is SectionOutcome.DETERMINED
+    assert found.sigma0 == pytest.approx(np.sqrt(cost(found.point) / 3))
+    for step in ([1e-4, 0], [0, 1e-4], [-1e-4, 0], [0, -1e-4]):
+        assert cost(found.point + step) > cost(found.point)
+
+
 def test_arcs_that_touch_or_stay_apart_are_named():
     stations = np.array([[0, 0], [10.0, 0]])
     assert arc_section(stations, np.array([4.0, 6.0])).outcome is SectionOutcome.TOUCHING

@@ -381,7 +381,8 @@ class TestUnits:
         assert found[0].startswith("project.yaml:2: units → length: found 'meter', expected 'm', 'dm', ")
 
     def test_minutes_beyond_sixty(self, tmp_path: Path) -> None:
-        entry = "  - {type: bearing, columns: [from, to, bearing, sigma], units: {bearing: dms}, rows: [[A, C, 32-61-0, 1]]}"
+        columns = "columns: [from, to, bearing, sigma], units: {bearing: dms}"
+        entry = f"  - {{type: bearing, {columns}, rows: [[A, C, 32-61-0, 1]]}}"
         assert with_observations(tmp_path, entry) == [
             "project.yaml:7: bearing: '32-61-0': minutes and seconds must stay below 60"
         ]

@@ -1,0 +1,172 @@
+"""Start values for everything that has none: repeat until everything that can be known is known.
+
+Given values are never overridden. What ties to them is worked out in the object system; what does not is oriented in a
+part of its own (Rinner for images, a levelled local system for theodolites) and joined through common points. Where
+nothing is given at all, the first part becomes the object system, scaled by the distances measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.approximate.frames import Frame, image_frames, theodolite_frames
+from mor.approximate.grow_bundles import grow_bundles
+from mor.approximate.grow_levelled import grow_levelled
+from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over
+from mor.approximate.part import Part, empty_part
+from mor.approximate.result import fill_in, starting_part
+from mor.approximate.seed_bundles import seed_bundles
+from mor.approximate.seed_levelled import seed_levelled
+from mor.approximate.sights import Terrestrial, terrestrial
+from mor.geometry.arrays import FloatArray
+from mor.geometry.rotations import rotation_from_angles
+from mor.project.network import Network
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """Start values, how each was obtained, and what is still missing."""
+
+    start: Mapping[str, FloatArray]
+    how: Mapping[str, str]
+    """Name of a point, image or station → how its start value was obtained."""
+    missing: tuple[str, ...]
+    """What has no start value yet, and why."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything measured, in the form the growth works with."""
+
+    frames: tuple[Frame, ...]
+    terrestrial: Terrestrial
+    offsets: FloatArray
+    """(frames, 4) height and eccentricity of each frame."""
+    points: int
+    image_count: int
+
+
+def approximate(network: Network) -> Approximation:
+    """Start values of a network; nothing is done where all are given."""
+    if _complete(network.start):
+        return Approximation(network.start, {}, ())
+    scene = _scene(network)
+    system = starting_part(network, scene.frames)
+    _grow(system, scene)
+    _orient_the_rest(system, scene)
+    return Approximation(*fill_in(network, system, scene.frames, scene.terrestrial))
+
+
+def _complete(start: Mapping[str, FloatArray]) -> bool:
+    return all(np.isfinite(values).all() for values in start.values())
+
+
+def _scene(network: Network) -> Scene:
+    images = image_frames(network)
+    frames = (*images, *theodolite_frames(network))
+    offsets = np.zeros((len(frames), 4))
+    for number, frame in enumerate(frames):
+        offsets[number, 0] = network.start["height"][frame.height, 0]
+        offsets[number, 1:] = network.start["eccentricity"][frame.eccentricity]
+    offsets = np.nan_to_num(offsets)
+    return Scene(frames, terrestrial(network), offsets, len(network.blocks["point"].ids), len(images))
+
+
+def _grow(part: Part, scene: Scene) -> None:
+    """Levelled and bundle growth in turns, until neither adds anything."""
+    while True:
+        grown = grow_levelled(part, scene.terrestrial) if part.levelled else False
+        _poses_of_sets(part, scene)
+        grown |= grow_bundles(part, scene.frames)
+        spread_positions(part, scene.frames, scene.offsets)
+        if not grown:
+            return
+
+
+def _poses_of_sets(part: Part, scene: Scene) -> None:
+    """Oriented levelled sets are frames too: their rays intersect those of images."""
+    by_rotation = {frame.rotation: n for n, frame in enumerate(scene.frames) if n >= scene.image_count}
+    for number, kappa in part.kappas.items():
+        sight = scene.terrestrial.sights[number]
+        frame = by_rotation.get(sight.rotation)
+        if frame is None or frame in part.poses or not np.isfinite(part.points[sight.position]).all():
+            continue
+        centre = part.points[sight.position] + np.array([0.0, 0.0, sight.height])
+        part.poses[frame] = (centre, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+
+
+def _orient_the_rest(system: Part, scene: Scene) -> None:
+    """Parts of their own for what does not tie to the object system, joined one after the other."""
+    tried: set[int] = set()
+    waiting: list[Part] = []
+    given_up: set[int] = set()
+    while True:
+        part = _seed(system, scene, tried, given_up, waiting)
+        if part is None:
+            return
+        _grow(part, scene)
+        waiting.append(part)
+        _join_all(system, waiting, scene)
+
+
+def _seed(
+    system: Part, scene: Scene, tried: set[int], given_up: set[int], waiting: list[Part]
+) -> Part | None:
+    elsewhere = {number for part in waiting for number in part.poses} | given_up
+    unknown = {
+        sight.position
+        for sight in scene.terrestrial.sights
+        if np.isnan(system.points[sight.position, :2]).any()
+    }
+    part = seed_levelled(scene.terrestrial, unknown, scene.points, tried)
+    if part is not None:
+        return part
+    free = [n for n in range(len(scene.frames)) if n not in system.poses and n not in elsewhere]
+    if len(free) < 2:
+        return None
+    part = seed_bundles(scene.frames, free, scene.points)
+    if part is None:
+        given_up.update(free)
+    return part
+
+
+def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
+    """Join what can be joined, again and again: a part may tie another one to the system."""
+    joined = True
+    while joined:
+        joined = False
+        for part in list(waiting):
+            if _nothing_known(system):
+                _become(system, part, scene)
+                waiting.remove(part)
+                joined = True
+            elif join(system, part, scene.frames, scene.offsets):
+                waiting.remove(part)
+                joined = True
+        if joined:
+            _grow(system, scene)
+
+
+def _nothing_known(system: Part) -> bool:
+    return not system.poses and not np.isfinite(system.points[:, :2]).any()
+
+
+def _become(system: Part, part: Part, scene: Scene) -> None:
+    """The part becomes the object system."""
+    spread_positions(part, scene.frames, scene.offsets)
+    if not part.scaled:
+        t = scene.terrestrial
+        scale_by_lengths(part, (t.slopes, t.horizontals), (False, True))
+    heights = np.isfinite(system.points[:, 2])
+    if part.levelled and not heights.any():
+        pass
+    elif part.levelled:
+        part.points[:, 2] = np.nan
+    take_over(system, part)
+    system.levelled = part.levelled
+
+
+__all__ = ["Approximation", "approximate", "empty_part"]

@@ -1,0 +1,119 @@
+"""What a gross error does to the coordinates: of chosen observations exactly, and for all terrestrial ones as one number.
+
+A gross error ∇ in observation i moves all unknowns by Q Aᵀ P e_i ∇, in the datum of the adjustment.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.normals import cluster_rows
+from mor.adjustment.plan import ClusterRows, reduced_columns
+from mor.adjustment.rows import row_cofactors
+from mor.adjustment.solve import Adjustment
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.quality.assess import Quality
+
+
+class Entry(NamedTuple):
+    """One observation: group, row, component."""
+
+    group: int
+    row: int
+    component: int
+
+
+def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> FloatArray:
+    """Movement (u, k) of all unknowns by the gross errors (k,) of k observations, in the datum of the adjustment."""
+    adjustment = quality.adjustment
+    right = np.zeros((adjustment.problem.index.count, len(entries)))
+    for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
+        columns, gradient = _gradient(adjustment, entry)
+        np.add.at(right[:, k], columns, gradient * error)
+    moved = adjustment.inverse.solve(right)
+    datum = quality.datum
+    if datum.null.shape[1] == 0:
+        return moved
+    into: FloatArray = moved - datum.null @ (datum.binding @ (adjustment.constraint.normals.T @ moved))
+    return into
+
+
+def _gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray]:
+    """Aᵀ P e_i: unknowns and values."""
+    problem = adjustment.problem
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    for cluster in adjustment.plan.clusters:
+        place = _place_in(cluster, entry)
+        if place is not None:
+            _, jacobian, columns = cluster_rows(adjustment.plan, cluster, adjustment.values, tangent)
+            return columns, jacobian.T @ (cluster.whitening.T @ cluster.whitening[:, place])
+    group = problem.groups[entry.group]
+    rows = linearise(group, problem.index, adjustment.values, tangent, np.array([entry.row]))
+    used = rows.columns[0] >= 0
+    weight = 1.0 / group.sigma[entry.row, entry.component] ** 2
+    return rows.columns[0][used], rows.jacobian[0, entry.component][used] * weight
+
+
+def _place_in(cluster: ClusterRows, entry: Entry) -> int | None:
+    here = (
+        (cluster.groups == entry.group)
+        & (cluster.rows == entry.row)
+        & (cluster.components == entry.component)
+    )
+    return int(np.flatnonzero(here)[0]) if here.any() else None
+
+
+def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
+    """EP of each group (n, m): the estimated gross error times the part of 1 − r that goes into coordinates of points.
+
+    EP_i = ∇̂_i Σ_k a_ik (Q AᵀP)_ki over the unknown coordinates k (angles and instruments left out), for angles times the
+    length of the sight. It depends on the datum. NaN for correlated observations and for rays, whose influence
+    :func:`movements` gives.
+    """
+    adjustment = quality.adjustment
+    problem, plan = adjustment.problem, adjustment.plan
+    result = tuple(np.full(group.observed.shape, np.nan) for group in problem.groups)
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    cofactors = adjustment.inverse.selected()
+    is_point = problem.index.kind_of == list(problem.index.unknown_kind).index("point") if "point" in (
+        problem.index.unknown_kind
+    ) else np.zeros(problem.index.count, dtype=bool)
+    for row_set in plan.row_sets:
+        group = problem.groups[row_set.group]
+        rows = linearise(group, problem.index, adjustment.values, tangent, row_set.rows)
+        free = rows.columns >= 0
+        own = np.where((free & is_point[np.where(free, rows.columns, 0)])[:, None, :], rows.jacobian, 0.0)
+        reduced = reduced_columns(rows.columns, plan.reduced)
+        forms = [
+            np.diagonal(row_cofactors(cofactors, plan.target.block_of, form, reduced), axis1=1, axis2=2)
+            for form in (rows.jacobian + own, rows.jacobian - own)
+        ]
+        weak = np.where(free[:, :, None], adjustment.inverse.weak[rows.columns], 0.0)
+        share = 0.25 * (forms[0] - forms[1]) + np.sum((own @ weak) * (rows.jacobian @ weak), axis=2)
+        correction = quality.datum.correction(rows.columns, rows.columns)
+        share = share + np.einsum("nmk,nkl,nml->nm", own, correction, rows.jacobian)
+        error = quality.reliability[row_set.group].error[row_set.rows]
+        values = share * row_set.weight**2 * error * _sight(adjustment, row_set.group)[row_set.rows]
+        result[row_set.group][row_set.rows] = np.where(row_set.weight > 0.0, values, np.nan)
+    return result
+
+
+def _sight(adjustment: Adjustment, number: int) -> FloatArray:
+    """(n, m) length of the sight for angular components, 1 for all others."""
+    group = adjustment.problem.groups[number]
+    positions = [
+        adjustment.values["point"][blocks]
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == "point" and slot.part == "position"
+    ]
+    angular = group.type.wraps
+    if len(positions) < 2 or not angular.any():
+        return np.ones(group.observed.shape)
+    along = positions[-1] - positions[0]
+    if np.all([c.name != "vertical" for c in group.type.components]) and not group.mask[:, 1:].any():
+        along = along[:, :2]
+    length = np.linalg.norm(along, axis=1)
+    return np.where(angular[None, :], length[:, None], 1.0)
