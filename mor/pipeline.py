@@ -6,12 +6,13 @@ project file → Project → Network → Problem + start values → Adjustment �
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
 from mor.approximate.strategy import approximate
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
@@ -23,6 +24,10 @@ from mor.project.nodes import Document, read_yaml
 from mor.project.validation import validate
 from mor.quality.assess import Levels, assess
 from mor.quality.solved import Solved
+
+_SIGMA_ROUNDS = 4
+_SAME_SIGMA = 1e-9
+"""σ that change by less between two adjustments have settled."""
 
 
 def read_document(path: Path) -> Document:
@@ -46,9 +51,9 @@ def read_network(document: Document, folder: Path) -> Network:
 def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
     """Adjust a network and assess the outcome."""
     start = start_values(network)
-    problem = make_problem(network, start)
     settings = network.project.settings
-    adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+    adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
+    adjustment = _with_settled_sigma(network, adjustment, watch)
     if adjustment.outcome.is_solution:
         levels = Levels(settings.snooping_level, settings.power, settings.global_level)
         return Solved(network, adjustment, assess(adjustment, levels, settings.sigma == "aposteriori"))
@@ -63,9 +68,32 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
     return approximation.start
 
 
-def make_problem(network: Network, start: Mapping[str, FloatArray]) -> Problem:
-    """The adjustment problem of a network: unknowns numbered, σ models evaluated, correlations and datum set."""
-    groups = tuple(with_sigma_model(group, start) for group in network.groups)
+def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:
+    """The adjustment with σ that depend on distances taken at its own result, whatever the start values were."""
+    for _ in range(_SIGMA_ROUNDS):
+        problem = make_problem(network, adjustment.start, adjustment.values)
+        pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
+        same = all(
+            np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True) for a, b in pairs
+        )
+        if same or not adjustment.outcome.is_solution:
+            break
+        settings = Settings(network.project.settings.max_iterations)
+        again = adjust(problem, adjustment.values, settings, watch)
+        count = len(adjustment.iterations)
+        further = tuple(replace(step, number=step.number + count) for step in again.iterations)
+        adjustment = replace(again, start=adjustment.start, iterations=adjustment.iterations + further)
+    return adjustment
+
+
+def make_problem(
+    network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]
+) -> Problem:
+    """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
+
+    The datum refers to the coordinates of ``start``; distances in σ models are those of ``place``.
+    """
+    groups = tuple(with_sigma_model(group, place) for group in network.groups)
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])
     clusters = tuple(

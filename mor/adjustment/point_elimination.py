@@ -61,13 +61,14 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Bool
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
+    _refuse_columns_beyond(rays, reduced.matrix.structure.unknowns)
     if not compiled.available:
         return point_reference.accumulate(
             rays, reduced.matrix, reduced.right_hand_side, reduced.diagonal, damping
         )
     held = np.empty((rays.points, 3), dtype=np.bool_)
     stored = point_products.accumulate(
-        *_arrays(rays, reduced.matrix.structure.unknowns),
+        *_arrays(rays),
         damping,
         _pattern(reduced.matrix.structure),
         reduced.matrix.values,
@@ -87,11 +88,12 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
         reduced_step: (n,) solution of the reduced system.
         damping: as for ``accumulate``.
     """
+    _refuse_columns_beyond(rays, reduced_step.size)
     if not compiled.available:
         return point_reference.back_substitute(rays, reduced_step, damping)
     steps = np.empty((rays.points, 3))
     points.back_substitute(
-        *_arrays(rays, reduced_step.size),
+        *_arrays(rays),
         damping,
         np.ascontiguousarray(reduced_step, dtype=np.float64),
         steps,
@@ -113,11 +115,12 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
+    _refuse_columns_beyond(rays, inverse.structure.unknowns)
     if not compiled.available:
         return point_reference.cofactors(rays, inverse)
     of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2))
     stored = point_cofactors.cofactors(
-        *_arrays(rays, inverse.structure.unknowns)[1:],
+        *_arrays(rays)[1:],
         _pattern(inverse.structure),
         inverse.values,
         of_points,
@@ -133,10 +136,8 @@ def _pattern(structure: BlockStructure) -> Pattern:
     return Pattern(block_of, offsets, structure.indptr, structure.indices, structure.position)
 
 
-def _arrays(rays: Rays, unknowns: int) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
     """Return the arrays of the rays as the kernels take them, which look neither at layout nor at bounds."""
-    if rays.columns.max(initial=-1) >= unknowns:
-        raise ValueError(f"the rays have columns beyond the {unknowns} unknowns of the reduced system")
     return (
         np.ascontiguousarray(rays.residual, dtype=np.float64),
         np.ascontiguousarray(rays.by_point, dtype=np.float64),
@@ -144,6 +145,12 @@ def _arrays(rays: Rays, unknowns: int) -> tuple[FloatArray, FloatArray, FloatArr
         np.ascontiguousarray(rays.columns, dtype=np.int64),
         np.ascontiguousarray(rays.point_pointers, dtype=np.int64),
     )
+
+
+def _refuse_columns_beyond(rays: Rays, unknowns: int) -> None:
+    """Raise where a ray has a column that the reduced system does not have."""
+    if rays.columns.max(initial=-1) >= unknowns:
+        raise ValueError(f"the rays have columns beyond the {unknowns} unknowns of the reduced system")
 
 
 def _refuse_unless(stored: bool) -> None:

@@ -103,6 +103,21 @@ def _intersect_all(part: Part, frames: Sequence[Frame], smallest: float) -> bool
     return bool((fresh & ~before).any())
 
 
+def intersect_the_rest(part: Part, frames: Sequence[Frame]) -> None:
+    """Points that only rays see that do not meet, or hardly at an angle: better a rough value than none.
+
+    The adjustment will tell which of their rays is wrong.
+    """
+    numbers = sorted(part.poses)
+    if len(numbers) < 2:
+        return
+    point, centre, direction, _, height = _rays_of(part, frames, numbers)
+    X, good = intersections(point, centre, direction, len(part.points), 0.1 * SMALLEST_ANGLE)
+    X[:, 2] -= _mean_height(point, height, len(X))
+    lost = good & np.isnan(part.points).all(axis=1)
+    part.points[lost] = X[lost]
+
+
 def _mean_height(point: IntArray, height: FloatArray, count: int) -> FloatArray:
     total = np.bincount(point, weights=height, minlength=count)
     return total / np.maximum(np.bincount(point, minlength=count), 1)

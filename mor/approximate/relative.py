@@ -36,6 +36,9 @@ SAMPLES = 30
 """Five-point samples for seeds."""
 SEEDS = 6
 """Best five-point seeds that are adjusted."""
+FIRST_STEPS = 8
+FAR_BEHIND = 20.0
+"""A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
 RANK = 10.0
 """A singular value of the linear system below so many σ is no rank."""
 
@@ -174,8 +177,18 @@ def _apart(first: FloatArray, second: FloatArray) -> bool:
 
 
 def adjust_seeds(a: Bundle, b: Bundle, seeds: list[Seed]) -> list[Coplanarity]:
-    """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective first."""
-    return distinct([_facing(a, b, adjust_coplanarity(a, b, *seed)) for seed in seeds])
+    """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective first.
+
+    Seeds that are far behind the best after a few steps are given up.
+    """
+    begun = [adjust_coplanarity(a, b, *seed, iterations=FIRST_STEPS) for seed in seeds]
+    promising = FAR_BEHIND * (min((one.objective for one in begun), default=0.0) + len(a))
+    finished = [
+        one if one.converged else adjust_coplanarity(a, b, one.base, one.rotation)
+        for one in distinct(begun)
+        if one.objective <= promising
+    ]
+    return distinct([_facing(a, b, one) for one in finished])
 
 
 def _facing(a: Bundle, b: Bundle, adjusted: Coplanarity) -> Coplanarity:

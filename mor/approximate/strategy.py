@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.approximate.frames import Frame, image_frames, theodolite_frames
-from mor.approximate.grow_bundles import grow_bundles
+from mor.approximate.grow_bundles import grow_bundles, intersect_the_rest
 from mor.approximate.grow_levelled import grow_levelled
 from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over
 from mor.approximate.part import Part, empty_part
@@ -21,7 +21,7 @@ from mor.approximate.result import fill_in, starting_part
 from mor.approximate.seed_bundles import seed_bundles
 from mor.approximate.seed_levelled import seed_levelled
 from mor.approximate.sights import Terrestrial, terrestrial
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.project.network import Network
 
@@ -47,6 +47,8 @@ class Scene:
     """(frames, 4) height and eccentricity of each frame."""
     points: int
     image_count: int
+    measured: IntArray
+    """Point blocks that images, theodolites or lengths refer to."""
 
 
 def approximate(network: Network) -> Approximation:
@@ -57,6 +59,7 @@ def approximate(network: Network) -> Approximation:
     system = starting_part(network, scene.frames)
     _grow(system, scene)
     _orient_the_rest(system, scene)
+    intersect_the_rest(system, scene.frames)
     return Approximation(*fill_in(network, system, scene.frames, scene.terrestrial))
 
 
@@ -72,7 +75,14 @@ def _scene(network: Network) -> Scene:
         offsets[number, 0] = network.start["height"][frame.height, 0]
         offsets[number, 1:] = network.start["eccentricity"][frame.eccentricity]
     offsets = np.nan_to_num(offsets)
-    return Scene(frames, terrestrial(network), offsets, len(network.blocks["point"].ids), len(images))
+    sights = terrestrial(network)
+    used = [frame.points for frame in frames] + [np.array([frame.position]) for frame in frames]
+    used += [sight.points for sight in sights.sights] + [np.array([s.position]) for s in sights.sights]
+    for lengths in (sights.slopes, sights.horizontals, sights.height_differences, sights.vectors):
+        used += [lengths.start, lengths.end]
+    measured = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *used])).astype(np.int64)
+    count = len(network.blocks["point"].ids)
+    return Scene(frames, sights, offsets, count, len(images), measured)
 
 
 def _grow(part: Part, scene: Scene) -> None:
@@ -139,7 +149,7 @@ def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
     while joined:
         joined = False
         for part in list(waiting):
-            if _nothing_known(system):
+            if _nothing_known(system, scene):
                 _become(system, part, scene)
                 waiting.remove(part)
                 joined = True
@@ -150,8 +160,9 @@ def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
             _grow(system, scene)
 
 
-def _nothing_known(system: Part) -> bool:
-    return not system.poses and not np.isfinite(system.points[:, :2]).any()
+def _nothing_known(system: Part, scene: Scene) -> bool:
+    """True where no position that anything measured refers to is known."""
+    return not system.poses and not np.isfinite(system.points[scene.measured, :2]).any()
 
 
 def _become(system: Part, part: Part, scene: Scene) -> None:

@@ -44,7 +44,8 @@ def _put_cameras(lines: list[Words], draft: Draft) -> set[str]:
             form = "5 lines: id, internal, c xh yh A1 A2 r0 / A3 / B1 B2 / C1 C2 / sensor size, image size"
             draft.problem(f"a camera needs {form}", block[0].line, block[0].file)
             continue
-        if not all([numbers(line, slice(2 if k == 0 else 0, None), draft) for k, line in enumerate(block)]):
+        good = [numbers(line, slice(2 if k == 0 else 0, None), draft) for k, line in enumerate(block)]
+        if not all(good):
             continue
         name = block[0].words[0]
         cameras[name] = _camera(block)

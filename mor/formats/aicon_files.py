@@ -57,10 +57,9 @@ def read_words(stem: Path, suffix: str, draft: Draft) -> list[Words]:
             "utf-8", errors="replace"
         )
         lines = enumerate(text.splitlines(), start=1)
-        found = [
+        return [
             Words(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()
         ]
-        return found
     if suffix in REQUIRED:
         draft.problem(
             "this file does not exist, plain or as .gz", file=str(stem.parent / f"{stem.name}{suffix}")

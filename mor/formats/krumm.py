@@ -116,12 +116,13 @@ def _put_plain(section: Section, kind: KrummKind, draft: Draft) -> None:
             draft.problem(f"found {len(line.words)} columns, expected {_form(kind)}", line.number)
             continue
         good = _is_value(rest[0], unit, line, draft) and all(_is_value(h, "m", line, draft) for h in heights)
-        if len(rest) > 1 and _is_positive(rest[1], line, draft):
-            sigma = rest[1]
+        if len(rest) > 1:
+            sigma = rest[1] if _is_positive(rest[1], line, draft) else "1"
         if sigma is None:
             draft.problem("no σ here, and none in the lines before", line.number)
         elif good:
-            rows.append(Row([*names, rest[0], sigma, *(heights or [None, None])], line.number))
+            cells: list[str | None] = [*names, rest[0], sigma, *heights]
+            rows.append(Row(cells + [None] * (2 - len(heights)), line.number))
     if rows:
         columns = [*kind.names, kind.value, "sigma", "from_height", "to_height"]
         draft.table(
@@ -152,8 +153,8 @@ def _put_levelling(section: Section, draft: Draft) -> None:
             continue
         first, second, value, length, *rest = line.words
         good = _is_value(value, "m", line, draft) and _is_positive(length, line, draft)
-        if rest and _is_positive(rest[0], line, draft):
-            sigma = rest[0]
+        if rest:
+            sigma = rest[0] if _is_positive(rest[0], line, draft) else "1"
         if sigma is None:
             draft.problem("no σ here, and none in the lines before", line.number)
         elif good:
@@ -170,8 +171,11 @@ def _put_baselines(section: Section, draft: Draft) -> None:
         if len(line.words) not in (11, 13):
             form = "from to dx dy dz, 6 covariances [instrument height, target height]"
             draft.problem(f"found {len(line.words)} columns, expected {form}", line.number)
-        elif all([_is_value(word, "m", line, draft) for word in line.words[2:]]):
-            rows.append(Row([*line.words, *([None, None] if len(line.words) == 11 else [])], line.number))
+            continue
+        good = [_is_value(word, "m", line, draft) for word in line.words[2:]]
+        if all(good):
+            heights: list[str | None] = [*line.words[11:]] or [None, None]
+            rows.append(Row([*line.words[:11], *heights], line.number))
     if rows:
         pairs = ("dx_dx", "dx_dy", "dx_dz", "dy_dy", "dy_dz", "dz_dz")
         columns = [

@@ -1,7 +1,7 @@
 """The text export of PhotoModeler as a project: metres, degrees, pixels from the upper left corner.
 
-The export does not say which camera parameters were estimated: c, xh, yh and the distortion are taken as free, the ratio
-of the pixel sizes (the two sensor formats) as known.
+The export does not say which camera parameters were estimated: c, xh, yh and the distortion are taken as free, the
+ratio of the pixel sizes (the two sensor formats) as known.
 """
 
 from __future__ import annotations

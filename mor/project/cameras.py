@@ -13,6 +13,8 @@ from mor.project.model import Camera
 from mor.project.nodes import Path
 from mor.project.reading import Reading
 from mor.project.statuses import settings
+from mor.project.tables import Column, Rows
+from mor.units import NUMBER
 
 
 def read_cameras(reading: Reading) -> None:
@@ -107,9 +109,16 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
     return result
 
 
-def interiors(reading: Reading, names: list[str], cameras: IntArray) -> IntArray:
+def variant_columns(reading: Reading) -> list[Column]:
+    """Columns an image table may have for the start values of image-variant components, in the unit of the camera."""
+    cameras = [camera for camera in reading.project.cameras.values() if camera.image_variant]
+    names = dict.fromkeys(c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names)
+    return [Column(name, parse=lambda text, unit: reading.edge.number(text, NUMBER, unit)) for name in names]
+
+
+def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
     """Interior block of every image: its camera's, or one of its own where components vary from image to image."""
-    shop = reading.shop
+    shop, names = reading.shop, rows.text("id")
     result = shop.things["camera"].parts["interior"][cameras].copy()
     for number, camera_name in enumerate(shop.things["camera"].ids):
         camera = reading.project.cameras[camera_name]
@@ -123,6 +132,9 @@ def interiors(reading: Reading, names: list[str], cameras: IntArray) -> IntArray
         values = np.repeat(store.all_values()[row], len(mine), axis=0)
         free = np.repeat(store.all_free()[row], len(mine), axis=0)
         free[:, list(variant)] = True
+        for component in variant:
+            own = rows.number(store.kind.names[component])[mine]
+            values[:, component] = np.where(np.isnan(own), values[:, component], own)
         added = store.add([f"image {names[i]}" for i in mine], values, free, np.full(values.shape, np.nan))
         for block in added:
             for component in range(store.kind.size):

@@ -6,7 +6,7 @@ import numpy as np
 
 from mor.errors import Problem
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
-from mor.geometry.rotations import angles_from_rotation
+from mor.geometry.rotations import angles_from_rotation, rotate
 from mor.observations import PLAIN_TYPES, ObservationGroup
 from mor.project.edge import UnitError
 from mor.project.entities import unknown_name
@@ -16,6 +16,7 @@ from mor.units import LENGTH
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
+_TURNS = 5
 
 
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
@@ -25,6 +26,11 @@ def feature_groups(reading: Reading) -> list[ObservationGroup]:
         group = _feature_group(reading, feature, number)
         groups += [group] if group is not None else []
     return groups
+
+
+def feature_label(feature: Feature) -> str:
+    """Name of the blocks and of the observation group of a feature."""
+    return f"{feature.type} {feature.id}"
 
 
 def _feature_group(reading: Reading, feature: Feature, number: int) -> ObservationGroup | None:
@@ -86,7 +92,7 @@ def _observed_zero(
     else:
         observed[: len(first), 2] = 0.0
         observed[len(first) :, 0] = 0.0
-    label = f"{feature.type} {feature.id}"
+    label = feature_label(feature)
     system = _add_system(reading, label, centre, D, turns, offsets)
     count = len(members)
     return ObservationGroup(
@@ -148,7 +154,7 @@ def _start(
     if len(points) < 3:
         return np.eye(3), np.zeros(3)
     centre = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - centre)
+    axes = _upright(np.linalg.svd(points - centre)[2])
     if type_ == "line":
         return np.stack([axes[1], np.cross(axes[0], axes[1]), axes[0]]), centre
     normal = axes[2]
@@ -157,7 +163,20 @@ def _start(
     if type_ == "plane" or len(second) < 2:
         return np.stack([axes[0], np.cross(normal, axes[0]), normal]), centre
     x = _second_normal(second, normal)
-    return np.stack([x, np.cross(normal, x), normal]), centre
+    return _right_angle(np.stack([x, np.cross(normal, x), normal]), points, second), centre
+
+
+def _right_angle(D: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Rotation whose z plane fits the first points best and at once its x plane the second (Gauss-Newton)."""
+    one, other = first - first.mean(axis=0), second - second.mean(axis=0)
+    for _ in range(_TURNS):
+        q, p = one @ D.T, other @ D.T
+        by_z = np.stack([-q[:, 1], q[:, 0], np.zeros(len(q))], axis=1)
+        by_x = np.stack([np.zeros(len(p)), -p[:, 2], p[:, 1]], axis=1)
+        away = np.concatenate([q[:, 2], p[:, 0]])
+        turn, *_ = np.linalg.lstsq(np.concatenate([by_z, by_x]), -away, rcond=None)
+        D = rotate(D[None], turn[None])[0]
+    return D
 
 
 def _second_normal(points: FloatArray, normal: FloatArray) -> FloatArray:
@@ -167,5 +186,12 @@ def _second_normal(points: FloatArray, normal: FloatArray) -> FloatArray:
     _, _, axes = np.linalg.svd(flat)
     along = axes[0] - normal * (axes[0] @ normal)
     x = np.cross(along, normal)
-    unit: FloatArray = x / np.linalg.norm(x)
+    unit: FloatArray = _upright((x / np.linalg.norm(x))[None])[0]
     return unit
+
+
+def _upright(directions: FloatArray) -> FloatArray:
+    """Directions (n, 3), each or its opposite, so that the largest component is positive: signs are nobody's choice."""
+    largest = np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], axis=1)
+    upright: FloatArray = directions * np.sign(largest)
+    return upright

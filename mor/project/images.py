@@ -7,7 +7,7 @@ import numpy as np
 from mor.errors import Problem
 from mor.geometry.arrays import IntArray
 from mor.parameters.kinds import HEIGHT, POINT, ROTATION
-from mor.project.cameras import interiors
+from mor.project.cameras import interiors, variant_columns
 from mor.project.entities import entities, unknown_name
 from mor.project.model import Images
 from mor.project.poses import check_unique, heights, positions, rotations
@@ -31,6 +31,7 @@ def read_images(reading: Reading) -> None:
     _follow(reading, leaders)
 
 
+_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names)
 _IMAGE_PARTS = (
     "position",
     "rotation",
@@ -59,6 +60,7 @@ def _read_images_table(
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
         *component_columns((*POINT.components, *ROTATION.components, *HEIGHT.components), edge),
+        *variant_columns(reading),
     ]
     rows = read_table(table, columns, place, reading.problems)
     if rows is None:
@@ -81,7 +83,7 @@ def _read_images_table(
         "rotation": rotation,
         "height": height,
         "eccentricity": camera.parts["eccentricity"][cameras],
-        "interior": interiors(reading, names, cameras),
+        "interior": interiors(reading, rows, cameras),
         "model": camera.parts["model"][cameras],
         "camera": cameras,
         "relative rotation": none,
@@ -103,7 +105,7 @@ def _own_poses(
     own = rows.take(np.flatnonzero(~follows))
     labels = [f"image {name}" for name in own.text("id")]
     for i in np.flatnonzero(follows):
-        if any(np.isfinite(cells[i]) for cells in rows.numbers.values()) or rows.text("position")[i]:
+        if any(np.isfinite(rows.numbers[name][i]) for name in _POSE if name in rows.numbers) or rows.text("position")[i]:
             words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
             reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))

@@ -78,9 +78,7 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
     result = tuple(np.full(group.observed.shape, np.nan) for group in problem.groups)
     tangent = rotation_tangents(problem.index, adjustment.values)
     cofactors = adjustment.inverse.selected()
-    is_point = problem.index.kind_of == list(problem.index.unknown_kind).index("point") if "point" in (
-        problem.index.unknown_kind
-    ) else np.zeros(problem.index.count, dtype=bool)
+    is_point = np.array(problem.index.unknown_kind)[problem.index.kind_of] == "point"
     for row_set in plan.row_sets:
         group = problem.groups[row_set.group]
         rows = linearise(group, problem.index, adjustment.values, tangent, row_set.rows)
@@ -113,7 +111,9 @@ def _sight(adjustment: Adjustment, number: int) -> FloatArray:
     if len(positions) < 2 or not angular.any():
         return np.ones(group.observed.shape)
     along = positions[-1] - positions[0]
-    if np.all([c.name != "vertical" for c in group.type.components]) and not group.mask[:, 1:].any():
-        along = along[:, :2]
-    length = np.linalg.norm(along, axis=1)
-    return np.where(angular[None, :], length[:, None], 1.0)
+    horizontal, slope = np.hypot(along[:, 0], along[:, 1]), np.linalg.norm(along, axis=1)
+    columns = [
+        (horizontal if component in group.type.turns else slope) if turns else np.ones(len(slope))
+        for component, turns in enumerate(angular)
+    ]
+    return np.stack(columns, axis=1)

@@ -31,7 +31,9 @@ def noncentrality(level: float, power: float) -> float:
         return 0.0
     for _ in range(50):
         missed = float(ndtr(k - delta) - ndtr(-k - delta)) - (1.0 - power)
-        slope = float(np.exp(-0.5 * (k - delta) ** 2) - np.exp(-0.5 * (k + delta) ** 2)) / np.sqrt(2.0 * np.pi)
+        slope = float(np.exp(-0.5 * (k - delta) ** 2) - np.exp(-0.5 * (k + delta) ** 2)) / np.sqrt(
+            2.0 * np.pi
+        )
         step = missed / slope
         delta += step
         if abs(step) < 1e-14 * delta:

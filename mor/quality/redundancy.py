@@ -143,7 +143,14 @@ def _fill(
 def _leave_out(group: ObservationGroup, quality: ObservationQuality) -> None:
     """Excluded entries take no part in sums, and are tested by their own means."""
     out = group.left_out
-    for array in (quality.r, quality.q_residual, quality.precision, quality.q_weighted, quality.joint, quality.freedom):
+    for array in (
+        quality.r,
+        quality.q_residual,
+        quality.precision,
+        quality.q_weighted,
+        quality.joint,
+        quality.freedom,
+    ):
         array[out] = np.nan
     quality.weighted[out] = 0.0
 
@@ -199,6 +206,8 @@ def _joint_of_cluster(
     for row in range(int(row_of.max(initial=-1)) + 1):
         here = np.flatnonzero(row_of.ravel() == row)
         part = cofactors[np.ix_(here, here)] / np.outer(scale[here], scale[here])
-        found = joint_statistic((weighted[here] / scale[here])[None], part[None], np.ones((1, len(here)), bool))
+        found = joint_statistic(
+            (weighted[here] / scale[here])[None], part[None], np.ones((1, len(here)), bool)
+        )
         statistic[here], freedom[here] = found[0][0], found[1][0]
     return statistic, freedom

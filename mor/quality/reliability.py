@@ -43,9 +43,7 @@ def reliability(group: ObservationGroup, quality: ObservationQuality, ncp: float
     root = np.sqrt(q)
     smallest = np.sqrt(ncp) / root
     hidden = np.maximum(quality.precision - q, 0.0)
-    result = Reliability(
-        quality.weighted / root, -quality.weighted / q, smallest, smallest * np.sqrt(hidden)
-    )
+    result = Reliability(quality.weighted / root, -quality.weighted / q, smallest, smallest * np.sqrt(hidden))
     return _with_excluded(group, quality, result, ncp)
 
 

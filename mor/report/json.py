@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from mor.quality.solved import Solved
+from mor.report.features import feature_table
 from mor.report.summary import summary
 from mor.report.tables import (
     group_table,
@@ -35,6 +36,7 @@ def results(solved: Solved, residuals: pl.DataFrame, tables: dict[str, str]) -> 
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
         "pairs": pair_table(solved).to_dicts(),
+        "features": feature_table(solved).to_dicts(),
         "others": other_rows(solved),
         "groups": group_table(solved).to_dicts(),
         "tables": tables,

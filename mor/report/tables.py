@@ -11,6 +11,7 @@ import polars as pl
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import INTERIORS
+from mor.project.features import feature_label
 from mor.project.model import Axes
 from mor.quality.solved import Solved
 from mor.report.outward import Estimate, angle_unit, plain, points, rotations
@@ -147,6 +148,7 @@ def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
 def other_rows(solved: Solved) -> list[dict[str, Any]]:
     """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
     rows = []
+    features = {feature_label(feature) for feature in solved.network.project.features}
     for kind in (
         "distance meter",
         "refraction",
@@ -157,7 +159,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
         blocks = solved.network.blocks.get(kind)
         if blocks is None:
             continue
-        shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else set()
+        shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else features
         for number in np.flatnonzero(blocks.free.any(axis=1)):
             if blocks.ids[number] not in shown:
                 components = _components(solved, kind, int(number), blocks.kind.components)

@@ -55,6 +55,8 @@ def test_parallel_rays_and_too_few_are_named():
     positions, same = np.array([[0, 0, 0], [1.0, 0, 0]]), np.tile(np.eye(3), (2, 1, 1))
     parallel = direction_bundle(np.array([[0, 0, -1.0], [0, 0, -1.0]]), 1e-4)
     assert intersect(parallel, positions, same).outcome is IntersectionOutcome.PARALLEL
+    hardly = direction_bundle(np.array([[0, 0, -1.0], [-3.2e-4, 0, -1.0]]), 1e-4)
+    assert intersect(hardly, positions, same).outcome is IntersectionOutcome.PARALLEL
     along = direction_bundle(np.array([[1.0, 0, 0], [1.0, 0, 1e-5]]), 1e-4)
     assert intersect(along, positions, same).outcome is IntersectionOutcome.PARALLEL
     assert (

@@ -149,7 +149,7 @@ def test_a_short_base_beyond_the_noise_is_weak_not_wrong(scenes):
         rng = np.random.default_rng(seed)
         made = scenes.scene(seed, 0.001, n=20)
         position, rotation = made.cameras[0]
-        shift = rotation.T @ np.array([1e-3, 0.0, 0.0])
+        shift = rotation.T @ np.array([1.5e-3, 0.0, 0.0])
         rays = scenes.image(
             made.points, position + shift, exponential(np.full(3, 0.02)) @ rotation, 0.001, rng
         )
@@ -158,7 +158,7 @@ def test_a_short_base_beyond_the_noise_is_weak_not_wrong(scenes):
         if found.outcome is RelativeOutcome.DETERMINED:
             assert np.max(found.sigma_base) < 0.1
             assert np.linalg.norm(found.base - [1.0, 0.0, 0.0]) < 0.5
-    assert weak > 1
+    assert weak > 2
 
 
 def angles_to_base(made):

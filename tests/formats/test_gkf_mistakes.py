@@ -59,7 +59,11 @@ def test_every_mistake_is_told_with_its_line(tmp_path):
         ('<obs from="A">\n<distance to="A" val="1" stdev="1"/></obs>', 3, "'A' is given twice"),
         ('<obs from="A">\n<angle bs="B" fs="B" val="1" stdev="1"/></obs>', 3, "'A' is given twice"),
         ('<vectors>\n<vec from="A" to="B" dx="1" dy="1" dz="1"/></vectors>', 2, "<cov-mat> is missing"),
-        ('<point id="A" x="1" adj="xy"/>\n<point id="B" x="1" fix="xy"/>', 3, "point 'B': y is fixed but not given"),
+        (
+            '<point id="A" x="1" adj="xy"/>\n<point id="B" x="1" fix="xy"/>',
+            3,
+            "point 'B': y is fixed but not given",
+        ),
         (
             '<obs from="A"><distance to="B" val="1"/>\n<cov-mat dim="2" band="1">1 0 1</cov-mat></obs>',
             3,
@@ -76,7 +80,11 @@ def test_every_mistake_is_told_with_its_line(tmp_path):
             "found 'one', expected a number",
         ),
         ('<obs from="A">\n<azimuth to="B" val="12-61-00" stdev="1"/></obs>', 3, "must stay below 60"),
-        ('<obs from="A">\n<azimuth to="B" val="twelve" stdev="1"/></obs>', 3, "expected an angle in gon or d-m-s"),
+        (
+            '<obs from="A">\n<azimuth to="B" val="twelve" stdev="1"/></obs>',
+            3,
+            "expected an angle in gon or d-m-s",
+        ),
         ("<obs>\n<cov-mat dim='x' band='0'>1</cov-mat></obs>", 3, "expected a whole number"),
     ],
 )
@@ -90,7 +98,10 @@ def test_what_is_no_gama_file(tmp_path):
     assert _problems(tmp_path, "<gama-local>\n<network>\n</gama-local>")[0][0] == 3
     assert "expected <gama-local>" in _problems(tmp_path, "<html/>")[0][1]
     assert "not well-formed" in _problems(tmp_path, "mor: 1")[0][1]
-    assert "found 0 times <points-observations>" in _problems(tmp_path, "<gama-local><network/></gama-local>")[0][1]
+    assert (
+        "found 0 times <points-observations>"
+        in _problems(tmp_path, "<gama-local><network/></gama-local>")[0][1]
+    )
 
 
 def test_entities_are_refused(tmp_path):

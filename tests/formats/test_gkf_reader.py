@@ -12,7 +12,12 @@ from mor.formats import read_foreign
 from mor.pipeline import solve_network
 
 COMPASS = {"e": (1.0, 0.0), "n": (0.0, 1.0), "w": (-1.0, 0.0), "s": (0.0, -1.0)}
-TRUTH = {"A": (100.0, 200.0, 10.0), "B": (180.0, 230.0, 14.0), "P": (150.0, 280.0, 21.0), "Q": (90.0, 270.0, 7.5)}
+TRUTH = {
+    "A": (100.0, 200.0, 10.0),
+    "B": (180.0, 230.0, 14.0),
+    "P": (150.0, 280.0, 21.0),
+    "Q": (90.0, 270.0, 7.5),
+}
 """East, north, height."""
 
 
@@ -49,7 +54,9 @@ def _physical_file(axes, turn):
         x, y, z = _in_axes(place, axes)
         status = 'fix="xyz"' if name in "AB" else 'adj="xyz"'
         shift = 0.0 if name in "AB" else 0.2
-        lines.append(f'<point id="{name}" x="{x + shift:.17g}" y="{y - shift:.17g}" z="{z + shift:.17g}" {status}/>')
+        lines.append(
+            f'<point id="{name}" x="{x + shift:.17g}" y="{y - shift:.17g}" z="{z + shift:.17g}" {status}/>'
+        )
     lines.append('<obs from="P">')
     orientation = 37.0
     for to in "ABQ":
@@ -69,7 +76,9 @@ def _physical_file(axes, turn):
         lines.append(f'<s-distance from="{a}" to="{b}" val="{slope:.17g}" stdev="3" {heights}/>')
         lines.append(f'<z-angle from="{a}" to="{b}" val="{zenith:.17g}" stdev="5" {heights}/>')
     lines.append("</obs><height-differences>")
-    lines.append(f'<dh from="A" to="Q" val="{TRUTH["Q"][2] - TRUTH["A"][2]:.17g}" dist="0.3"/></height-differences>')
+    lines.append(
+        f'<dh from="A" to="Q" val="{TRUTH["Q"][2] - TRUTH["A"][2]:.17g}" dist="0.3"/></height-differences>'
+    )
     dx, dy, dz = _in_axes(np.subtract(TRUTH["Q"], TRUTH["P"]), axes)
     x, y, z = _in_axes(TRUTH["P"], axes)
     lines.append(f'<vectors><vec from="P" to="Q" dx="{dx:.17g}" dy="{dy:.17g}" dz="{dz:.17g}"/>')
@@ -81,7 +90,9 @@ def _physical_file(axes, turn):
 
 @pytest.mark.parametrize(
     ("axes", "sense"),
-    list(itertools.product(("ne", "sw", "es", "wn", "en", "nw", "se", "ws"), ("left-handed", "right-handed"))),
+    list(
+        itertools.product(("ne", "sw", "es", "wn", "en", "nw", "se", "ws"), ("left-handed", "right-handed"))
+    ),
 )
 def test_all_axes_and_senses_of_angles_are_physical(tmp_path, axes, sense):
     body = _physical_file(axes, 1.0 if sense == "left-handed" else -1.0)
@@ -135,7 +146,8 @@ def test_angles_in_degrees_have_sigmas_in_arc_seconds(tmp_path):
 def test_mixed_clusters_keep_every_covariance_in_its_place(tmp_path):
     """Rows of the matrix are in the order of the file, groups of the project in the order of types."""
     body = (
-        '<point id="A" x="0" y="0" fix="xy"/><point id="B" x="300" y="400" adj="xy"/><point id="C" x="0" y="500" adj="xy"/>'
+        '<point id="A" x="0" y="0" fix="xy"/><point id="B" x="300" y="400" adj="xy"/>'
+        '<point id="C" x="0" y="500" adj="xy"/>'
         '<obs from="A"><distance to="B" val="500"/><azimuth to="C" val="100"/><distance to="C" val="500"/>'
         '<azimuth to="B" val="53-07-48.4"/><cov-mat dim="4" band="3">11 1 2 3  12 4 5  13 6  14</cov-mat></obs>'
     )
@@ -143,14 +155,17 @@ def test_mixed_clusters_keep_every_covariance_in_its_place(tmp_path):
     (cluster,) = network.correlations
     names = ["dB", "aC", "dC", "aB"]
     order = [
-        {"horizontal_distance": "d", "bearing": "a"}[network.groups[g].type.key] + network.groups[g].references[1][r]
+        {"horizontal_distance": "d", "bearing": "a"}[network.groups[g].type.key]
+        + network.groups[g].references[1][r]
         for g, r in zip(cluster.groups, cluster.rows, strict=True)
     ]
     assert sorted(order) == sorted(names)
     file = np.array([[11, 1, 2, 3], [1, 12, 4, 5], [2, 4, 13, 6], [3, 5, 6, 14]], dtype=float)
     units = np.array([1e-3, np.pi / 2e6, 1e-3, np.pi / 648000])
     where = [names.index(name) for name in order]
-    np.testing.assert_allclose(cluster.covariance, (file * np.outer(units, units))[np.ix_(where, where)], rtol=1e-14)
+    np.testing.assert_allclose(
+        cluster.covariance, (file * np.outer(units, units))[np.ix_(where, where)], rtol=1e-14
+    )
 
 
 def test_capital_letters_carry_the_datum_component_by_component(tmp_path):
@@ -202,21 +217,25 @@ def test_covariances_of_observations_left_out_go_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("axes", "sense", "turn"), [("ne", "left-handed", 1.0), ("en", "left-handed", 1.0), ("wn", "right-handed", -1.0)]
+    ("axes", "sense", "turn"),
+    [("ne", "left-handed", 1.0), ("en", "left-handed", 1.0), ("wn", "right-handed", -1.0)],
 )
 def test_gross_observations_are_left_out(tmp_path, axes, sense, turn):
     """1.5 m at the target is left out with tol-abs = 1000 mm, 0.5 m is not; nothing of the good ones is."""
     body = _physical_file(axes, turn)
     place = TRUTH["A"], TRUTH["Q"]
     length = float(np.hypot(*np.subtract(place[1], place[0])[:2]))
+    bearing = _bearing("A", "Q", turn)
     wrong = "".join(
-        f'<azimuth from="A" to="Q" val="{_bearing("A", "Q", turn) + np.degrees(error / length) / 0.9:.17g}" stdev="5"/>\n'
+        f'<azimuth from="A" to="Q" val="{bearing + np.degrees(error / length) / 0.9:.17g}" stdev="5"/>\n'
         f'<distance from="A" to="Q" val="{length + error:.17g}" stdev="5"/>\n'
         for error in (1.5, -1.5, 0.5)
     )
     body += f"\n<obs>\n{wrong}</obs>"
     document = _document(tmp_path, body, network=f'axes-xy="{axes}" angles="{sense}"')
-    first = next(i for i, line in enumerate((tmp_path / "network.gkf").read_text().splitlines(), 1) if line == "<obs>")
+    first = next(
+        i for i, line in enumerate((tmp_path / "network.gkf").read_text().splitlines(), 1) if line == "<obs>"
+    )
     assert [note.line for note in document.notes] == [first + 1, first + 2, first + 3, first + 4]
     assert all("tol-abs" in note.message for note in document.notes)
 

@@ -57,7 +57,8 @@ def test_a_plane_network(tmp_path):
 
 
 def test_sigma_of_a_levelled_line_grows_with_the_root_of_its_length(tmp_path):
-    text = "[Coordinates]\nA 7 8 10\nB 11\n[Datum]\nfix A\n[LevelledHeightDifferences]\nA B 1 4000 0.002\nB A -1.2 1000\n"
+    text = "[Coordinates]\nA 7 8 10\nB 11\n[Datum]\nfix A\n[LevelledHeightDifferences]\n"
+    text += "A B 1 4000 0.002\nB A -1.2 1000\n"
     solved = _solve(tmp_path, text)
     np.testing.assert_allclose(solved.network.groups[0].sigma[:, 0], [0.004, 0.002])
     assert point_results(solved)["B"][0][2] == pytest.approx(10 + (1 + 4 * 1.2) / 5, abs=1e-12)
@@ -128,7 +129,7 @@ def test_mistakes_have_their_line(tmp_path, old, new, line, words):
 def test_all_mistakes_come_at_once(tmp_path):
     with pytest.raises(InputError) as error:
         _document(tmp_path, PLANE.replace("39.9", "north").replace("50.004", "x").replace("0.5 m", "-1 m"))
-    assert [problem.line for problem in error.value.problems] == [8, 13, 15]
+    assert [problem.line for problem in error.value.problems] == [8, 13, 16]
 
 
 def test_no_observations(tmp_path):

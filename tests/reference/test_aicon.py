@@ -8,7 +8,14 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import image_results, interior_results, network_of, network_of_yaml, observations, point_results
+from reference_data import (
+    image_results,
+    interior_results,
+    network_of,
+    network_of_yaml,
+    observations,
+    point_results,
+)
 
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
@@ -38,7 +45,14 @@ observations:
     columns: {{point_a: from, point_b: to, length_mm: distance, sigma_mm: sigma}}
 datum: free
 """
-PRINTED = {"c": 28.78507, "x": 0.01734892, "y": 0.05668731, "A1": -0.0001096069, "A2": 1.49566e-07, "B1": 5.798428e-06}
+PRINTED = {
+    "c": 28.78507,
+    "x": 0.01734892,
+    "y": 0.05668731,
+    "A1": -0.0001096069,
+    "A2": 1.49566e-07,
+    "B1": 5.798428e-06,
+}
 ROUGH = {**dict.fromkeys(PRINTED, 0.0), "c": 28.5}
 SIGMA0 = 0.0005
 
@@ -74,7 +88,9 @@ def expected(folder):
 def parameters(folder):
     """Value and a-posteriori σ by identifier and parameter."""
     with (folder / "expected" / "A_report_free_all.csv").open(newline="") as file:
-        return {(r["id"], r["param"]): (float(r["value"]), float(r["sigma_post"])) for r in csv.DictReader(file)}
+        return {
+            (r["id"], r["param"]): (float(r["value"]), float(r["sigma_post"])) for r in csv.DictReader(file)
+        }
 
 
 @pytest.fixture(scope="module")

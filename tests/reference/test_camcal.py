@@ -7,7 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from reference_data import image_results, interior_results, network_of, network_of_yaml, point_results, reference_folder
+from reference_data import (
+    image_results,
+    interior_results,
+    network_of,
+    network_of_yaml,
+    point_results,
+    reference_folder,
+)
 
 from mor.adjustment.solve import Outcome
 from mor.formats import read_foreign
@@ -40,7 +47,9 @@ KNOWN = "sX: sigma_x, sY: sigma_y, sZ: sigma_z"
 UNKNOWN = "sX: null, sY: null, sZ: null"
 FREE = "{free: all, movements: reference}"
 """The reference takes G and X0 from the approximate coordinates."""
-CASES = pytest.mark.parametrize("case", ["reference_model3", "reference_model_forward", "free_network_model3"])
+CASES = pytest.mark.parametrize(
+    "case", ["reference_model3", "reference_model_forward", "free_network_model3"]
+)
 
 
 def _text(case, observations="observations.csv"):

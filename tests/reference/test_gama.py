@@ -72,7 +72,10 @@ def test_points_agree_in_the_axes_of_the_file(path):
             if component in point:
                 neutral = coordinates[k] * _turn(path)[k]
                 assert neutral == pytest.approx(point[component], rel=0, abs=tolerance), (name, component)
-                assert sigma[k] == pytest.approx(point[f"s{component}"], rel=1e-7, abs=1e-12), (name, component)
+                assert sigma[k] == pytest.approx(point[f"s{component}"], rel=1e-7, abs=1e-12), (
+                    name,
+                    component,
+                )
     for name, point in expected["fixed"].items():
         for component, value in point.items():
             k = "xyz".index(component)

@@ -31,7 +31,9 @@ def _net2d(folder, scenario):
     fixed = [p for p in points if p[role] == "fixed"]
     others = [p for p in points if p[role] != "fixed"]
     datum = [p["point"] for p in points if p[role] == "datum"]
-    groups = {kind: [o for o in measured if o["type"] == kind] for kind in ("direction", "horizontal_distance")}
+    groups = {
+        kind: [o for o in measured if o["type"] == kind] for kind in ("direction", "horizontal_distance")
+    }
     text = f"""
 mor: 1
 units: {{length: m, angle: rad}}
@@ -40,7 +42,9 @@ points:
   - {{columns: [id, x, y], rows: {_table(others, "point", "x0_m", "y0_m")}}}
 """
     if fixed:
-        text += f"  - {{columns: [id, x, y], fixed: [x, y], rows: {_table(fixed, 'point', 'x0_m', 'y0_m')}}}\n"
+        text += (
+            f"  - {{columns: [id, x, y], fixed: [x, y], rows: {_table(fixed, 'point', 'x0_m', 'y0_m')}}}\n"
+        )
     text += f"""
 observations:
   - type: directions
@@ -59,7 +63,9 @@ datum: {json.dumps({"free": datum}) if datum else "fixed"}
 def _lev5(folder, scenario):
     role = f"type_{scenario}"
     points = [p for p in _rows(folder / "points.csv") if p[role] != "unused"]
-    measured = [o for o in _rows(folder / "observations.csv") if scenario == "congruence" or o["epoch"] == "0"]
+    measured = [
+        o for o in _rows(folder / "observations.csv") if scenario == "congruence" or o["epoch"] == "0"
+    ]
     datum = [p["point"] for p in points if p[role] == "datum"]
     text = f"""
 mor: 1
@@ -78,7 +84,12 @@ datum: {{free: {{z: {json.dumps(datum)}}}}}
 
 CASES = pytest.mark.parametrize(
     ("name", "scenario"),
-    [("jag3d-net2d", "free_all"), ("jag3d-net2d", "fixed"), ("jag3d-lev5", "epoch0"), ("jag3d-lev5", "congruence")],
+    [
+        ("jag3d-net2d", "free_all"),
+        ("jag3d-net2d", "fixed"),
+        ("jag3d-lev5", "epoch0"),
+        ("jag3d-lev5", "congruence"),
+    ],
 )
 
 
@@ -109,7 +120,9 @@ def test_points(case, name, scenario):
         for k, component in enumerate("xyz"):
             if np.isfinite(_number(row[f"{component}_m"])):
                 assert coordinates[k] == pytest.approx(_number(row[f"{component}_m"]), rel=0, abs=tolerance)
-                assert sigma0 * sigma[k] == pytest.approx(_number(row[f"sigma_{component}_m"]), rel=1e-8, abs=1e-14)
+                assert sigma0 * sigma[k] == pytest.approx(
+                    _number(row[f"sigma_{component}_m"]), rel=1e-8, abs=1e-14
+                )
 
 
 @CASES

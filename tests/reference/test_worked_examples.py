@@ -6,7 +6,14 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import image_results, network_of, network_of_yaml, observations, point_results, with_starts
+from reference_data import (
+    image_results,
+    network_of,
+    network_of_yaml,
+    observations,
+    point_results,
+    with_starts,
+)
 
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
@@ -48,7 +55,9 @@ def test_levelling_with_a_fixed_point(examples, tmp_path):
     assert solved.quality.sigma0 == pytest.approx(expected["sigma0"], rel=1e-9)
     for name, height in expected["H_m"].items():
         assert results[name][0][2] == pytest.approx(height, rel=0, abs=1e-10)
-        assert 1e3 * solved.quality.sigma0 * results[name][1][2] == pytest.approx(expected["s_mm"][name], rel=1e-8)
+        assert 1e3 * solved.quality.sigma0 * results[name][1][2] == pytest.approx(
+            expected["s_mm"][name], rel=1e-8
+        )
     outcomes = observations(solved)
     np.testing.assert_allclose([1e3 * o.v for o in outcomes], expected["v_mm"], atol=1e-8)
     np.testing.assert_allclose([o.r for o in outcomes], expected["r"], atol=1e-10)
@@ -62,7 +71,9 @@ def test_levelling_as_a_free_network(examples, tmp_path):
     assert solved.adjustment.defect.datum.shape[1] == expected["datum_defect"]
     for name, height in expected["H_m"].items():
         assert results[name][0][2] == pytest.approx(height, rel=0, abs=1e-10)
-        assert 1e3 * solved.quality.sigma0 * results[name][1][2] == pytest.approx(expected["s_mm"][name], rel=1e-8)
+        assert 1e3 * solved.quality.sigma0 * results[name][1][2] == pytest.approx(
+            expected["s_mm"][name], rel=1e-8
+        )
     np.testing.assert_allclose([o.r for o in observations(solved)], example["fixed_4"]["r"], atol=1e-10)
 
 

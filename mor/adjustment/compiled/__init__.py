@@ -3,6 +3,9 @@
 ``compile_kernel`` is numba's ``njit`` with an on-disk cache where numba can be imported, and leaves the
 function alone otherwise. A kernel called from another kernel is decorated likewise. ``available`` tells the
 callers whether to take a kernel or the plain numpy form of the same step.
+
+While developing: numba recompiles a kernel when its own file changes, not when that of a kernel it calls does.
+After such a change touch the files of the callers, or remove ``compiled/__pycache__``.
 """
 
 from __future__ import annotations

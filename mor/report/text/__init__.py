@@ -7,6 +7,7 @@ import polars as pl
 from mor.quality.solved import Solved
 from mor.report.text import (
     cameras,
+    features,
     groups,
     head,
     images,
@@ -27,6 +28,7 @@ def text_report(solved: Solved, table: pl.DataFrame) -> str:
         cameras.section(solved),
         images.section(solved),
         stations.section(solved),
+        features.section(solved),
         others.section(solved),
         points.section(solved),
         residuals.section(solved, table),
