@@ -1,17 +1,16 @@
-"""Where the reference data are, how a network is given start values that come with them, and results by name."""
+"""Where the reference data are, networks from documents and texts, and results by name."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import partly_free
 from mor.pipeline import Solved
 from mor.project.network import Network, build_network
@@ -38,33 +37,6 @@ def reference_files(name: str, pattern: str) -> Sequence[object]:
     if folder is None:
         return [pytest.param(None, marks=pytest.mark.skip(reason=missing(name)), id="missing")]
     return [pytest.param(path, id=path.stem) for path in sorted(folder.glob(pattern))]
-
-
-def with_starts(network: Network, places: Mapping[str, Sequence[float]]) -> Network:
-    """The network with missing coordinates taken from ``places`` (project axes), and directions oriented by them."""
-    start = {kind: values.copy() for kind, values in network.start.items()}
-    points = network.things["point"]
-    for name, block in zip(points.ids, points.parts["position"], strict=True):
-        if name in places:
-            given = network.edge.matrix @ np.nan_to_num(np.array(places[name], dtype=float))
-            start["point"][block] = np.where(np.isnan(start["point"][block]), given, start["point"][block])
-    for block, orientation in _orientations(network, start["point"]).items():
-        if np.isnan(start["rotation"][block]).any():
-            start["rotation"][block] = rotation_from_angles(np.array([[0.0, 0.0, -orientation]]))[0]
-    return replace(network, start=start)
-
-
-def _orientations(network: Network, points: np.ndarray) -> dict[int, float]:
-    """Mean orientation (bearing minus direction) of every direction set."""
-    sums: dict[int, complex] = {}
-    for group in network.groups:
-        if group.type.key != "directions":
-            continue
-        vector = points[group.blocks[3]] - points[group.blocks[0]]
-        turns = np.arctan2(vector[:, 0], vector[:, 1]) - group.observed[:, 0]
-        for block, turn in zip(group.blocks[1], turns, strict=True):
-            sums[int(block)] = sums.get(int(block), 0j) + complex(np.exp(1j * turn))
-    return {block: float(np.angle(total)) for block, total in sums.items()}
 
 
 class Outcome(NamedTuple):

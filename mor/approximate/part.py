@@ -10,7 +10,7 @@ from mor.approximate.similarity import Similarity
 from mor.geometry.arrays import FloatArray, IntArray
 
 
-@dataclass
+@dataclass(eq=False)
 class Part:
     """Known coordinates and poses in one system, and how each came about."""
 

@@ -15,6 +15,18 @@ from mor.geometry.rotations import rotation_from_angles
 from mor.project.network import Network
 
 
+def with_observed(network: Network) -> dict[str, FloatArray]:
+    """Start values, those not given taken from observed parameters."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    for group in network.groups:
+        prefix, _, kind = group.type.key.partition("/")
+        if prefix != "observed" or kind == "rotation":
+            continue
+        values = start[kind][group.blocks[0]]
+        start[kind][group.blocks[0]] = np.where(np.isnan(values), group.observed, values)
+    return start
+
+
 def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     """The object system with everything that is given."""
     start = network.start
@@ -60,7 +72,7 @@ def fill_in(
     points = start["point"]
     unknown = np.isnan(points)
     points[unknown] = part.points[unknown]
-    rotations = start["rotation"]
+    rotations = start.get("rotation", np.zeros((0, 3, 3)))
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
         if frame.relative is None:

@@ -8,7 +8,7 @@ nothing is given at all, the first part becomes the object system, scaled by the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mor.approximate.grow_bundles import grow_bundles, intersect_the_rest
 from mor.approximate.grow_levelled import grow_levelled
 from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over
 from mor.approximate.part import Part, empty_part
-from mor.approximate.result import fill_in, starting_part
+from mor.approximate.result import fill_in, starting_part, with_observed
 from mor.approximate.seed_bundles import seed_bundles
 from mor.approximate.seed_levelled import seed_levelled
 from mor.approximate.sights import Terrestrial, terrestrial
@@ -55,6 +55,7 @@ def approximate(network: Network) -> Approximation:
     """Start values of a network; nothing is done where all are given."""
     if _complete(network.start):
         return Approximation(network.start, {}, ())
+    network = replace(network, start=with_observed(network))
     scene = _scene(network)
     system = starting_part(network, scene.frames)
     _grow(system, scene)
@@ -115,6 +116,14 @@ def _orient_the_rest(system: Part, scene: Scene) -> None:
     given_up: set[int] = set()
     while True:
         part = _seed(system, scene, tried, given_up, waiting)
+        if part is None and waiting and not system.poses and not system.kappas:
+            # Nothing ties any part to what is given: the largest one becomes the object system as it is.
+            part = max(waiting, key=_size)
+            waiting.remove(part)
+            _become(system, part, scene)
+            _grow(system, scene)
+            _join_all(system, waiting, scene)
+            continue
         if part is None:
             return
         _grow(part, scene)
@@ -160,6 +169,10 @@ def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
             _grow(system, scene)
 
 
+def _size(part: Part) -> int:
+    return len(part.poses) + len(part.kappas) + int(np.isfinite(part.points).sum())
+
+
 def _nothing_known(system: Part, scene: Scene) -> bool:
     """True where no position that anything measured refers to is known."""
     return not system.poses and not np.isfinite(system.points[scene.measured, :2]).any()
@@ -171,11 +184,9 @@ def _become(system: Part, part: Part, scene: Scene) -> None:
     if not part.scaled:
         t = scene.terrestrial
         scale_by_lengths(part, (t.slopes, t.horizontals), (False, True))
-    heights = np.isfinite(system.points[:, 2])
-    if part.levelled and not heights.any():
-        pass
-    elif part.levelled:
-        part.points[:, 2] = np.nan
+    heights = np.isfinite(system.points[:, 2]) & np.isfinite(part.points[:, 2])
+    if part.levelled and heights.any():
+        part.points[:, 2] += np.median(system.points[heights, 2] - part.points[heights, 2])
     take_over(system, part)
     system.levelled = part.levelled
 

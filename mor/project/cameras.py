@@ -61,8 +61,6 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
             )
         )
-    if camera.coordinates == "corner" and camera.model in ("opencv", "fisheye"):
-        values[0, 2:4] -= np.array(scale.centre) * scale.factor("px")
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
@@ -112,7 +110,9 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
 def variant_columns(reading: Reading) -> list[Column]:
     """Columns an image table may have for the start values of image-variant components, in the unit of the camera."""
     cameras = [camera for camera in reading.project.cameras.values() if camera.image_variant]
-    names = dict.fromkeys(c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names)
+    names = dict.fromkeys(
+        c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names
+    )
     return [Column(name, parse=lambda text, unit: reading.edge.number(text, NUMBER, unit)) for name in names]
 
 

@@ -21,6 +21,9 @@ _SEXAGESIMAL = re.compile(r"^\s*[-+−]?\d+\s*[-°:\s]\s*\d")
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
 
+_FROM_THE_CORNER = ("opencv", "fisheye")
+"""Models whose principal point counts from the upper left corner where the image coordinates do."""
+
 
 class UnitError(ValueError):
     """A text that is no number, or a unit that does not fit; the words say which."""
@@ -34,7 +37,7 @@ class ImageScale:
     pixel: float
     """Camera units per pixel; NaN where the camera says nothing of pixels."""
     centre: tuple[float, float]
-    """Image centre in pixels from the upper left corner."""
+    """Origin of the coordinates inside, in pixels from the upper left corner: the image centre, or the corner itself."""
     corner: bool
     """True where coordinates count from the upper left corner, y down."""
 
@@ -58,7 +61,7 @@ class ImageScale:
         return PIXEL if self.corner else self.unit
 
     def inwards(self, xy: FloatArray, unit: str) -> FloatArray:
-        """Image coordinates (n, 2) in camera units, origin in the image centre, y up."""
+        """Image coordinates (n, 2) in camera units, y up, from the origin inside."""
         if not self.corner:
             return xy * self.factor(unit)
         centre = np.array(self.centre) * self.factor(PIXEL)
@@ -80,7 +83,8 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
     target = "mm" if camera.unit == PIXEL else camera.unit
     size = number * LENGTH_UNITS[unit] / LENGTH_UNITS[target]
     pixel = 1.0 if camera.unit == PIXEL else size
-    return ImageScale(camera.unit, pixel, (width / 2.0, height / 2.0), camera.coordinates == "corner")
+    centre = (0.0, 0.0) if camera.model in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
+    return ImageScale(camera.unit, pixel, centre, camera.coordinates == "corner")
 
 
 def split(text: str) -> tuple[float, str]:

@@ -105,7 +105,8 @@ def _own_poses(
     own = rows.take(np.flatnonzero(~follows))
     labels = [f"image {name}" for name in own.text("id")]
     for i in np.flatnonzero(follows):
-        if any(np.isfinite(rows.numbers[name][i]) for name in _POSE if name in rows.numbers) or rows.text("position")[i]:
+        given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
+        if given or rows.text("position")[i]:
             words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
             reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))

@@ -221,6 +221,11 @@ class Datum(Strict):
             "by components where they differ: {xy: [1, 2], z: [3]}",
         )
     )
+    minimal: dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], Name | list[Name]] | None = Field(
+        default=None,
+        description="As many coordinates as the network has free movements, held at their start values: "
+        "{xyz: A, xy: B, z: C}",
+    )
     components: list[Literal["x", "y", "z"]] = Field(
         default=["x", "y", "z"], description="Components that carry it, where free names none"
     )
@@ -241,10 +246,25 @@ class Settings(Strict):
     snooping_level: float = Field(
         default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
     )
+    familywise_level: float | None = Field(
+        default=None,
+        gt=0.0,
+        lt=1.0,
+        description="Level of the tests of all observations together (Šidák); it takes the place of snooping_level",
+    )
     power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
     global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of the global test")
     sigma: Literal["aposteriori", "apriori"] = Field(
         default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
+    )
+    snooping: bool = Field(
+        default=False, description="Take flagged observations out one by one until the rest is clean"
+    )
+    robust: Literal["l1", "danish"] | None = Field(
+        default=None, description="Robust solution to compare with, and to start data snooping from"
+    )
+    variance_components: Literal["report", "iterate"] = Field(
+        default="report", description="Estimated factors of the σ of each group: reported, or taken into the weights"
     )
 
 
@@ -264,5 +284,9 @@ class Project(Strict):
     features: list[Feature] = Field(default_factory=list)
     instruments: dict[Name, Instrument] = Field(default_factory=dict)
     observations: list[Observations] = Field(default_factory=list)
+    checks: list[Observations] = Field(
+        default_factory=list,
+        description="Observations kept out of the adjustment: check points (type coordinates), check distances",
+    )
     datum: Literal["fixed", "free"] | Datum = "fixed"
     settings: Settings = Settings()

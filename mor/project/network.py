@@ -41,6 +41,8 @@ class DatumChoice:
     free: bool
     mask: BoolArray
     """(points, 3) coordinates that carry it, internal axes."""
+    minimal: bool = False
+    """True where just as many coordinates carry it as the network has free movements."""
     at_reference: bool = False
     """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
 

@@ -28,11 +28,15 @@ class Reading:
     """Point groups by name: block numbers."""
     table_ids: dict[tuple[str, int], list[str]] = field(default_factory=dict)
     """Names read from a table, by section and number of the table."""
+    section: str = "observations"
+    """Section that observation groups are read from: ``observations``, or ``checks``."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
 
     def at(self, *path: str | int) -> Place:
         """The place of a part of the project file."""
+        if path[:1] == ("observations",):
+            path = (self.section, *path[1:])
         return Place(self.place.document, path, self.place.folder)
 
     @property

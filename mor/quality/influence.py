@@ -1,4 +1,4 @@
-"""What a gross error does to the coordinates: of chosen observations exactly, and for all terrestrial ones as one number.
+"""What a gross error does to the coordinates: of chosen observations exactly, of all terrestrial ones as one number.
 
 A gross error ∇ in observation i moves all unknowns by Q Aᵀ P e_i ∇, in the datum of the adjustment.
 """
@@ -69,8 +69,8 @@ def _place_in(cluster: ClusterRows, entry: Entry) -> int | None:
 def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
     """EP of each group (n, m): the estimated gross error times the part of 1 − r that goes into coordinates of points.
 
-    EP_i = ∇̂_i Σ_k a_ik (Q AᵀP)_ki over the unknown coordinates k (angles and instruments left out), for angles times the
-    length of the sight. It depends on the datum. NaN for correlated observations and for rays, whose influence
+    EP_i = ∇̂_i Σ_k a_ik (Q AᵀP)_ki over the unknown coordinates k (angles and instruments left out), for angles times
+    the length of the sight. It depends on the datum. NaN for correlated observations and for rays, whose influence
     :func:`movements` gives.
     """
     adjustment = quality.adjustment

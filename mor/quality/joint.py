@@ -14,7 +14,7 @@ def joint_statistic(
     """T = uᵀ S⁺ u (n,) and the rank of S (n,), for the components that are there (n, m).
 
     ``weighted`` u (n, m) and ``cofactors`` S (n, m, m) are P v and P Q_vv P, scaled to unit weights. A direction whose
-    eigenvalue of S vanishes is controlled by nothing and left out. T is χ² distributed, the rank its degrees of freedom.
+    eigenvalue of S vanishes is controlled by nothing and left out. T is χ² distributed with the rank as its freedom.
     """
     if weighted.shape[1] == 1:
         safe = np.where(cofactors[:, 0, 0] > CONTROLLED, cofactors[:, 0, 0], np.inf)

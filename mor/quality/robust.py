@@ -1,7 +1,7 @@
 """Robust estimation by iteratively reweighted least squares: for starting, and for comparison with least squares.
 
-The weight of an observation is multiplied by a factor that depends on its residual, s = |v|/(σ √r) with r its redundancy
-number under the weights the observations came with (leverage would hide an error otherwise):
+The weight of an observation is multiplied by a factor that depends on its residual, s = |v|/(σ √r) with r its
+redundancy number under the weights the observations came with (leverage would hide an error otherwise):
 
     l1       1/max(s, ½)                        the sum of absolute residuals (smoothed near 0): starts everywhere
     danish   1 for s ≤ 2, exp(1 − (s/2)²) beyond, after the L1 rounds: what is far off no longer counts (redescending)
@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Adjustment, Settings, adjust
 from mor.geometry.arrays import BoolArray, FloatArray
@@ -81,8 +82,6 @@ def _spread(r: FloatArray) -> FloatArray:
 def _factors(
     problem: Problem, adjustment: Adjustment, spread: tuple[FloatArray, ...], method: Method
 ) -> tuple[FloatArray, ...]:
-    from mor.adjustment.linearise import misclosures
-
     result = []
     for group, root in zip(problem.groups, spread, strict=True):
         size = np.nan_to_num(np.abs(misclosures(group, adjustment.values)) / group.sigma) / root

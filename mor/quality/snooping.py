@@ -1,14 +1,14 @@
 """Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until the rest is clean.
 
-Several are taken out at once only if they share neither a point nor a frame. After every adjustment what was taken out is
-tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits. What goes out a second
+Several are taken out at once only if they share neither a point nor a frame. After every adjustment what was taken out
+is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits. What goes out a second
 time stays out. The two coordinates of a ray are one pointing and go together, as long as both are controlled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,23 +51,28 @@ class Snooping:
     clean: bool
     """False where something flagged could not be taken out."""
 
+    def after(self, earlier: Snooping) -> Snooping:
+        """Both together, this one being the later."""
+        return replace(self, before=earlier.before, steps=(*earlier.steps, *self.steps))
+
 
 def snoop(
+    problem: Problem,
     quality: Quality,
     levels: Levels,
     aposteriori: bool,
     excluded: tuple[BoolArray, ...] | None = None,
     watch: Watcher | None = None,
 ) -> Snooping:
-    """Snoop through an assessed adjustment; ``excluded`` are masks (n, m) of what is out to begin with."""
-    problem = quality.adjustment.problem
+    """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
     state = _State(problem, levels, aposteriori, watch)
     kept_out = tuple(group.left_out for group in problem.groups)
     first, out = quality, tuple(mask.copy() for mask in kept_out)
     if excluded is not None:
-        begun = state.assessed(quality.adjustment, tuple(a | b for a, b in zip(out, excluded, strict=True)))
+        wanted = tuple(a | b for a, b in zip(out, excluded, strict=True))
+        begun = state.assessed(quality.adjustment, wanted)
         if begun is not None:
-            quality, out = begun, tuple(a | b for a, b in zip(out, excluded, strict=True))
+            quality, out = begun, wanted
     steps: list[Snooped] = []
     stays_out, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(2))
     clean = False
@@ -182,7 +187,7 @@ def _fitting(quality: Quality, kept_out: tuple[BoolArray, ...], stays_out: tuple
         out = group.left_out & ~kept_out[number]
         if not out.any():
             continue
-        misfits = out & ~(np.abs(quality.reliability[number].test) < quality.critical)
-        fits = out & ~stays_out[number] & ~misfits.any(axis=1)[:, None]
+        misfits: BoolArray = out & ~(np.abs(quality.reliability[number].test) < quality.critical)
+        fits = out & ~stays_out[number] & ~np.any(misfits, axis=1, keepdims=True)
         entries += [(number, int(row), int(component)) for row, component in np.argwhere(fits)]
     return entries

@@ -14,6 +14,7 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Adjustment, adjust
 from mor.geometry.arrays import FloatArray
+from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.exclusion import reweighted
 
@@ -33,6 +34,10 @@ class Components:
     """(g,) their standard deviations, NaN where there is none."""
     settled: bool
     rounds: int
+
+    def of(self, group: ObservationGroup, number: int) -> FloatArray:
+        """(n, m) the factor of a group for each of its observations."""
+        return np.full(group.observed.shape, self.factors[number])
 
 
 def components(quality: Quality) -> Components:

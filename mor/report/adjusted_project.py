@@ -186,7 +186,21 @@ def _images(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     for column in columns.values():
         if isinstance(column, np.ndarray):
             column[follows] = np.nan
-    return [(_frame(things.ids, columns), {})]
+    return [(_frame(things.ids, columns | _image_variant(solved)), {})]
+
+
+def _image_variant(solved: Solved) -> dict[str, FloatArray]:
+    """Start values of the interior components that every image has of its own, empty where it has none."""
+    things, cameras = solved.network.things["image"], solved.network.project.cameras
+    columns: dict[str, FloatArray] = {}
+    for number, name in enumerate(solved.network.things["camera"].ids):
+        kind = INTERIORS[cameras[name].model]
+        mine = np.flatnonzero(things.parts["camera"] == number)
+        for component in cameras[name].image_variant:
+            column = columns.setdefault(component, np.full(len(things.ids), np.nan))
+            values = solved.adjustment.values[kind.key][things.parts["interior"][mine]]
+            column[mine] = values[:, kind.names.index(component)]
+    return columns
 
 
 def _pairs(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from reference_data import network_of, observations, point_results, with_starts
+from reference_data import network_of, observations, point_results
 
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
@@ -30,9 +30,8 @@ def _document(tmp_path, body, network="", parameters="", implicit=""):
     return read_foreign(path)
 
 
-def _solve(tmp_path, body, starts=None, **keys):
-    document = _document(tmp_path, body, **keys)
-    return solve_network(with_starts(network_of(document, tmp_path), starts or {}))
+def _solve(tmp_path, body, **keys):
+    return solve_network(network_of(_document(tmp_path, body, **keys), tmp_path))
 
 
 def _in_axes(place, axes):

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from reference_data import network_of, observations, point_results, reference_files, with_starts
+from reference_data import network_of, observations, point_results, reference_files
 
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
@@ -24,10 +24,6 @@ KINDS = {
 }
 
 
-def _network(path):
-    return network_of(read_foreign(path), path.parent)
-
-
 @cache
 def _expected(path):
     return json.loads(path.with_suffix(".expected.json").read_text())
@@ -40,11 +36,7 @@ def _turn(path):
 
 @cache
 def _solved(path):
-    places = {
-        name: np.array([np.nan if v is None else v for v in point["start"]]) * _turn(path)
-        for name, point in _expected(path)["points"].items()
-    }
-    return solve_network(with_starts(_network(path), places))
+    return solve_network(network_of(read_foreign(path), path.parent))
 
 
 @NETWORKS
@@ -102,10 +94,3 @@ def test_residuals_and_reliability_agree(path):
 @NETWORKS
 def test_observations_left_out_are_named(path):
     assert len(read_foreign(path).notes) == len(_expected(path)["observations_not_used"])
-
-
-@pytest.mark.xfail(strict=False, reason="start values are not computed yet")
-@NETWORKS
-def test_network_is_solved_without_help(path):
-    alone = solve_network(_network(path))
-    assert alone.quality.sigma0 == pytest.approx(_expected(path)["sigma0_ratio"], rel=1e-8, abs=1e-9)

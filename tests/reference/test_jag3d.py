@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import network_of_yaml, observations, point_results, with_starts
+from reference_data import network_of_yaml, observations, point_results
 
 from mor.pipeline import solve_network
 
@@ -56,8 +56,7 @@ observations:
 settings: {{dimensions: xy}}
 datum: {json.dumps({"free": datum}) if datum else "fixed"}
 """
-    network = with_starts(network_of_yaml(text, folder), {})
-    return solve_network(network), [o for group in groups.values() for o in group]
+    return solve_network(network_of_yaml(text, folder)), [o for group in groups.values() for o in group]
 
 
 def _lev5(folder, scenario):

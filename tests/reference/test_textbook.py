@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from reference_data import network_of, observations, point_results, reference_files, with_starts
+from reference_data import network_of, observations, point_results, reference_files
 
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
@@ -26,10 +26,6 @@ KINDS = {
 }
 
 
-def _network(path):
-    return network_of(read_foreign(path), path.parent)
-
-
 @cache
 def _expected(path):
     everything = json.loads((path.parents[1] / "recomputed.json").read_text())
@@ -38,7 +34,7 @@ def _expected(path):
 
 @cache
 def _solved(path):
-    return solve_network(with_starts(_network(path), {}))
+    return solve_network(network_of(read_foreign(path), path.parent))
 
 
 def _estimated(path):
@@ -109,11 +105,3 @@ def test_points_agree_with_the_book(path):
         mine, s = (array[_estimated(path)] for array in results[name])
         np.testing.assert_allclose(mine, coordinates, rtol=0, atol=6e-5, err_msg=name)
         np.testing.assert_allclose(sigma0 * s, sigma, rtol=0, atol=6e-6, err_msg=name)
-
-
-@pytest.mark.xfail(strict=False, reason="start values are not computed yet")
-@NETWORKS
-def test_network_is_solved_without_help(path):
-    assert solve_network(_network(path)).quality.sigma0 == pytest.approx(
-        _expected(path)["sigma0_ratio"], rel=1e-6
-    )

@@ -12,7 +12,6 @@ from reference_data import (
     network_of_yaml,
     observations,
     point_results,
-    with_starts,
 )
 
 from mor.formats import read_foreign
@@ -93,7 +92,7 @@ observations:
 settings: {{dimensions: xy}}
 datum: free
 """
-    solved = solve_network(with_starts(network_of_yaml(text, tmp_path), {}))
+    solved = solve_network(network_of_yaml(text, tmp_path))
     assert solved.quality.redundancy == expected["dof"]
     assert solved.quality.sigma0 == pytest.approx(expected["sigma0_ratio"], rel=1e-8)
     for name, (coordinates, sigma) in point_results(solved).items():

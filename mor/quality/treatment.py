@@ -1,0 +1,53 @@
+"""What is done about gross errors and weights after the first adjustment, as the project asks for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mor.quality.assess import Levels, Quality
+from mor.quality.exclusion import reweighted
+from mor.quality.robust import Method, Robust, robust_estimate
+from mor.quality.snooping import Snooping, snoop
+from mor.quality.variance_components import Components, components, iterated_components
+
+
+class Wanted(NamedTuple):
+    """What the project asks for."""
+
+    snooping: bool = False
+    robust: Method | None = None
+    iterate_components: bool = False
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """What was done."""
+
+    components: Components
+    snooping: Snooping | None = None
+    robust: Robust | None = None
+
+
+def treat(quality: Quality, levels: Levels, aposteriori: bool, wanted: Wanted) -> tuple[Quality, Treatment]:
+    """Robust comparison, data snooping (starting from what the robust solution rejects), variance components.
+
+    With components iterated, data snooping goes over it again with the new weights.
+    """
+    problem = quality.adjustment.problem
+    robust = robust_estimate(quality, wanted.robust) if wanted.robust is not None else None
+    snooping = None
+    if wanted.snooping:
+        rejected = robust.rejected if robust is not None and robust.settled else None
+        snooping = snoop(problem, quality, levels, aposteriori, rejected)
+        quality = snooping.quality
+    if not wanted.iterate_components:
+        return quality, Treatment(components(quality), snooping, robust)
+    found, quality = iterated_components(quality, levels, aposteriori)
+    if snooping is not None and found.settled:
+        weighted = reweighted(problem, [found.of(group, k) for k, group in enumerate(problem.groups)])
+        out = tuple(group.left_out for group in quality.adjustment.problem.groups)
+        again = snoop(weighted, quality, levels, aposteriori, out)
+        snooping = again.after(snooping)
+        quality = again.quality
+    return quality, Treatment(found, snooping, robust)
