@@ -17,13 +17,16 @@ from mor.approximate.strategy import approximate
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.geometry.arrays import FloatArray
+from mor.observations import without
 from mor.observations.sigma import with_sigma_model
 from mor.parameters.index import index_unknowns
+from mor.project.model import Settings as ProjectSettings
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
 from mor.project.validation import validate
 from mor.quality.assess import Levels, assess
 from mor.quality.solved import Solved
+from mor.quality.treatment import Wanted, treat
 
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
@@ -54,10 +57,33 @@ def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
     settings = network.project.settings
     adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
     adjustment = _with_settled_sigma(network, adjustment, watch)
-    if adjustment.outcome.is_solution:
-        levels = Levels(settings.snooping_level, settings.power, settings.global_level)
-        return Solved(network, adjustment, assess(adjustment, levels, settings.sigma == "aposteriori"))
-    return Solved(network, adjustment, None)
+    if not adjustment.outcome.is_solution:
+        return Solved(network, adjustment, None)
+    check_minimal(network, adjustment)
+    aposteriori = settings.sigma == "aposteriori"
+    quality = assess(adjustment, levels(settings), aposteriori)
+    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
+    last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
+    return Solved(network, last, replace(quality, adjustment=last), treatment)
+
+
+def levels(settings: ProjectSettings) -> Levels:
+    """Levels of the tests of a project."""
+    return Levels(settings.snooping_level, settings.power, settings.global_level, settings.familywise_level)
+
+
+def _wanted(settings: ProjectSettings) -> Wanted:
+    return Wanted(settings.snooping, settings.robust, settings.variance_components == "iterate")
+
+
+def check_minimal(network: Network, adjustment: Adjustment) -> None:
+    """Raise :class:`InputError` where a minimal datum names more coordinates than the network has free movements."""
+    defect = adjustment.defect.datum.shape[1]
+    named = int(np.count_nonzero(adjustment.constraint.mask))
+    if network.datum.minimal and named != defect:
+        movements = ", ".join(adjustment.defect.movements) or "none"
+        words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
+        raise InputError([Mistake(f"{words} ({movements})")])
 
 
 def start_values(network: Network) -> Mapping[str, FloatArray]:
@@ -94,6 +120,8 @@ def make_problem(
     The datum refers to the coordinates of ``start``; distances in σ models are those of ``place``.
     """
     groups = tuple(with_sigma_model(group, place) for group in network.groups)
+    checks = (with_sigma_model(group, place) for group in network.checks)
+    groups += tuple(without(group, group.mask) for group in checks)
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])
     clusters = tuple(

@@ -15,6 +15,8 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
+FEWEST = 4
+"""Known points from which a frame can be resected where there is no other way."""
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
 WIDE_ANGLE = 0.15
@@ -22,30 +24,33 @@ _SAMPLE = 60
 """Points of a frame a resection uses at the most."""
 
 
-def grow_bundles(part: Part, frames: Sequence[Frame]) -> bool:
-    """Add poses and points to the part; true where anything was added."""
+def grow_bundles(part: Part, frames: Sequence[Frame], fewest: int) -> bool:
+    """Add poses and points to the part; true where anything was added.
+
+    ``fewest`` known points a frame needs for a resection: with 4 a wrong solution may pass for right.
+    """
     grown = False
     refused: dict[int, int] = {}
     while True:
         added_points = _intersect_all(part, frames, SMALLEST_ANGLE)
-        added_frames = _resect_best(part, frames, refused)
+        added_frames = _resect_best(part, frames, refused, fewest)
         if not added_frames and not added_points:
             return grown
         grown = True
 
 
-def _resect_best(part: Part, frames: Sequence[Frame], refused: dict[int, int]) -> bool:
+def _resect_best(part: Part, frames: Sequence[Frame], refused: dict[int, int], fewest: int) -> bool:
     """Resect the frames that see the most known points; ``refused`` remembers with how many a frame failed."""
     counts = {
         number: int(np.count_nonzero(part.known(frame.points)))
         for number, frame in enumerate(frames)
         if number not in part.poses
     }
-    usable = {n: c for n, c in counts.items() if c >= 4 and c > refused.get(n, 0)}
+    usable = {n: c for n, c in counts.items() if c >= fewest and c > refused.get(n, 0)}
     if not usable:
         return False
     best = max(usable.values())
-    threshold = max(4, min(best, ENOUGH), int(0.5 * best))
+    threshold = max(fewest, int(0.5 * best))
     added = False
     for number in sorted((n for n, c in usable.items() if c >= threshold), key=lambda n: (-usable[n], n)):
         if _resect(part, frames[number], number):

@@ -20,7 +20,8 @@ def with_observed(network: Network) -> dict[str, FloatArray]:
     start = {kind: values.copy() for kind, values in network.start.items()}
     for group in network.groups:
         prefix, _, kind = group.type.key.partition("/")
-        if prefix != "observed" or kind == "rotation":
+        kind = "point" if prefix == "coordinates" else kind
+        if prefix not in ("observed", "coordinates") or kind == "rotation":
             continue
         values = start[kind][group.blocks[0]]
         start[kind][group.blocks[0]] = np.where(np.isnan(values), group.observed, values)

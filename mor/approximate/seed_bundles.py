@@ -11,10 +11,12 @@ from mor.approximate.bundle import direction_bundle
 from mor.approximate.frames import SLACKS, Frame, loosened
 from mor.approximate.part import Part, empty_part
 from mor.approximate.relative_outcome import RelativeOutcome
-from mor.approximate.relative_robust import robust_relative_orientation
+from mor.approximate.relative_robust import RobustOrientation, robust_relative_orientation
 from mor.geometry.arrays import FloatArray, IntArray
 
 PAIRS_TRIED = 24
+GOOD_ENOUGH = 15.0
+"""Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
 _SAMPLE = 80
 
 
@@ -27,6 +29,8 @@ def seed_bundles(frames: Sequence[Frame], free: Sequence[int], points: int) -> P
         found = _oriented(frames, i, j, points)
         if found is not None and (best is None or found[0] > best[0]):
             best = found
+        if best is not None and best[0] >= GOOD_ENOUGH:
+            break
     return best[1] if best is not None else None
 
 
@@ -61,16 +65,11 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     if len(at_i) > _SAMPLE:
         chosen = np.linspace(0, len(at_i) - 1, _SAMPLE).astype(int)
         at_i, at_j = at_i[chosen], at_j[chosen]
-    for slack in SLACKS:
-        a = direction_bundle(frames[i].rays[at_i], loosened(frames[i].sigma[at_i], slack))
-        b = direction_bundle(frames[j].rays[at_j], loosened(frames[j].sigma[at_j], slack))
-        result = robust_relative_orientation(a, b)
-        count = int(np.count_nonzero(result.agreeing))
-        if result.orientation.outcome is RelativeOutcome.DETERMINED and count >= max(8, 0.6 * len(at_i)):
-            break
-    else:
+    found = _with_least_slack(frames[i], frames[j], at_i, at_j)
+    if found is None:
         return None
-    orientation = result.orientation
+    slack, result = found
+    orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
     angle = _median_angle(
         frames[i].rays[at_i[result.agreeing]], frames[j].rays[at_j[result.agreeing]], orientation.rotation
     )
@@ -81,6 +80,23 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     words = f"relative orientation of {frames[i].name} and {frames[j].name}, {count} points"
     part.how[frames[i].name] = part.how[frames[j].name] = words
     return count * min(angle, 0.6), part
+
+
+def _with_least_slack(
+    one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
+) -> tuple[float, RobustOrientation] | None:
+    """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter."""
+    best = None
+    for slack in reversed(SLACKS):
+        a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
+        b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
+        result = robust_relative_orientation(a, b)
+        good = result.orientation.outcome is RelativeOutcome.DETERMINED
+        if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(at_one)):
+            best = slack, result
+        elif best is not None:
+            break
+    return best
 
 
 def _median_angle(rays_a: FloatArray, rays_b: FloatArray, rotation: FloatArray) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mor.approximate.frames import Frame, image_frames, theodolite_frames
-from mor.approximate.grow_bundles import grow_bundles, intersect_the_rest
+from mor.approximate.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.grow_levelled import grow_levelled
 from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over
 from mor.approximate.part import Part, empty_part
@@ -58,8 +58,9 @@ def approximate(network: Network) -> Approximation:
     network = replace(network, start=with_observed(network))
     scene = _scene(network)
     system = starting_part(network, scene.frames)
-    _grow(system, scene)
-    _orient_the_rest(system, scene)
+    for fewest in (ENOUGH, FEWEST):
+        _grow(system, scene, fewest)
+        _orient_the_rest(system, scene, fewest)
     intersect_the_rest(system, scene.frames)
     return Approximation(*fill_in(network, system, scene.frames, scene.terrestrial))
 
@@ -86,12 +87,12 @@ def _scene(network: Network) -> Scene:
     return Scene(frames, sights, offsets, count, len(images), measured)
 
 
-def _grow(part: Part, scene: Scene) -> None:
+def _grow(part: Part, scene: Scene, fewest: int) -> None:
     """Levelled and bundle growth in turns, until neither adds anything."""
     while True:
         grown = grow_levelled(part, scene.terrestrial) if part.levelled else False
         _poses_of_sets(part, scene)
-        grown |= grow_bundles(part, scene.frames)
+        grown |= grow_bundles(part, scene.frames, fewest)
         spread_positions(part, scene.frames, scene.offsets)
         if not grown:
             return
@@ -109,7 +110,7 @@ def _poses_of_sets(part: Part, scene: Scene) -> None:
         part.poses[frame] = (centre, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
 
 
-def _orient_the_rest(system: Part, scene: Scene) -> None:
+def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
     """Parts of their own for what does not tie to the object system, joined one after the other."""
     tried: set[int] = set()
     waiting: list[Part] = []
@@ -121,14 +122,14 @@ def _orient_the_rest(system: Part, scene: Scene) -> None:
             part = max(waiting, key=_size)
             waiting.remove(part)
             _become(system, part, scene)
-            _grow(system, scene)
-            _join_all(system, waiting, scene)
+            _grow(system, scene, fewest)
+            _join_all(system, waiting, scene, fewest)
             continue
         if part is None:
             return
-        _grow(part, scene)
+        _grow(part, scene, fewest)
         waiting.append(part)
-        _join_all(system, waiting, scene)
+        _join_all(system, waiting, scene, fewest)
 
 
 def _seed(
@@ -152,7 +153,7 @@ def _seed(
     return part
 
 
-def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
+def _join_all(system: Part, waiting: list[Part], scene: Scene, fewest: int) -> None:
     """Join what can be joined, again and again: a part may tie another one to the system."""
     joined = True
     while joined:
@@ -166,7 +167,7 @@ def _join_all(system: Part, waiting: list[Part], scene: Scene) -> None:
                 waiting.remove(part)
                 joined = True
         if joined:
-            _grow(system, scene)
+            _grow(system, scene, fewest)
 
 
 def _size(part: Part) -> int:

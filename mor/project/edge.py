@@ -37,7 +37,7 @@ class ImageScale:
     pixel: float
     """Camera units per pixel; NaN where the camera says nothing of pixels."""
     centre: tuple[float, float]
-    """Origin of the coordinates inside, in pixels from the upper left corner: the image centre, or the corner itself."""
+    """Origin of the coordinates inside, px from the upper left corner: the image centre, or the corner itself."""
     corner: bool
     """True where coordinates count from the upper left corner, y down."""
 

@@ -74,6 +74,7 @@ def _read_images_table(
         return
     cameras = _camera_numbers(reading, rows)
     if cameras is None:
+        reading.broken.add("image")
         return
     camera = shop.things["camera"]
     position, rotation, height = _own_poses(reading, rows, names, table.fixed)

@@ -10,8 +10,8 @@ Text = Annotated[str, Field(min_length=1)]
 Measure = Annotated[
     str,
     Field(
-        pattern=r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*[A-Za-zµμ%°/\-]+[0-9^]*)?\s*$",
-        description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon",
+        pattern=r"^\s*[-+]?(\d+-\d+(-\d+\.?\d*)?|(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*[A-Za-zµμ%°/\-]+[0-9^]*)?)\s*$",
+        description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon; an angle in dms: 12-34-56.7",
     ),
 ]
 Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
@@ -264,7 +264,8 @@ class Settings(Strict):
         default=None, description="Robust solution to compare with, and to start data snooping from"
     )
     variance_components: Literal["report", "iterate"] = Field(
-        default="report", description="Estimated factors of the σ of each group: reported, or taken into the weights"
+        default="report",
+        description="Estimated factors of the σ of each group: reported, or taken into the weights",
     )
 
 

@@ -15,6 +15,7 @@ from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
 from mor.project.axes import external
 from mor.project.cameras import read_cameras
+from mor.project.checks import check_groups
 from mor.project.correlations import Correlation, correlations
 from mor.project.direction_sets import check_direction_sets
 from mor.project.edge import Edge, ImageScale
@@ -41,10 +42,10 @@ class DatumChoice:
     free: bool
     mask: BoolArray
     """(points, 3) coordinates that carry it, internal axes."""
-    minimal: bool = False
-    """True where just as many coordinates carry it as the network has free movements."""
     at_reference: bool = False
     """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
+    minimal: bool = False
+    """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ class Network:
     sigma: Mapping[str, FloatArray]
     """(n, size) by kind, σ of observed components, NaN elsewhere."""
     groups: tuple[ObservationGroup, ...]
+    checks: tuple[ObservationGroup, ...]
+    """Observations kept out of the adjustment, to check it by."""
     correlations: tuple[Correlation, ...]
     datum: DatumChoice
     point_groups: Mapping[int, str]
@@ -103,6 +106,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         *prior_groups(reading),
     ]
     check_direction_sets(reading, [*plain, *others])
+    checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)
     if not plain and not others and not problems:
@@ -124,6 +128,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         observed={key: store.all_values() for key, store in stores.items() if store.ids},
         sigma={key: store.all_sigma() for key, store in stores.items() if store.ids},
         groups=(*plain, *(_said_outside(reading, group) for group in others)),
+        checks=checks,
         correlations=correlated,
         datum=datum,
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
@@ -155,18 +160,30 @@ def _datum(reading: Reading) -> DatumChoice:
         chosen = Datum()
     assert isinstance(chosen, Datum)
     at_reference = chosen.movements == "reference"
+    if chosen.minimal is not None:
+        held = {key: [names] if isinstance(names, str) else names for key, names in chosen.minimal.items()}
+        _mark(reading, mask, held)
+        words = ", ".join(f"{components} of {', '.join(names)}" for components, names in held.items())
+        return DatumChoice(f"minimal, {words}", True, mask, minimal=True)
     if chosen.free == "all":
         mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
         return DatumChoice("free, inner constraints over all points", True, mask, at_reference)
     by_components = (
         chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
     )
-    words = []
+    _mark(reading, mask, by_components)
+    parts = [
+        f"{', '.join(components)} of {len(names)} named points or groups"
+        for components, names in by_components.items()
+    ]
+    return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)
+
+
+def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[str, list[str]]) -> None:
+    """Set the mask (points, 3) for named points, by the components of the project they carry the datum with."""
     for components, names in by_components.items():
         for name in names:
             mask[_datum_points(reading, name)] |= _internal_row(reading, components)
-        words.append(f"{', '.join(components)} of {len(names)} named points or groups")
-    return DatumChoice(f"free, inner constraints over {' and '.join(words)}", True, mask, at_reference)
 
 
 def _internal_row(reading: Reading, components: str) -> BoolArray:

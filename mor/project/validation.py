@@ -20,7 +20,7 @@ def validate(document: Document) -> Project:
         project = Project.model_validate(document.data)
     except ValidationError as error:
         details = _telling(document, error.errors(include_url=False))
-        problems = dict.fromkeys([*document.problems, *(_problem(document, detail) for detail in details)])
+        problems = dict.fromkeys([*document.problems, *_problems(document, details)])
         raise InputError(sorted(problems, key=lambda problem: problem.line)) from None
     if document.problems:
         raise InputError(document.problems)
@@ -47,10 +47,20 @@ def _of_another_kind(detail: ErrorDetails) -> bool:
     return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
 
 
-def _problem(document: Document, detail: ErrorDetails) -> Problem:
-    path = _data_path(document.data, detail)
-    where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
-    return Problem(_words(detail, path, where), document.file_of(path), document.line(path))
+def _problems(document: Document, details: list[ErrorDetails]) -> list[Problem]:
+    """One problem for every place; what a value may be instead is told together."""
+    by_path: dict[Path, list[ErrorDetails]] = {}
+    for detail in details:
+        by_path.setdefault(_data_path(document.data, detail), []).append(detail)
+    problems = []
+    for path, found in by_path.items():
+        where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
+        words = dict.fromkeys(_words(detail, path, where) for detail in found)
+        opening = f"{where}: found {found[0].get('input')!r}, expected "
+        if len(words) > 1 and all(text.startswith(opening) for text in words):
+            words = {opening + ", or ".join(text.removeprefix(opening) for text in words): None}
+        problems += [Problem(text, document.file_of(path), document.line(path)) for text in words]
+    return problems
 
 
 def _words(detail: ErrorDetails, path: Path, where: str) -> str:

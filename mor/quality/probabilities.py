@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import betainc, betaln, log_ndtr
+from scipy.special import betainc, betaln, gammaincc, gammaln, log_ndtr
 
 from mor.geometry.arrays import FloatArray
 
@@ -14,6 +14,15 @@ def log_p_normal(w: FloatArray) -> FloatArray:
     """ln P(|x| ≥ |w|), x standard normal."""
     log_p: FloatArray = np.log(2.0) + log_ndtr(-np.abs(w))
     return log_p
+
+
+def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
+    """ln P(χ² ≥ ``square``); far out by the asymptotic series of the incomplete gamma function (DLMF 8.11.2)."""
+    a, x = 0.5 * freedom, 0.5 * square
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_p = np.log(gammaincc(a, x))
+        far = (a - 1.0) * np.log(x) - x - gammaln(a) + np.log1p((a - 1.0) / x + (a - 1.0) * (a - 2.0) / x**2)
+    return np.where(np.isneginf(log_p) & np.isfinite(square), far, log_p)
 
 
 def log_p_student(square: FloatArray, freedom: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from mor.adjustment.solve import Adjustment
 from mor.project.network import Network
 from mor.quality.assess import Quality
+from mor.quality.treatment import Treatment
 
 
 @dataclass(frozen=True)
@@ -16,3 +17,5 @@ class Solved:
     network: Network
     adjustment: Adjustment
     quality: Quality | None
+    treatment: Treatment | None = None
+    """What was done about gross errors and weights; ``None`` where there was no solution."""

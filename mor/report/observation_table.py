@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
+from mor.geometry.arrays import FloatArray
 from mor.observations import ObservationGroup
+from mor.quality.influence import influence_on_points
 from mor.quality.solved import Solved
-from mor.report.outward import said, said_differences, said_numbers, said_signs, said_sizes, said_values
+from mor.report.outward import said, said_differences, said_sizes, said_values
+from mor.report.tested_columns import TESTED, flags, tested_columns
 
 SCHEMA = {
     "type": pl.String,
@@ -22,37 +25,37 @@ SCHEMA = {
     "v": pl.Float64,
     "sigma": pl.Float64,
     "sigma_adjusted": pl.Float64,
-    "r": pl.Float64,
-    "w": pl.Float64,
-    "flag": pl.String,
+    **TESTED,
 }
 
 
 def observation_table(solved: Solved) -> pl.DataFrame:
     """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty where there was no solution."""
-    parts = [
-        _group_table(solved, number, group) for number, group in enumerate(solved.adjustment.problem.groups)
-    ]
+    groups = solved.adjustment.problem.groups
+    influence = (
+        influence_on_points(solved.quality)
+        if solved.quality is not None
+        else tuple(np.full(group.observed.shape, np.nan) for group in groups)
+    )
+    parts = [_group_table(solved, number, group, influence[number]) for number, group in enumerate(groups)]
     return pl.concat(parts) if parts else pl.DataFrame(schema=SCHEMA)
 
 
-def _group_table(solved: Solved, number: int, group: ObservationGroup) -> pl.DataFrame:
+def _group_table(solved: Solved, number: int, group: ObservationGroup, influence: FloatArray) -> pl.DataFrame:
     quality = solved.quality
     out = said(group)
     mask = group.mask[:, out.source]
     rows, components = np.nonzero(mask)
     nothing = np.full(group.observed.shape, np.nan)
     v = quality.groups[number].v if quality else nothing
-    w = quality.w[number] if quality else nothing
     adjusted = said_values(group, group.observed) + said_differences(group, v)
     numbers = {
         "observed": said_values(group, group.observed),
         "adjusted": adjusted,
         "v": said_differences(group, v),
-        "sigma": said_sizes(group, group.sigma),
+        "sigma": said_sizes(group, group.given_sigma),
         "sigma_adjusted": _sigma_adjusted(solved, number, group),
-        "r": said_numbers(group, quality.groups[number].r if quality else nothing),
-        "w": said_signs(group, w),
+        **tested_columns(solved, number, group, influence),
     }
     names = np.array([component.name for component in group.type.components])
     units = np.array(out.external.units)
@@ -63,7 +66,7 @@ def _group_table(solved: Solved, number: int, group: ObservationGroup) -> pl.Dat
         "component": names[components],
         "unit": units[components],
         **{key: values[rows, components] for key, values in numbers.items()},
-        "flag": _flags(solved, number, group)[rows, components],
+        "flag": flags(solved, number, group)[rows, components],
     }
     frame = pl.DataFrame(
         {
@@ -91,13 +94,3 @@ def _sigma_adjusted(solved: Solved, number: int, group: ObservationGroup) -> np.
         return np.full(group.observed.shape, np.nan)
     sigma = quality.sigma_factor * np.sqrt(np.maximum(quality.groups[number].q_adjusted, 0.0))
     return said_sizes(group, sigma)
-
-
-def _flags(solved: Solved, number: int, group: ObservationGroup) -> np.ndarray:
-    """``gross`` where |w| exceeds the critical value, ``free`` where nothing controls the observation."""
-    flags = np.full(group.observed.shape, "", dtype=object)
-    quality = solved.quality
-    if quality is not None:
-        flags[np.isfinite(quality.groups[number].r) & ~np.isfinite(quality.w[number])] = "uncontrolled"
-        flags[quality.flagged[number]] = "gross"
-    return flags[:, said(group).source]

@@ -161,8 +161,8 @@ def test_sides_and_angles_of_known_polygons():
         assert np.max(angles) > np.pi
 
 
-def seen_from(scenes, made, positions, noise=0.0):
-    rng = np.random.default_rng(0)
+def seen_from(scenes, made, positions, noise=0.0, seed=0):
+    rng = np.random.default_rng(seed)
     centre = made.points.mean(axis=0)
     cameras = [(x, scenes.looking(x, centre, roll)) for x, roll in zip(positions, (0.3, -1.1), strict=True)]
     return [image_bundle(scenes.image(made.points, *each, noise, rng), max(noise, 1e-6)) for each in cameras]
@@ -179,6 +179,21 @@ def test_both_centres_on_one_normal_are_a_dangerous_locus(scenes, beside):
     assert found.solutions
     assert all(np.linalg.norm(np.cross(s.base, s.normal)) < 1e-3 for s in found.solutions)
     assert shape_of_plane([a, b]).outcome is PlaneOutcome.BASE_ALONG_NORMAL
+
+
+def test_on_the_dangerous_locus_errors_enter_with_their_square_root(scenes):
+    made = scenes.plane_scene(3, n=12)
+    foot = made.points.mean(axis=0)
+    errors = []
+    for noise in (1e-6, 1e-4):
+        found = []
+        for seed in range(12):
+            along = [foot + 4 * made.normal, foot + 6 * made.normal]
+            a, b = seen_from(scenes, made, along, noise, seed)
+            normal = -scenes.looking(along[0], foot, 0.3) @ made.normal
+            found.append(min(np.linalg.norm(s.normal - normal) for s in planar_orientations(a, b).solutions))
+        errors.append(np.median(found))
+    assert 5.0 < errors[1] / errors[0] < 20.0  # 10 for a hundredfold noise
 
 
 def test_degenerate_plane_data_are_named(scenes):

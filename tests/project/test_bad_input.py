@@ -499,6 +499,15 @@ class TestTheFileItself:
         assert len(found) == 1
         assert "unknown key 'fre'" in found[0]
 
+    def test_all_that_a_value_may_be_is_told_together(self, tmp_path: Path) -> None:
+        found = mistakes(
+            write(tmp_path, LEVELLING + "stations: [{level: fix, columns: [id], rows: [[S]]}]\n")
+        )
+        assert found == [
+            "project.yaml:10: stations → 1 → level: found 'fix', expected 'fixed' or 'free'; did you mean 'fixed'?, "
+            "or a number, with or without a unit"
+        ]
+
 
 class TestAllMistakesAtOnce:
     def test_of_the_form(self, tmp_path: Path) -> None:
