@@ -15,6 +15,7 @@ from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
 from mor.approximate.strategy import approximate
 from mor.errors import InputError
+from mor.formats import is_foreign, read_foreign
 from mor.errors import Problem as Mistake
 from mor.geometry.arrays import FloatArray
 from mor.observations import without
@@ -34,7 +35,9 @@ _SAME_SIGMA = 1e-9
 
 
 def read_document(path: Path) -> Document:
-    """Plain data of a project file, with lines. Raises :class:`InputError`."""
+    """Plain data of a project file, or of a file in a foreign format, with lines. Raises :class:`InputError`."""
+    if is_foreign(path):
+        return read_foreign(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

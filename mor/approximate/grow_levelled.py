@@ -21,6 +21,7 @@ def grow_levelled(part: Part, measured: Terrestrial) -> bool:
     """Add what follows from what is known; true where anything was added."""
     distances = Distances(part, measured)
     grown = False
+    _begin_heights(part, measured)
     while True:
         added = _orient(part, measured)
         added |= _vectors(part, measured)
@@ -234,6 +235,15 @@ def _vectors(part: Part, measured: Terrestrial) -> bool:
                 part.how[f"point {other}"] = "vector"
                 added = True
     return added
+
+
+def _begin_heights(part: Part, measured: Terrestrial) -> None:
+    """A levelling network of which no height is known begins with the height 0 of its first point."""
+    h = measured.height_differences
+    ends = np.unique(np.concatenate([h.start, h.end]))
+    if len(ends) and np.isnan(part.points[:, 2]).all():
+        part.points[h.start[0], 2] = 0.0
+        part.how[f"point {h.start[0]}"] = "height 0: no height is given"
 
 
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:

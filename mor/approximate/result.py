@@ -23,8 +23,10 @@ def with_observed(network: Network) -> dict[str, FloatArray]:
         kind = "point" if prefix == "coordinates" else kind
         if prefix not in ("observed", "coordinates") or kind == "rotation":
             continue
-        values = start[kind][group.blocks[0]]
-        start[kind][group.blocks[0]] = np.where(np.isnan(values), group.observed, values)
+        rows, components = np.nonzero(group.mask)
+        blocks = group.blocks[0][rows]
+        missing = np.isnan(start[kind][blocks, components])
+        start[kind][blocks[missing], components[missing]] = group.observed[rows, components][missing]
     return start
 
 
