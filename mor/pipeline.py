@@ -15,8 +15,8 @@ from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
 from mor.approximate.strategy import approximate
 from mor.errors import InputError
-from mor.formats import is_foreign, read_foreign
 from mor.errors import Problem as Mistake
+from mor.formats import is_foreign, read_foreign
 from mor.geometry.arrays import FloatArray
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
@@ -68,6 +68,12 @@ def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment)
+
+
+def snooped(network: Network) -> Network:
+    """The network with data snooping asked for."""
+    settings = network.project.settings.model_copy(update={"snooping": True})
+    return replace(network, project=network.project.model_copy(update={"settings": settings}))
 
 
 def levels(settings: ProjectSettings) -> Levels:

@@ -135,29 +135,33 @@ def _judge_defect(state: Adjustment) -> Adjustment:
 
 def _advance(state: Adjustment) -> Adjustment:
     """One accepted step, or the end."""
-    step = _full_step(state)
+    step = state.inverse.step(state.normals)
+    shift = _into_datum(state, step)
     change = float(np.sqrt(max(step @ state.normals.rhs, 0.0)))
-    done = change <= TINY_STEP or _stalled(state, change)
-    values, damping = _accept(state, step, change)
+    values, damping, share = _accept(state, step, shift)
     if values is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, damping)
     moved = _at(state, values, (*state.iterations, iteration))
-    if moved.outcome is Outcome.NOT_CONVERGED and done and damping == 0.0:
+    still = change <= TINY_STEP or _stalled(state, change)
+    if moved.outcome is Outcome.NOT_CONVERGED and still and damping == 0.0 and _in_datum(state, shift, share):
         return replace(moved, outcome=Outcome.CONVERGED)
     return moved
 
 
-def _full_step(state: Adjustment) -> FloatArray:
-    step = state.inverse.step(state.normals)
-    return _bound(state, step)
-
-
-def _bound(state: Adjustment, step: FloatArray) -> FloatArray:
+def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
+    """Movement (u,) of the whole network that brings it into its datum after the step."""
     if state.defect.datum.shape[1] == 0:
-        return step
+        return np.zeros(len(step))
     total = corrections(state.problem.datum, state.problem.index, state.values)
-    return into_datum(step, state.defect.datum, state.constraint, total)
+    return into_datum(step, state.defect.datum, state.constraint, total) - step
+
+
+def _in_datum(state: Adjustment, shift: FloatArray, share: float) -> bool:
+    """True where the network has (all but) stopped moving as a whole."""
+    moving = np.abs(shift[state.constraint.mask]).max(initial=0.0)
+    coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
+    return share == 1.0 and moving <= 1e-9 * float(np.ptp(coordinates, axis=0).max(initial=0.0))
 
 
 def _stalled(state: Adjustment, change: float) -> bool:
@@ -168,19 +172,37 @@ def _stalled(state: Adjustment, change: float) -> bool:
 
 
 def _accept(
-    state: Adjustment, step: FloatArray, change: float
-) -> tuple[Mapping[str, FloatArray] | None, float]:
-    """Values after the first step that does not make the objective larger: full, or ever more damped."""
+    state: Adjustment, step: FloatArray, shift: FloatArray
+) -> tuple[Mapping[str, FloatArray] | None, float, float]:
+    """Values after the first step that does not make the objective larger, its damping, and the share of the shift.
+
+    The shift into the datum is a movement of the whole network only for small angles; a large one is taken in parts.
+    """
     index = state.problem.index
-    before = state.normals.objective
-    values = move(index, state.values, step)
-    if change <= ROUND_OFF_STEP or objective(state.plan, values) <= before:
-        return values, 0.0
+    limit = state.normals.objective * (1.0 + 1e-6) + 1e-6
+
+    def tried(share: float) -> Mapping[str, FloatArray] | None:
+        values = move(index, state.values, step + share * shift)
+        return values if objective(state.plan, values) <= limit else None
+
+    whole = tried(1.0)
+    if whole is not None:
+        return whole, 0.0, 1.0
+    if shift.any() and (values := tried(0.0)) is not None:
+        for share in 0.5 ** np.arange(1, 12):
+            if (part := tried(float(share))) is not None:
+                return part, 0.0, float(share)
+        return values, 0.0, 0.0
+    values, damping = _damped(state)
+    return values, damping, 1.0
+
+
+def _damped(state: Adjustment) -> tuple[Mapping[str, FloatArray] | None, float]:
+    """Values after the least damped step that makes the objective smaller, and its damping."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
     while damping < 1e6:
-        damped = damped_step(state.plan, state.values, damping)
-        values = move(index, state.values, damped)
-        if objective(state.plan, values) < before:
+        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
+        if objective(state.plan, values) < state.normals.objective:
             return values, damping
         damping *= 10.0
     return None, damping

@@ -185,9 +185,11 @@ def _become(system: Part, part: Part, scene: Scene) -> None:
     if not part.scaled:
         t = scene.terrestrial
         scale_by_lengths(part, (t.slopes, t.horizontals), (False, True))
-    heights = np.isfinite(system.points[:, 2]) & np.isfinite(part.points[:, 2])
-    if part.levelled and heights.any():
-        part.points[:, 2] += np.median(system.points[heights, 2] - part.points[heights, 2])
+    components = range(3) if part.levelled and part.scaled else (2,) if part.levelled else ()
+    for k in components:
+        both = np.isfinite(system.points[:, k]) & np.isfinite(part.points[:, k])
+        if both.any():
+            part.points[:, k] += np.median(system.points[both, k] - part.points[both, k])
     take_over(system, part)
     system.levelled = part.levelled
 

@@ -21,10 +21,20 @@ if TYPE_CHECKING:
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
 @click.option("--json", "as_json", is_flag=True, help="Print results.json; write files only with -o.")
 @click.option("--strict", is_flag=True, help="Exit 1 if the global test rejects or observations are flagged.")
+@click.option(
+    "--snoop", is_flag=True, help="Take flagged observations out one by one until the rest is clean."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every iteration.")
 def command(
-    project: Path, output: Path | None, force: bool, as_json: bool, strict: bool, quiet: bool, verbose: bool
+    project: Path,
+    output: Path | None,
+    force: bool,
+    as_json: bool,
+    strict: bool,
+    snoop: bool,
+    quiet: bool,
+    verbose: bool,
 ) -> int:
     """Adjust PROJECT and write report, results and tables.
 
@@ -32,13 +42,14 @@ def command(
     Examples:
       mor adjust project.yaml
       mor adjust project.yaml -o results --force
+      mor adjust project.yaml --snoop
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
 
     \b
     Exit codes: 0 done; 1 rejected (with --strict); 2 input; 3 not converged; 4 singular; 70 internal.
     """
     from mor.cli._progress import progress
-    from mor.pipeline import read_document, read_network, solve_network
+    from mor.pipeline import read_document, read_network, snooped, solve_network
     from mor.report.folder import check_free, check_inputs
     from mor.report.text.head import verdict
     from mor.report.text.undetermined import section as undetermined
@@ -54,6 +65,7 @@ def command(
             check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
         say.notes(document.notes)
         network = read_network(document, project.parent)
+        network = snooped(network) if snoop else network
         say.phase("adjusting")
         solved = solve_network(network, say.iteration)
         say.phase("writing")

@@ -60,7 +60,9 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
         if sigma <= 0.0:
             reading.problems.append(place.problem("level: expected a σ > 0, or fixed", "level"))
             continue
-        names = reading.table_ids.get(("stations", number), [])
+        names = [n for n in reading.table_ids.get(("stations", number), []) if n not in reading.unoriented]
+        if not names:
+            continue
         rows = np.array([stations.part(name, "rotation") for name in names], dtype=np.int64)
         groups.append(
             ObservationGroup(

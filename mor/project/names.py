@@ -11,6 +11,7 @@ from mor.geometry.arrays import IntArray
 from mor.observations import ObservationType, Reference
 from mor.project.entities import unknown_name
 from mor.project.model import Observations
+from mor.project.orientations import add_to_level, freedom_of_set
 from mor.project.reading import Reading
 from mor.project.tables import Place, Rows
 
@@ -59,7 +60,7 @@ def _look_up(reading: Reading, reference: Reference, name: str) -> dict[str, int
 
 
 def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[str]:
-    """Names of stations; a point (or another set on a station) becomes a levelled station of its own."""
+    """Names of stations; a point becomes a levelled station, another set on a station one levelled like that."""
     shop = reading.shop
     sets = rows.text("set")
     full = [f"{name}/{set_}" if set_ else name for name, set_ in zip(names, sets, strict=True)]
@@ -72,9 +73,9 @@ def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[
             continue
         label = f"station {complete}"
         kappa = np.array([[0.0, 0.0, np.nan]])
-        rotation = shop.store("rotation").add(
-            [label], kappa, np.array([[False, False, True]]), np.full((1, 3), np.nan)
-        )
+        free = freedom_of_set(reading, name)
+        rotation = shop.store("rotation").add([label], kappa, free, np.full((1, 3), np.nan))
+        add_to_level(reading, name, complete)
         parts = {
             "position": np.append(stations.parts["position"], source.part(name, "position")),
             "height": np.append(stations.parts["height"], source.part(name, "height")),

@@ -27,6 +27,7 @@ from mor.project.instruments import read_instruments, read_pairs
 from mor.project.knowledge import level_groups, prior_groups, variant_groups
 from mor.project.model import Datum, Project
 from mor.project.nodes import Document
+from mor.project.orientations import drop_unused_orientations
 from mor.project.parameters import parameter_groups
 from mor.project.points import read_points
 from mor.project.reading import Reading
@@ -70,6 +71,8 @@ class Network:
     datum: DatumChoice
     point_groups: Mapping[int, str]
     """Name of the group of points a point block was read with."""
+    unoriented: frozenset[str]
+    """Stations at which no direction was observed."""
     station_levels: Mapping[str, str]
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
 
@@ -98,8 +101,10 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
             reading.broken.add(space)
     read_in = read_groups(reading)
     plain = [group.group for group in read_in]
+    parameters = parameter_groups(reading)
+    drop_unused_orientations(reading, [*plain, *parameters])
     others = [
-        *parameter_groups(reading),
+        *parameters,
         *feature_groups(reading),
         *level_groups(reading),
         *variant_groups(reading, reading.variants),
@@ -132,6 +137,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         correlations=correlated,
         datum=datum,
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
+        unoriented=frozenset(reading.unoriented),
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)

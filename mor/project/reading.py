@@ -21,6 +21,8 @@ class Reading:
     edge: Edge
     shop: Workshop
     problems: list[Problem]
+    unoriented: set[str] = field(default_factory=set)
+    """Stations without an orientation: no direction was observed at them."""
     broken: set[str] = field(default_factory=set)
     """Namespaces that could not be read completely: a name missing from them may be no mistake of its own."""
     scales: dict[str, ImageScale] = field(default_factory=dict)

@@ -41,7 +41,9 @@ def adjusted_project(
             entries.append({"file": f"start_{name}", "units": _units(solved, frame), **keys})
         if entries:
             data[section] = entries
-    data["observations"] = [_moved(entry, source, target) for entry in data.get("observations") or []]
+    for section in ("observations", "checks"):
+        if section in data:
+            data[section] = [_moved(entry, source, target) for entry in data[section] or []]
     if "cameras" in data:
         data["cameras"] = {name: _camera(solved, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
@@ -226,6 +228,10 @@ def _stations(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
             **_pose(solved, parts["position"], parts["rotation"], "point"),
             **_heights(solved, parts["height"]),
         }
+        idle = np.array([things.ids[i] in solved.network.unoriented for i in chosen], dtype=bool)
+        for key, column in columns.items():
+            if key.split("_")[-1] in ROTATION.names:
+                column[idle] = np.nan
         if level == "fixed":
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
         result.append((_frame([things.ids[i] for i in chosen], columns), {"level": level}))

@@ -8,7 +8,9 @@ from typing import Any
 import polars as pl
 
 from mor.quality.solved import Solved
+from mor.report.checks import check_rows
 from mor.report.features import feature_table
+from mor.report.reliability import gross_errors
 from mor.report.summary import summary
 from mor.report.tables import (
     group_table,
@@ -39,6 +41,8 @@ def results(solved: Solved, residuals: pl.DataFrame, tables: dict[str, str]) -> 
         "features": feature_table(solved).to_dicts(),
         "others": other_rows(solved),
         "groups": group_table(solved).to_dicts(),
+        "gross_errors": gross_errors(solved),
+        "checks": check_rows(solved),
         "tables": tables,
         "residuals": residuals.to_dicts() if inline else None,
     }

@@ -57,6 +57,9 @@ def station_table(solved: Solved) -> pl.DataFrame:
     unit = ANGLE_UNITS[angle_unit(solved)]
     orientation = edge.sense * (-pose["kappa"] * unit - edge.zero_azimuth) / unit
     full = 2.0 * np.pi / unit
+    idle = np.array([name in solved.network.unoriented for name in things.ids], dtype=bool)
+    for column in (orientation, *(pose[key] for name in ANGLES for key in (name, f"s{name}"))):
+        column[idle] = np.nan
     return _frame(
         {
             "id": list(things.ids),
@@ -171,11 +174,12 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
 def group_table(solved: Solved) -> pl.DataFrame:
     """Observation groups: number of observations, Σ r, its part of vᵀPv, estimated σ0 of the group."""
     rows = []
-    for number, group in enumerate(solved.adjustment.problem.groups):
+    inside = len(solved.adjustment.problem.groups) - len(solved.network.checks)
+    for number, group in enumerate(solved.adjustment.problem.groups[:inside]):
         row: dict[str, Any] = {
             "name": group.name,
             "type": group.type.key,
-            "observations": int(np.count_nonzero(group.mask)),
+            "observations": int(np.count_nonzero(group.mask & ~group.left_out)),
         }
         if solved.quality is not None:
             quality = solved.quality.groups[number]
@@ -185,10 +189,31 @@ def group_table(solved: Solved) -> pl.DataFrame:
                 "redundancy": r,
                 "omega": omega,
                 "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 else None,
+                "mean_r": r / row["observations"] if row["observations"] else None,
+                "largest_w": _largest(solved.quality.reliability[number].test[~group.left_out]),
+                "excluded": int(np.count_nonzero(group.left_out)),
                 "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
+                **_component(solved, number),
             }
         rows.append(row)
     return pl.DataFrame(rows)
+
+
+def _component(solved: Solved, number: int) -> dict[str, Any]:
+    """Factor on the σ of a group, as estimated (and, where it was iterated, as used)."""
+    treatment = solved.treatment
+    if treatment is None:
+        return {}
+    estimated = treatment.components
+    return {
+        "sigma_factor": _number(estimated.factors[number]) if np.isfinite(estimated.sigma[number]) else None,
+        "sigma_of_factor": _number(estimated.sigma[number]),
+    }
+
+
+def _largest(tests: FloatArray) -> float | None:
+    size = np.abs(tests[np.isfinite(tests)])
+    return float(size.max()) if size.size else None
 
 
 def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:

@@ -60,7 +60,8 @@ def test_missing_project_file(tmp_path: Path) -> None:
 def test_folder_instead_of_project_file(tmp_path: Path) -> None:
     run = mor("adjust", tmp_path)
     assert run.code == 2
-    assert "this is a folder, expected a project file" in run.err
+    assert run.err.startswith(f"{tmp_path}: ")
+    assert "folder, expected" in run.err
     assert mor("adjust", ".").code == 2
 
 

@@ -149,8 +149,8 @@ KINDS = {
     "scaled block": lambda folder: known_block(folder, BLOCK),
     "datum over a group": lambda folder: known_block(
         folder,
-        BLOCK.replace("points.csv", "points.csv\n    group: all").replace(
-            "free", "{free: [all], components: [x, z]}"
+        BLOCK.replace("points.csv", "points.csv\n    group: cube").replace(
+            "free", "{free: [cube], components: [x, y, z]}"
         ),
     ),
     "partly known datum": lambda folder: known_block(

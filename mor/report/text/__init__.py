@@ -7,12 +7,14 @@ import polars as pl
 from mor.quality.solved import Solved
 from mor.report.text import (
     cameras,
+    checks,
     features,
     groups,
     head,
     images,
     others,
     points,
+    reliability,
     residuals,
     stations,
     undetermined,
@@ -24,6 +26,8 @@ def text_report(solved: Solved, table: pl.DataFrame) -> str:
     sections = [
         head.section(solved),
         undetermined.section(solved),
+        checks.section(solved),
+        reliability.section(solved),
         groups.section(solved),
         cameras.section(solved),
         images.section(solved),

@@ -1,0 +1,33 @@
+"""Check points and check distances."""
+
+from __future__ import annotations
+
+from mor.quality.solved import Solved
+from mor.report.checks import check_rows, largest_length_error
+from mor.report.text._layout import heading, short, table
+
+
+def section(solved: Solved) -> str:
+    """Deviations of what was kept out, by group and component."""
+    rows = [
+        [
+            row["group"],
+            row["component"],
+            row["unit"],
+            str(row["count"]),
+            *(short(row[key], 4) for key in ("mean", "rms", "largest")),
+            str(row["exceeding"]),
+        ]
+        for row in check_rows(solved)
+    ]
+    if not rows:
+        return ""
+    headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
+    lines = [heading("Checks, kept out of the adjustment (adjusted - known)"), table(headers, rows, left=3)]
+    error = largest_length_error(solved)
+    if error is not None:
+        unit = solved.network.project.units.length
+        lines.append(
+            f"Largest length measurement error (in the manner of VDI/VDE 2634): {short(error, 4)} {unit}"
+        )
+    return "\n".join(lines)
