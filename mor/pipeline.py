@@ -137,7 +137,8 @@ def make_problem(
         Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
         for c in network.correlations
     )
-    reference = {"point": start["point"]}
+    coordinates = start["point"] if network.datum.reference is None else network.datum.reference
+    reference = {"point": coordinates}
     movements = reference if network.datum.at_reference else None
     datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)

@@ -95,13 +95,13 @@ def _telling_components(problem: Problem, values: Values, dimension: int) -> Boo
     The free ones f. A null space of dimension k and the similarities of dimension s meet in k + s − f dimensions by
     mere chance; where that is positive, the fixed components that observations look at are taken in as well.
     """
-    free, fixed = _network_components(problem, values)
+    free, fixed = network_components(problem, values)
     generators = similarity_generators(values["point"], free)
     similar = int(np.linalg.matrix_rank(generators, tol=1e-9)) if len(generators) else 0
     return free if np.count_nonzero(free) >= dimension + similar else free | fixed
 
 
-def _network_components(problem: Problem, values: Values) -> tuple[BoolArray, BoolArray]:
+def network_components(problem: Problem, values: Values) -> tuple[BoolArray, BoolArray]:
     """(n, 3) free point components that observations name, and fixed ones that they look at.
 
     Origins of local systems are no points of the network: where a system has fixed components, its origin need not

@@ -11,6 +11,7 @@ Every function has a plain numpy form in ``point_reference`` and a compiled one 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from mor.adjustment import compiled, point_reference
 from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
 from mor.adjustment.compiled import point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
+from mor.adjustment.compiled.point_products import System
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -31,20 +33,34 @@ class ReducedSystem:
         right_hand_side: (n,) −Σ jᵀ residual − Σ W N_pp⁻¹ b_p.
         diagonal: (n,) diagonal of Σ jᵀj alone, before the points are eliminated: the measure of what
             vanishes, and of damping.
+        gradient: (n,) −Σ jᵀ residual alone, before the points are eliminated.
     """
 
     matrix: BlockMatrix
     right_hand_side: FloatArray
     diagonal: FloatArray
+    gradient: FloatArray
+
+
+class Eliminated(NamedTuple):
+    """What is noted of the points of a chunk while they are eliminated."""
+
+    held: BoolArray
+    """(p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is known.
+
+    It is held: it neither moves nor weakens anything.
+    """
+    gradient: FloatArray
+    """(p, 3) −Σ aᵀ residual."""
 
 
 def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
     """Return a reduced system of zeros."""
     matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
-    return ReducedSystem(matrix, np.zeros(structure.unknowns), np.zeros(structure.unknowns))
+    return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
-def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> BoolArray:
+def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
     """Eliminate the points of a chunk of rays and add what they leave to the reduced system, in place.
 
     Args:
@@ -54,30 +70,23 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Bool
         damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
             diagonal is the caller's.
 
-    Returns:
-        (p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is known.
-        It is held: it neither moves nor weakens anything.
-
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays, reduced.matrix.structure.unknowns)
     if not compiled.available:
-        return point_reference.accumulate(
-            rays, reduced.matrix, reduced.right_hand_side, reduced.diagonal, damping
-        )
-    held = np.empty((rays.points, 3), dtype=np.bool_)
+        return Eliminated(*point_reference.accumulate(rays, reduced, damping))
+    noted = Eliminated(np.empty((rays.points, 3), dtype=np.bool_), np.empty((rays.points, 3)))
     stored = point_products.accumulate(
         *_arrays(rays),
         damping,
         _pattern(reduced.matrix.structure),
-        reduced.matrix.values,
-        reduced.right_hand_side,
-        reduced.diagonal,
-        held,
+        System(reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient),
+        noted.held,
+        noted.gradient,
     )
     _refuse_unless(stored)
-    return held
+    return noted
 
 
 def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) -> FloatArray:
@@ -109,8 +118,8 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
         inverse: selected inverse of the reduced system.
 
     Returns:
-        Q_pp (p, 3, 3), and (n, 2) the diagonal of J Q Jᵀ, the cofactors of the whitened computed values.
-        One minus the latter is the redundancy number.
+        Q_pp (p, 3, 3), and the parts (n, 2, 2) of J Q Jᵀ, the cofactors of the whitened computed values, for each
+        ray. One minus their diagonals are the redundancy numbers.
 
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
@@ -118,7 +127,7 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
     _refuse_columns_beyond(rays, inverse.structure.unknowns)
     if not compiled.available:
         return point_reference.cofactors(rays, inverse)
-    of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2))
+    of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2))
     stored = point_cofactors.cofactors(
         *_arrays(rays)[1:],
         _pattern(inverse.structure),
@@ -136,12 +145,13 @@ def _pattern(structure: BlockStructure) -> Pattern:
     return Pattern(block_of, offsets, structure.indptr, structure.indices, structure.position)
 
 
-def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray, IntArray]:
     """Return the arrays of the rays as the kernels take them, which look neither at layout nor at bounds."""
     return (
         np.ascontiguousarray(rays.residual, dtype=np.float64),
         np.ascontiguousarray(rays.by_point, dtype=np.float64),
         np.ascontiguousarray(rays.by_others, dtype=np.float64),
+        np.ascontiguousarray(rays.frame, dtype=np.int64),
         np.ascontiguousarray(rays.columns, dtype=np.int64),
         np.ascontiguousarray(rays.point_pointers, dtype=np.int64),
     )

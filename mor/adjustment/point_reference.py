@@ -8,6 +8,7 @@ a_i L⁻ᵀ, N_pp = L Lᵀ, and all pairs of a handful of points are treated at 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +17,16 @@ from mor.adjustment.compiled.points import VANISHING
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
+if TYPE_CHECKING:
+    from mor.adjustment.point_elimination import ReducedSystem
+
 # Entries of the reduced matrix that are touched at a time: bounds the memory, not the result.
 _ENTRIES_AT_A_TIME = 2_000_000
 
 
-def accumulate(
-    rays: Rays, matrix: BlockMatrix, right_hand_side: FloatArray, diagonal: FloatArray, damping: float
-) -> BoolArray:
-    """Add what the points leave to the reduced system in place; return (p, 3) the coordinates held."""
-    held = [np.empty((0, 3), dtype=np.bool_)]
+def accumulate(rays: Rays, system: ReducedSystem, damping: float) -> tuple[BoolArray, FloatArray]:
+    """Add what the points leave to the reduced system in place; return (p, 3) coordinates held, and −Σ aᵀ residual."""
+    held, gradient = [np.empty((0, 3), dtype=np.bool_)], [np.empty((0, 3))]
     for part in _parts(rays):
         roots, vanished = _inverse_roots(part, damping)
         point = _point_of_ray(part)
@@ -34,21 +36,25 @@ def accumulate(
         products = -V[one] @ V[other].transpose(0, 2, 1)
         itself = np.flatnonzero(one == other)
         products[itself] += part.by_others.transpose(0, 2, 1) @ part.by_others
-        places, mirrored = _places(matrix.structure, part.columns[one], part.columns[other])
+        columns = part.columns_of_rays
+        places, mirrored = _places(system.matrix.structure, columns[one], columns[other])
         wanted = (places >= 0) & ~mirrored
-        np.add.at(matrix.values, places[wanted], products[wanted])
-        free = part.columns >= 0
-        gradient = -np.einsum("nck,nc->nk", part.by_others, part.residual)
-        gradient -= np.einsum("nkj,nj->nk", V, u[point])
-        np.add.at(right_hand_side, part.columns[free], gradient[free])
-        np.add.at(diagonal, part.columns[free], np.square(part.by_others).sum(axis=1)[free])
+        np.add.at(system.matrix.values, places[wanted], products[wanted])
+        free = columns >= 0
+        own = -np.einsum("nck,nc->nk", part.by_others, part.residual)
+        np.add.at(system.gradient, columns[free], own[free])
+        left = own - np.einsum("nkj,nj->nk", V, u[point])
+        np.add.at(system.right_hand_side, columns[free], left[free])
+        np.add.at(system.diagonal, columns[free], np.square(part.by_others).sum(axis=1)[free])
         held.append(vanished)
-    return np.concatenate(held)
+        gradient.append(_gradient_of_points(part, part.residual))
+    return np.concatenate(held), np.concatenate(gradient)
 
 
 def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float) -> FloatArray:
     """Return the steps (p, 3) of the points after the step (n,) of the others."""
-    step_of_column = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)
+    columns = rays.columns_of_rays
+    step_of_column = np.where(columns >= 0, reduced_step[columns], 0.0)
     moved = rays.residual + np.einsum("nck,nk->nc", rays.by_others, step_of_column)
     roots, _ = _inverse_roots(rays, damping)
     u = np.einsum("pij,pj->pi", roots, _gradient_of_points(rays, moved))
@@ -57,25 +63,27 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float) -> Flo
 
 
 def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
-    """Return Q_pp (p, 3, 3) and the cofactors (n, 2) of the whitened computed values."""
-    of_points, of_rays = [np.empty((0, 3, 3))], [np.empty((0, 2))]
+    """Return Q_pp (p, 3, 3) and the cofactors (n, 2, 2) of the whitened computed values."""
+    of_points, of_rays = [np.empty((0, 3, 3))], [np.empty((0, 2, 2))]
     for part in _parts(rays):
         roots, _ = _inverse_roots(part, 0.0)
         point = _point_of_ray(part)
         inverse_of_points = roots.transpose(0, 2, 1) @ roots
         E = _coupling(part) @ inverse_of_points[point]
         one, other = _pairs(part)
-        places, _ = _places(inverse.structure, part.columns[one], part.columns[other])
+        columns = part.columns_of_rays
+        places, _ = _places(inverse.structure, columns[one], columns[other])
         Q = np.where(places >= 0, inverse.values[places], 0.0)
         H = np.zeros_like(E)
         np.add.at(H, one, Q @ E[other])
         Q_pp = inverse_of_points
         np.add.at(Q_pp, point, E.transpose(0, 2, 1) @ H)
-        own = np.einsum("ncd,nde,nce->nc", part.by_point, Q_pp[point], part.by_point)
-        mixed = np.einsum("nck,nkd,ncd->nc", part.by_others, H, part.by_point)
-        others = np.einsum("nck,nkm,ncm->nc", part.by_others, Q[one == other], part.by_others)
+        across = part.by_point.transpose(0, 2, 1)
+        own = part.by_point @ Q_pp[point] @ across
+        mixed = part.by_others @ H @ across
+        others = part.by_others @ Q[one == other] @ part.by_others.transpose(0, 2, 1)
         of_points.append(Q_pp)
-        of_rays.append(own - 2.0 * mixed + others)
+        of_rays.append(own - mixed - mixed.transpose(0, 2, 1) + others)
     return np.concatenate(of_points), np.concatenate(of_rays)
 
 
@@ -92,8 +100,9 @@ def _parts(rays: Rays) -> Iterator[Rays]:
             rays.residual[part],
             rays.by_point[part],
             rays.by_others[part],
-            rays.columns[part],
+            rays.columns,
             pointers[first : last + 1] - pointers[first],
+            rays.frame[part],
         )
         first = last
 
@@ -129,7 +138,7 @@ def _inverse_roots(rays: Rays, damping: float) -> tuple[FloatArray, BoolArray]:
 def _coupling(rays: Rays) -> FloatArray:
     """Return jᵀa (n, K, 3); rows of fixed unknowns are zero."""
     coupling = rays.by_others.transpose(0, 2, 1) @ rays.by_point
-    return np.where(rays.columns[:, :, None] >= 0, coupling, 0.0)
+    return np.where(rays.columns_of_rays[:, :, None] >= 0, coupling, 0.0)
 
 
 def _gradient_of_points(rays: Rays, residual: FloatArray) -> FloatArray:

@@ -58,7 +58,8 @@ def image_frames(network: Network) -> list[Frame]:
             continue
         rays, sigma = _image_rays(network, group, CAMERA_MODELS[model])
         names = np.array(group.references[0])
-        order = np.argsort(names, kind="stable")
+        measured = np.flatnonzero(group.mask.all(axis=1))
+        order = measured[np.argsort(names[measured], kind="stable")]
         cuts = np.flatnonzero(names[order][1:] != names[order][:-1]) + 1
         for rows in np.split(order, cuts):
             number = images.numbers[str(names[rows[0]])]

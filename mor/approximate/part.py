@@ -41,7 +41,7 @@ class Part:
         """Carry everything over into another system."""
         s, R, t = similarity.scale, similarity.rotation, similarity.translation
         self.points = s * self.points @ R.T + t
-        self.poses = {number: (s * R @ O + t, D @ R.T) for number, (O, D) in self.poses.items()}
+        self.poses = {number: (s * R @ centre + t, D @ R.T) for number, (centre, D) in self.poses.items()}
         turn = np.arctan2(R[0, 1], R[0, 0])
         self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}
 

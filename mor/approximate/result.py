@@ -128,7 +128,7 @@ def _fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
     for group in network.groups:
         if group.type.key != "local":
             continue
-        origin, rotation, scale, offset, point = group.blocks
+        origin, rotation, scale, _, point = group.blocks
         for system in np.unique(rotation):
             rows = np.flatnonzero(rotation == system)
             if (

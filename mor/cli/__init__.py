@@ -13,6 +13,10 @@ from mor.errors import ExitCode, MorError
 
 COMMANDS = {
     "adjust": "Adjust a project and write report, results and tables.",
+    "compare": "Compare two results: as a regression test, or as two epochs.",
+    "covariance": "Covariances of chosen points, or of everything, with labels.",
+    "datum": "Results in another datum, without a new adjustment.",
+    "approximate": "Find start values, write a project that has them.",
     "check": "Read and check a project, adjust nothing.",
     "schema": "Print the JSON Schema of the project file.",
 }

@@ -14,27 +14,39 @@ from mor.parameters.index import Values
 def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGroup:
     """The group with σ² = a² + (b·d)² + centring², d the distance between its two positions at the given values.
 
-    For angular components a centring error e acts as e/d; horizontal angles take the shorter of their two legs into
-    account through both (the error at the station counts once for the leg named by the type).
+    b·d applies to lengths. A centring error is an error e in the horizontal position of instrument or target, σ = e in
+    either coordinate; the instrument stands at the first reference of the type; how it acts on an observation is what its derivatives by these positions say, for every type:
+    e for a distance, e/s for a direction, nothing for a height difference, √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) for an
+    angle with legs a, b and targets c apart.
     """
     if group.ppm == 0.0 and group.centring == (0.0, 0.0):
         return group
-    distance = _distances(group, values)
-    along = (group.ppm * 1e-6 * distance) ** 2 + sum(error**2 for error in group.centring)
-    across = (
-        sum(error**2 for error in group.centring) / np.maximum(distance, np.finfo(float).tiny ** 0.5) ** 2
-    )
-    angular = group.type.wraps
-    extra = np.where(angular[None, :], across[:, None], along[:, None])
-    return replace(group, sigma=np.sqrt(group.sigma**2 + extra))
+    variance = group.sigma**2
+    if group.ppm:
+        lengths = np.array([component.quantity.length == 1 for component in group.type.components])
+        growing = (group.ppm * 1e-6 * _distances(group, values)) ** 2
+        variance = variance + np.where(lengths[None, :], growing[:, None], 0.0)
+    return replace(group, sigma=np.sqrt(variance + _centring_variance(group, values)))
+
+
+def _centring_variance(group: ObservationGroup, values: Values) -> FloatArray:
+    blocks = [values[slot.kind][number] for slot, number in zip(group.type.slots, group.blocks, strict=True)]
+    jacobians = group.type.equation(blocks, group.constants).jacobians
+    variance = np.zeros(group.observed.shape)
+    for slot, jacobian in zip(group.type.slots, jacobians, strict=True):
+        if slot.part == "position":
+            at_instrument = slot.of == group.type.references[0].name
+            error = group.centring[0] if at_instrument else group.centring[1]
+            variance += error**2 * np.sum(jacobian[:, :, :2] ** 2, axis=2)
+    return variance
 
 
 def _distances(group: ObservationGroup, values: Values) -> FloatArray:
-    ends = group.type.distances or ()
-    positions = []
-    for end in ends:
-        for slot, number in zip(group.type.slots, group.blocks, strict=True):
-            if slot.of == end and slot.part == "position":
-                positions.append(values[slot.kind][number])
+    positions = [
+        values[slot.kind][number]
+        for end in group.type.distances or ()
+        for slot, number in zip(group.type.slots, group.blocks, strict=True)
+        if slot.of == end and slot.part == "position"
+    ]
     length: FloatArray = np.linalg.norm(positions[1] - positions[0], axis=1)
     return length

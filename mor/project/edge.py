@@ -167,6 +167,11 @@ class Edge:
         return np.array([[x[0], y[0], 0.0], [x[1], y[1], 0.0], [0.0, 0.0, 1.0]])
 
     @property
+    def turned(self) -> bool:
+        """True where ω, φ, κ against the project's axes differ from those inside: right-handed axes other than en."""
+        return self.right_handed and self.axes.xy != "en"
+
+    @property
     def right_handed(self) -> bool:
         """True where the project's axes form a right-handed system."""
         return bool(np.linalg.det(self.matrix) > 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Text = Annotated[str, Field(min_length=1)]
 Measure = Annotated[
@@ -120,7 +120,11 @@ class Table(Strict):
         default_factory=dict, description="Columns with the same value in every row"
     )
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
-    delimiter: str | None = Field(default=None, min_length=1, max_length=1)
+    delimiter: (
+        Annotated[str, StringConstraints(strip_whitespace=False, min_length=1, max_length=1)] | None
+    ) = Field(
+        default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Table:

@@ -11,7 +11,7 @@ from mor.geometry.arrays import IntArray
 from mor.observations import ObservationType, Reference
 from mor.project.entities import unknown_name
 from mor.project.model import Observations
-from mor.project.orientations import add_to_level, freedom_of_set
+from mor.project.orientations import add_set, freedom_of_set, set_name
 from mor.project.reading import Reading
 from mor.project.tables import Place, Rows
 
@@ -63,9 +63,10 @@ def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[
     """Names of stations; a point becomes a levelled station, another set on a station one levelled like that."""
     shop = reading.shop
     sets = rows.text("set")
-    full = [f"{name}/{set_}" if set_ else name for name, set_ in zip(names, sets, strict=True)]
+    full = [set_name(name, set_) for name, set_ in zip(names, sets, strict=True)]
     stations = shop.things["station"]
-    for name, complete in dict.fromkeys(zip(names, full, strict=True)):
+    for name, set_ in dict.fromkeys(zip(names, sets, strict=True)):
+        complete = set_name(name, set_)
         if complete in stations.numbers:
             continue
         source = stations if name in stations.numbers else shop.things["point"]
@@ -75,7 +76,7 @@ def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[
         kappa = np.array([[0.0, 0.0, np.nan]])
         free = freedom_of_set(reading, name)
         rotation = shop.store("rotation").add([label], kappa, free, np.full((1, 3), np.nan))
-        add_to_level(reading, name, complete)
+        add_set(reading, name, set_)
         parts = {
             "position": np.append(stations.parts["position"], source.part(name, "position")),
             "height": np.append(stations.parts["height"], source.part(name, "height")),

@@ -47,6 +47,8 @@ class DatumChoice:
     """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
     minimal: bool = False
     """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
+    reference: FloatArray | None = None
+    """(points, 3) coordinates it refers to, internal axes; ``None``: the start values."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,8 @@ class Network:
     datum: DatumChoice
     point_groups: Mapping[int, str]
     """Name of the group of points a point block was read with."""
+    sets: Mapping[str, tuple[str, str]]
+    """Station and set behind the names of further sets at declared stations."""
     unoriented: frozenset[str]
     """Stations at which no direction was observed."""
     station_levels: Mapping[str, str]
@@ -137,6 +141,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         correlations=correlated,
         datum=datum,
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
+        sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
         station_levels={
             name: table.level

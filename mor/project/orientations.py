@@ -11,6 +11,11 @@ from mor.observations import ObservationGroup
 from mor.project.reading import Reading
 
 
+def set_name(station: str, set_: str) -> str:
+    """Name of a set of directions; a station without sets is its own."""
+    return f"{station}/{set_}" if set_ else station
+
+
 def freedom_of_set(reading: Reading, station: str) -> BoolArray:
     """(1, 3) free angles of a further set at a station: the level of the station, and an orientation of its own."""
     stations = reading.shop.things["station"]
@@ -20,11 +25,12 @@ def freedom_of_set(reading: Reading, station: str) -> BoolArray:
     return free
 
 
-def add_to_level(reading: Reading, station: str, name: str) -> None:
-    """Let a set be levelled like its station is: observed where the level of that is observed."""
-    for names in reading.table_ids.values():
-        if station in names:
-            names.append(name)
+def add_set(reading: Reading, station: str, set_: str) -> None:
+    """Let a set be levelled like its declared station is: observed where the level of that is observed."""
+    for (section, _), names in reading.table_ids.items():
+        if section == "stations" and station in names:
+            names.append(set_name(station, set_))
+            reading.sets[set_name(station, set_)] = (station, set_)
             return
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.errors import Problem
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge
@@ -53,19 +53,24 @@ def rotations(
     labels: list[str],
     fixed: list[str],
     level: bool = False,
+    oriented: BoolArray | None = None,
 ) -> IntArray:
-    """Rotation block of every row; levelled ones have ω = φ = 0 fixed."""
+    """Rotation block of every row; levelled ones have ω = φ = 0 fixed.
+
+    ω, φ, κ refer to project axes where these are right-handed, to east, north, up where they are not, for levelled
+    frames, and where κ comes from an orientation (``oriented``).
+    """
     values, free, sigma, start = component_rows(rows, ROTATION.components, fixed, reading.problems)
     if level:
         values[:, :2] = 0.0
         free[:, :2], sigma[:, :2], start[:, :2] = False, np.nan, np.nan
-    turned = not np.array_equal(reading.edge.matrix, np.eye(3))
-    if turned and not level and (np.isfinite(sigma).any() or not free.all()):
+    as_given = np.full(len(labels), level or not reading.edge.turned)
+    as_given |= oriented if oriented is not None else False
+    if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
         reading.problems.append(
             Problem("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0]))
         )
-    if turned and not level:
-        values = _turned_angles(values, reading.edge.matrix)
+    values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
     return reading.shop.store("rotation").add(labels, values, free, sigma, start)
 
 

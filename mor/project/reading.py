@@ -21,6 +21,8 @@ class Reading:
     edge: Edge
     shop: Workshop
     problems: list[Problem]
+    sets: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Station and set behind the names of further sets at declared stations."""
     unoriented: set[str] = field(default_factory=set)
     """Stations without an orientation: no direction was observed at them."""
     broken: set[str] = field(default_factory=set)

@@ -9,7 +9,7 @@ from mor.adjustment.datum import STransformation, s_transformation
 from mor.adjustment.plan import reduced_columns
 from mor.adjustment.rows import block_cofactors
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
 
@@ -37,8 +37,18 @@ def parameter_cofactors(
     q = block_cofactors(plan.target, cofactors.values, reduced_columns(columns, plan.reduced))
     if kind == "point" and len(plan.rays.columns):
         q[index.block_of[plan.rays.columns[:, 0]]] = of_eliminated
+    held = _held(adjustment, columns)
     weak = np.where((columns >= 0)[:, :, None], adjustment.inverse.weak[columns], 0.0)
-    return q + weak @ np.swapaxes(weak, 1, 2) + datum.correction(columns, columns)
+    whole: FloatArray = q + weak @ np.swapaxes(weak, 1, 2) + datum.correction(columns, columns)
+    return np.where(held[:, :, None] | held[:, None, :], 0.0, whole)
+
+
+def _held(adjustment: Adjustment, columns: IntArray) -> BoolArray:
+    """Components that carry a minimal datum: as many as there are free movements, they do not move at all."""
+    mask = adjustment.constraint.mask
+    if len(mask) == 0 or np.count_nonzero(mask) != adjustment.defect.datum.shape[1]:
+        return np.zeros(columns.shape, dtype=bool)
+    return (columns >= 0) & mask[columns]
 
 
 def angle_cofactors(q: FloatArray, D: FloatArray, by_angles: BoolArray) -> FloatArray:

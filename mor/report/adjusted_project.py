@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,29 @@ import yaml
 
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
+from mor.parameters.index import Values
 from mor.parameters.kinds import BASE, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
+from mor.project.network import Network
 from mor.project.nodes import Document
-from mor.quality.solved import Solved
-from mor.report.outward import angle_unit
-from mor.units import ANGLE_UNITS
+from mor.units import ANGLE, ANGLE_UNITS
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A network and the values its blocks have got."""
+
+    network: Network
+    values: Values
+    snooping: bool = False
+    """True where data snooping was asked for outside the project file."""
+
+
+def _angle_unit(placed: Placed) -> str:
+    return placed.network.edge.default_unit(ANGLE)
 
 
 def adjusted_project(
-    solved: Solved, document: Document, source: Path, target: Path
+    placed: Placed, document: Document, source: Path, target: Path
 ) -> tuple[str, dict[str, pl.DataFrame]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 
@@ -33,32 +48,34 @@ def adjusted_project(
     """
     data = dict(document.data)
     tables: dict[str, pl.DataFrame] = {}
-    for section, frames in _sections(solved).items():
+    for section, frames in _sections(placed).items():
         entries = []
         for number, (frame, keys) in enumerate(frames, start=1):
             name = f"{section}.csv" if len(frames) == 1 else f"{section}_{number}.csv"
             tables[f"start_{name}"] = frame
-            entries.append({"file": f"start_{name}", "units": _units(solved, frame), **keys})
+            entries.append({"file": f"start_{name}", "units": _units(placed, frame), **keys})
         if entries:
             data[section] = entries
     for section in ("observations", "checks"):
         if section in data:
             data[section] = [_moved(entry, source, target) for entry in data[section] or []]
     if "cameras" in data:
-        data["cameras"] = {name: _camera(solved, name, dict(c)) for name, c in data["cameras"].items()}
+        data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
-        data["instruments"] = {name: _instrument(solved, name, c) for name, c in data["instruments"].items()}
+        data["instruments"] = {name: _instrument(placed, name, c) for name, c in data["instruments"].items()}
+    if placed.snooping:
+        data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
     text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
     return text, tables
 
 
-def _sections(solved: Solved) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
+def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
     return {
-        "points": _points(solved),
-        "images": _images(solved),
-        "pairs": _pairs(solved),
-        "stations": _stations(solved),
-        "systems": _systems(solved),
+        "points": _points(placed),
+        "images": _images(placed),
+        "pairs": _pairs(placed),
+        "stations": _stations(placed),
+        "systems": _systems(placed),
     }
 
 
@@ -73,14 +90,14 @@ def _moved(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
     return moved
 
 
-def _units(solved: Solved, frame: pl.DataFrame) -> dict[str, str]:
+def _units(placed: Placed, frame: pl.DataFrame) -> dict[str, str]:
     """Units of the angles, where the project's own (d-m-s) is not what a table of numbers has."""
     angles = [c for c in frame.columns if c.split("_")[-1] in (*ROTATION.names, "orientation")]
-    return dict.fromkeys(angles, angle_unit(solved))
+    return dict.fromkeys(angles, _angle_unit(placed))
 
 
 def _component_columns(
-    solved: Solved,
+    placed: Placed,
     kind: str,
     numbers: IntArray,
     names: Sequence[str],
@@ -88,7 +105,7 @@ def _component_columns(
     per_unit: float = 1.0,
 ) -> dict[str, FloatArray]:
     """Value, σ and start columns: fixed σ = 0, observed with the observed value and its start, free with its start."""
-    network = solved.network
+    network = placed.network
     free = network.blocks[kind].free[numbers]
     sigma, observed = network.sigma[kind][numbers], network.observed[kind][numbers]
     if kind == "point":
@@ -112,63 +129,66 @@ def _frame(ids: Sequence[str], columns: dict[str, Any]) -> pl.DataFrame:
     return frame.select(kept)
 
 
-def _positions(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
-    values = solved.adjustment.values["point"][numbers] @ solved.network.edge.matrix
-    return _component_columns(solved, "point", numbers, POINT.names, values)
+def _positions(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
+    values = placed.values["point"][numbers] @ placed.network.edge.matrix
+    return _component_columns(placed, "point", numbers, POINT.names, values)
 
 
-def _rotations(solved: Solved, numbers: IntArray, M: FloatArray) -> dict[str, FloatArray]:
-    per_unit = ANGLE_UNITS[angle_unit(solved)]
-    values = angles_from_rotation(solved.adjustment.values["rotation"][numbers] @ M) / per_unit
-    return _component_columns(solved, "rotation", numbers, ROTATION.names, values, per_unit)
+def _rotations(placed: Placed, numbers: IntArray, M: FloatArray) -> dict[str, FloatArray]:
+    per_unit = ANGLE_UNITS[_angle_unit(placed)]
+    values = angles_from_rotation(placed.values["rotation"][numbers] @ M) / per_unit
+    return _component_columns(placed, "rotation", numbers, ROTATION.names, values, per_unit)
 
 
-def _plain(solved: Solved, kind: str, numbers: IntArray, names: Sequence[str]) -> dict[str, FloatArray]:
-    return _component_columns(solved, kind, numbers, names, solved.adjustment.values[kind][numbers])
+def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -> dict[str, FloatArray]:
+    return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
 
 
-def _heights(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
-    columns = _plain(solved, "height", numbers, HEIGHT.names)
+def _heights(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
+    columns = _plain(placed, "height", numbers, HEIGHT.names)
     none = numbers == 0
     for column in columns.values():
         column[none] = np.nan
     return {key: column for key, column in columns.items() if not np.isnan(column).all()}
 
 
-def _points(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """One table for each group of points, and one for the rest, in their order."""
-    things = solved.network.things["point"]
+    things = placed.network.things["point"]
     result = []
     group_of = np.array(
-        [solved.network.point_groups.get(int(n), "") for n in things.parts["position"]], dtype=object
+        [placed.network.point_groups.get(int(n), "") for n in things.parts["position"]], dtype=object
     )
     for group in dict.fromkeys(group_of.tolist()):
         chosen = np.flatnonzero(group_of == group)
-        frame = _frame([things.ids[i] for i in chosen], _positions(solved, things.parts["position"][chosen]))
+        frame = _frame([things.ids[i] for i in chosen], _positions(placed, things.parts["position"][chosen]))
         result.append((frame, {"group": group} if group else {}))
     return result
 
 
-def _shared_names(solved: Solved, numbers: IntArray) -> list[str]:
+def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
     """Names of the points or shared positions that frames stand on; empty where a position is a frame's own."""
     names: dict[int, str] = {}
     for space in ("position", "point"):
-        things = solved.network.things.get(space)
+        things = placed.network.things.get(space)
         if things is not None:
             names |= {int(n): name for name, n in zip(things.ids, things.parts["position"], strict=True)}
     return [names.get(int(n), "") for n in numbers]
 
 
-def _pose(solved: Solved, positions: IntArray, rotations: IntArray, shared: str) -> dict[str, Any]:
+def _pose(
+    placed: Placed, positions: IntArray, rotations: IntArray, shared: str, level: bool = False
+) -> dict[str, Any]:
+    edge = placed.network.edge
     return {
-        shared: _shared_names(solved, positions),
-        **_positions(solved, positions),
-        **_rotations(solved, rotations, solved.network.edge.matrix),
+        shared: _shared_names(placed, positions),
+        **_positions(placed, positions),
+        **_rotations(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
     }
 
 
-def _images(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    things, network = solved.network.things["image"], solved.network
+def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things, network = placed.network.things["image"], placed.network
     if not things.ids:
         return []
     parts = things.parts
@@ -182,92 +202,104 @@ def _images(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
         "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
         "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
-        **_pose(solved, parts["position"], parts["rotation"], "position"),
-        **_heights(solved, parts["height"]),
+        **_pose(placed, parts["position"], parts["rotation"], "position"),
+        **_heights(placed, parts["height"]),
     }
     for column in columns.values():
         if isinstance(column, np.ndarray):
             column[follows] = np.nan
-    return [(_frame(things.ids, columns | _image_variant(solved)), {})]
+    return [(_frame(things.ids, columns | _image_variant(placed)), {})]
 
 
-def _image_variant(solved: Solved) -> dict[str, FloatArray]:
+def _image_variant(placed: Placed) -> dict[str, FloatArray]:
     """Start values of the interior components that every image has of its own, empty where it has none."""
-    things, cameras = solved.network.things["image"], solved.network.project.cameras
+    things, cameras = placed.network.things["image"], placed.network.project.cameras
     columns: dict[str, FloatArray] = {}
-    for number, name in enumerate(solved.network.things["camera"].ids):
+    for number, name in enumerate(placed.network.things["camera"].ids):
         kind = INTERIORS[cameras[name].model]
         mine = np.flatnonzero(things.parts["camera"] == number)
         for component in cameras[name].image_variant:
             column = columns.setdefault(component, np.full(len(things.ids), np.nan))
-            values = solved.adjustment.values[kind.key][things.parts["interior"][mine]]
+            values = placed.values[kind.key][things.parts["interior"][mine]]
             column[mine] = values[:, kind.names.index(component)]
     return columns
 
 
-def _pairs(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    things = solved.network.things["pair"]
+def _pairs(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things = placed.network.things["pair"]
     if not things.ids:
         return []
     columns = {
-        **_plain(solved, "base", things.parts["base"], BASE.names),
-        **_rotations(solved, things.parts["rotation"], np.eye(3)),
+        **_plain(placed, "base", things.parts["base"], BASE.names),
+        **_rotations(placed, things.parts["rotation"], np.eye(3)),
     }
     return [(_frame(things.ids, columns), {})]
 
 
-def _stations(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """One table for each kind of level."""
-    things = solved.network.things["station"]
+    things = placed.network.things["station"]
     result = []
-    levels = np.array([solved.network.station_levels.get(name, "fixed") for name in things.ids], dtype=object)
+    levels = np.array([placed.network.station_levels.get(name, "fixed") for name in things.ids], dtype=object)
     for level in dict.fromkeys(levels.tolist()):
         chosen = np.flatnonzero(levels == level)
         parts = {part: numbers[chosen] for part, numbers in things.parts.items()}
+        names = [placed.network.sets.get(things.ids[i], (things.ids[i], "")) for i in chosen]
         columns = {
-            **_pose(solved, parts["position"], parts["rotation"], "point"),
-            **_heights(solved, parts["height"]),
+            "set": [set_ for _, set_ in names],
+            **_pose(placed, parts["position"], parts["rotation"], "point", level=level == "fixed"),
+            **_heights(placed, parts["height"]),
         }
-        idle = np.array([things.ids[i] in solved.network.unoriented for i in chosen], dtype=bool)
+        _empty_places_of_sets(columns)
+        idle = np.array([things.ids[i] in placed.network.unoriented for i in chosen], dtype=bool)
         for key, column in columns.items():
             if key.split("_")[-1] in ROTATION.names:
-                column[idle] = np.nan
+                column[idle] = np.nan  # no direction was observed there
         if level == "fixed":
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
-        result.append((_frame([things.ids[i] for i in chosen], columns), {"level": level}))
+        result.append((_frame([name for name, _ in names], columns), {"level": level}))
     return result
 
 
-def _systems(solved: Solved) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    things = solved.network.things["system"]
+def _empty_places_of_sets(columns: dict[str, Any]) -> None:
+    """A further set stands where its station stands: it has no position and height of its own."""
+    is_set = np.array([bool(name) for name in columns["set"]])
+    columns["point"] = ["" if s else name for s, name in zip(is_set, columns["point"], strict=True)]
+    for key, column in columns.items():
+        if key.split("_")[-1] in (*POINT.names, *HEIGHT.names):
+            column[is_set] = np.nan
+
+
+def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    things = placed.network.things["system"]
     if not things.ids:
         return []
     columns = {
-        **_pose(solved, things.parts["position"], things.parts["rotation"], "point"),
-        **_plain(solved, "scale", things.parts["scale"], SCALE.names),
+        **_pose(placed, things.parts["position"], things.parts["rotation"], "point"),
+        **_plain(placed, "scale", things.parts["scale"], SCALE.names),
     }
     return [(_frame(things.ids, columns), {})]
 
 
-def _camera(solved: Solved, name: str, camera: dict[str, Any]) -> dict[str, Any]:
-    model = solved.network.project.cameras[name].model
-    number = solved.network.things["camera"].part(name, "interior")
+def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:
+    model = placed.network.project.cameras[name].model
+    number = placed.network.things["camera"].part(name, "interior")
     kind = INTERIORS[model]
-    values = solved.adjustment.values[kind.key][number]
+    values = placed.values[kind.key][number]
     camera["interior"] = _settings(camera.get("interior") or {}, kind.names, values)
-    eccentricity = solved.network.things["camera"].part(name, "eccentricity")
+    eccentricity = placed.network.things["camera"].part(name, "eccentricity")
     if eccentricity:
-        row = solved.adjustment.values["eccentricity"][eccentricity]
+        row = placed.values["eccentricity"][eccentricity]
         camera["eccentricity"] = _settings(camera["eccentricity"], ("rx", "ry", "rz"), row)
     return camera
 
 
-def _instrument(solved: Solved, name: str, instrument: dict[str, Any]) -> dict[str, Any]:
+def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[str, Any]:
     result = dict(instrument)
     for kind, names in (("distance meter", ("scale", "offset")), ("refraction", ("refraction",))):
-        number = solved.network.things["instrument"].part(name, kind)
+        number = placed.network.things["instrument"].part(name, kind)
         given = {key: result[key] for key in names if key in result}
-        result |= _settings(given, names, solved.adjustment.values[kind][number])
+        result |= _settings(given, names, placed.values[kind][number])
     return result
 
 

@@ -19,6 +19,7 @@ RESULT_FILES = (
     "residuals.csv",
     "points.csv",
     "images.csv",
+    "reference.csv",
     "adjusted.yaml",
     "start_*.csv",
 )

@@ -36,6 +36,14 @@ def point_table(solved: Solved) -> pl.DataFrame:
     return _frame(columns)
 
 
+def reference_table(solved: Solved) -> pl.DataFrame:
+    """Coordinates that inner constraints refer to, whatever the datum: what another datum of the results needs."""
+    things = solved.network.things["point"]
+    reference = solved.adjustment.problem.datum.reference["point"][things.parts["position"]]
+    coordinates = reference @ solved.network.edge.matrix
+    return _frame({"id": list(things.ids), **{name: coordinates[:, k] for k, name in enumerate(XYZ)}})
+
+
 def image_table(solved: Solved) -> pl.DataFrame:
     """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
     things = solved.network.things["image"]

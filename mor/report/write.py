@@ -8,11 +8,11 @@ import polars as pl
 
 from mor.project.nodes import Document
 from mor.quality.solved import Solved
-from mor.report.adjusted_project import adjusted_project
+from mor.report.adjusted_project import Placed, adjusted_project
 from mor.report.folder import Writer, write_folder
 from mor.report.json import results, to_json
 from mor.report.observation_table import observation_table
-from mor.report.tables import image_table, point_table
+from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
 
 TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "images.csv"}
@@ -27,16 +27,29 @@ def write_results(solved: Solved, document: Document, source: Path, folder: Path
         "report.txt": _text(text_report(solved, residuals)),
     }
     if converged:
-        text, starts = adjusted_project(solved, document, source.resolve(), folder.resolve())
+        text, starts = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
         frames = {
             "residuals.csv": residuals,
             "points.csv": point_table(solved),
             "images.csv": image_table(solved),
+            "reference.csv": reference_table(solved),
             **starts,
         }
         writers |= {name: _csv(frame) for name, frame in frames.items()}
         writers["adjusted.yaml"] = _text(text)
     write_folder(folder, writers, force)
+
+
+def _placed(solved: Solved) -> Placed:
+    snooped = solved.treatment is not None and solved.treatment.snooping is not None
+    return Placed(solved.network, solved.adjustment.values, snooped)
+
+
+def write_project(placed: Placed, document: Document, source: Path, folder: Path, force: bool) -> None:
+    """Write a project with the placed values as start values, and its tables, into a folder."""
+    text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
+    writers: dict[str, Writer] = {name: _csv(frame) for name, frame in starts.items()}
+    write_folder(folder, {**writers, "project.yaml": _text(text)}, force)
 
 
 def results_text(solved: Solved) -> str:

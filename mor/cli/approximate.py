@@ -1,0 +1,46 @@
+"""``mor approximate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="approximate")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the project [PROJECT.start]."
+)
+@click.option("-f", "--force", is_flag=True, help="Replace what is there already.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int:
+    """Find start values for PROJECT and write a project that has them.
+
+    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
+    missing for it. (mor adjust does the same by itself where values are missing.)
+
+    \b
+    Examples:
+      mor approximate project.yaml
+      mor approximate project.yaml -o started --force
+    """
+    from mor.errors import ExitCode
+    from mor.pipeline import approximate, read_document, read_network
+    from mor.report.adjusted_project import Placed
+    from mor.report.folder import check_free
+    from mor.report.protocol import protocol
+    from mor.report.write import write_project
+
+    folder = output or project.with_suffix(".start")
+    check_free(folder, force)
+    document = read_document(project)
+    network = read_network(document, project.parent)
+    approximation = approximate(network)
+    click.echo(protocol(network, approximation), nl=False)
+    if approximation.missing:
+        return ExitCode.INPUT
+    write_project(Placed(network, approximation.start), document, project.parent, folder, force)
+    if not quiet:
+        click.echo(f"project with start values in {folder}", err=True)
+    return ExitCode.DONE
