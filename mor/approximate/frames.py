@@ -39,6 +39,8 @@ class Frame:
     """(n, 3) unit vectors in the axes of the frame."""
     sigma: FloatArray
     """(n,) radians."""
+    offset: FloatArray
+    """(4,) height of the rotation centre and eccentricity r0*, 0 where not known."""
 
 
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
@@ -84,7 +86,16 @@ def _image_frame(network: Network, number: int, parts) -> Frame:  # type: ignore
         heights=np.zeros(len(points)),
         rays=np.concatenate([part[1] for part in parts]),
         sigma=np.concatenate([part[2] for part in parts]),
+        offset=_offset(network, blocks["height"], blocks["eccentricity"]),
     )
+
+
+def _offset(network: Network, height: int, eccentricity: int) -> FloatArray:
+    start = network.start
+    offset: FloatArray = np.nan_to_num(
+        np.concatenate([start["height"][height], start["eccentricity"][eccentricity]])
+    )
+    return offset
 
 
 def _image_rays(
@@ -121,6 +132,7 @@ def theodolite_frames(network: Network) -> list[Frame]:
                     heights=network.start["height"][target[rows], 0],
                     rays=rays,
                     sigma=np.hypot(3.0 * np.nanmax(group.sigma[rows], axis=1), 1e-5),
+                    offset=_offset(network, int(height[rows[0]]), 0),
                 )
             )
     return frames

@@ -10,7 +10,8 @@ from mor.approximate.bundle import direction_bundle
 from mor.approximate.frames import SLACKS, Frame, loosened
 from mor.approximate.part import Part
 from mor.approximate.resection import resect
-from mor.approximate.resection_outcome import ResectionOutcome
+from mor.approximate.resection_outcome import Resection, ResectionOutcome
+from mor.approximate.sightings import Sightings
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 ENOUGH = 6
@@ -19,45 +20,45 @@ FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
-WIDE_ANGLE = 0.15
 _SAMPLE = 60
 """Points of a frame a resection uses at the most."""
 
 
-def grow_bundles(part: Part, frames: Sequence[Frame], fewest: int) -> bool:
+def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: int) -> bool:
     """Add poses and points to the part; true where anything was added.
 
-    ``fewest`` known points a frame needs for a resection: with 4 a wrong solution may pass for right.
+    ``fewest`` known points a frame needs for a resection: with 4 a wrong solution may pass for right. Only points that
+    newly posed frames see are intersected (again), only frames that see new points are looked at again.
     """
+    refused = np.zeros(seen.frames, dtype=np.int64)
+    posed = np.array(sorted(part.poses), dtype=np.int64)
     grown = False
-    refused: dict[int, int] = {}
     while True:
-        added_points = _intersect_all(part, frames, SMALLEST_ANGLE)
-        added_frames = _resect_best(part, frames, refused, fewest)
-        if not added_frames and not added_points:
+        added = _intersect(part, seen, np.unique(seen.point[np.isin(seen.frame, posed)]))
+        posed = _resect_best(part, frames, seen, refused, fewest)
+        if not added and not len(posed):
             return grown
         grown = True
 
 
-def _resect_best(part: Part, frames: Sequence[Frame], refused: dict[int, int], fewest: int) -> bool:
+def _resect_best(
+    part: Part, frames: Sequence[Frame], seen: Sightings, refused: IntArray, fewest: int
+) -> IntArray:
     """Resect the frames that see the most known points; ``refused`` remembers with how many a frame failed."""
-    counts = {
-        number: int(np.count_nonzero(part.known(frame.points)))
-        for number, frame in enumerate(frames)
-        if number not in part.poses
-    }
-    usable = {n: c for n, c in counts.items() if c >= fewest and c > refused.get(n, 0)}
-    if not usable:
-        return False
-    best = max(usable.values())
-    threshold = max(fewest, int(0.5 * best))
-    added = False
-    for number in sorted((n for n, c in usable.items() if c >= threshold), key=lambda n: (-usable[n], n)):
-        if _resect(part, frames[number], number):
-            added = True
-        else:
-            refused[number] = usable[number]
-    return added or any(c > refused.get(n, 0) for n, c in usable.items())
+    counts = np.bincount(seen.frame, weights=part.known(seen.point), minlength=seen.frames).astype(np.int64)
+    counts[list(part.poses)] = 0
+    usable = (counts >= fewest) & (counts > refused)
+    posed: list[int] = []
+    while usable.any() and not posed:
+        threshold = max(fewest, int(0.5 * counts[usable].max()))
+        chosen = np.flatnonzero(usable & (counts >= threshold))
+        for number in chosen[np.argsort(-counts[chosen], kind="stable")].tolist():
+            if _resect(part, frames[number], number):
+                posed.append(number)
+            else:
+                refused[number] = counts[number]
+        usable &= counts > refused
+    return np.array(posed, dtype=np.int64)
 
 
 def _resect(part: Part, frame: Frame, number: int) -> bool:
@@ -67,76 +68,80 @@ def _resect(part: Part, frame: Frame, number: int) -> bool:
     targets = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0])
     for slack in [s for s in SLACKS if s >= part.slack]:
         result = resect(direction_bundle(frame.rays[known], loosened(frame.sigma[known], slack)), targets)
-        if result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK) and (
-            np.count_nonzero(result.agreeing) >= max(4, 0.6 * len(known))
-        ):
-            part.poses[number] = (result.position, result.rotation)
-            part.how[frame.name] = (
-                f"resection from {np.count_nonzero(result.agreeing)} of {len(known)} points"
-            )
+        agreeing = int(np.count_nonzero(result.agreeing))
+        usable = result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
+        if usable and agreeing >= max(4, 0.6 * len(known)):
+            part.poses[number] = (_given_centre(part, frame, result), result.rotation)
+            part.how[frame.name] = f"resection from {agreeing} of {len(known)} points"
             return True
     return False
 
 
-def _intersect_all(part: Part, frames: Sequence[Frame], smallest: float) -> bool:
-    """Intersect all points that posed frames see, also those of earlier intersections; true where points were added."""
-    numbers = sorted(part.poses)
-    if len(numbers) < 2:
+def _given_centre(part: Part, frame: Frame, found: Resection) -> FloatArray:
+    """The centre that a given position says, so that nothing drifts away from it; else the one found."""
+    if frame.position not in part.fixed:
+        return found.position
+    lifted = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
+    centre: FloatArray = lifted - found.rotation.T @ frame.offset[1:]
+    return centre
+
+
+def _intersect(part: Part, seen: Sightings, points: IntArray) -> bool:
+    """Intersect points by all posed frames that see them, also again; true where any became known."""
+    points = points[~np.isin(points, np.fromiter(part.fixed, dtype=np.int64, count=len(part.fixed)))]
+    if len(points) == 0 or len(part.poses) < 2:
         return False
-    point, centre, direction, sigma, height = _rays_of(part, frames, numbers)
-    mine = ~np.isin(point, list(part.fixed)) if part.fixed else np.ones(len(point), dtype=bool)
-    point, centre, direction, sigma, height = (
-        array[mine] for array in (point, centre, direction, sigma, height)
-    )
-    if len(point) == 0:
-        return False
-    use = np.ones(len(point), dtype=bool)
-    before = np.isfinite(part.points[:, 0])
+    rays, centre, direction = _posed_rays(part, seen, points)
+    point = np.searchsorted(points, seen.point[rays])
+    sigma = loosened(seen.sigma[rays], max(part.slack, SLACKS[1]))
+    use = np.ones(len(rays), dtype=bool)
     for _ in range(3):
-        X, good = intersections(point[use], centre[use], direction[use], len(part.points), smallest)
+        X, good = intersections(point[use], centre[use], direction[use], len(points), SMALLEST_ANGLE)
         away = X[point] - centre
-        length = np.linalg.norm(away, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            off = np.linalg.norm(away / length[:, None] - direction, axis=1)
+            off = np.linalg.norm(away / np.linalg.norm(away, axis=1)[:, None] - direction, axis=1)
         use = good[point] & (off < 3.0 * sigma)
         if (use == good[point]).all():
             break
-    enough = np.bincount(point[use], minlength=len(part.points)) >= 2
-    fresh = good & enough
-    X[:, 2] -= _mean_height(point, height, len(X))
-    part.points[fresh] = X[fresh]
+    fresh = good & (np.bincount(point[use], minlength=len(points)) >= 2)
+    before = part.known(points)
+    _put(part, points, X, fresh, _mean_height(point, seen.height[rays], len(points)))
     return bool((fresh & ~before).any())
 
 
-def intersect_the_rest(part: Part, frames: Sequence[Frame]) -> None:
+def intersect_the_rest(part: Part, seen: Sightings) -> None:
     """Points that only rays see that do not meet, or hardly at an angle: better a rough value than none.
 
     The adjustment will tell which of their rays is wrong.
     """
-    numbers = sorted(part.poses)
-    if len(numbers) < 2:
+    points = np.flatnonzero(np.isnan(part.points).all(axis=1) & (np.diff(seen.pointers) > 1))
+    if len(points) == 0 or len(part.poses) < 2:
         return
-    point, centre, direction, _, height = _rays_of(part, frames, numbers)
-    X, good = intersections(point, centre, direction, len(part.points), 0.1 * SMALLEST_ANGLE)
-    X[:, 2] -= _mean_height(point, height, len(X))
-    lost = good & np.isnan(part.points).all(axis=1)
-    part.points[lost] = X[lost]
+    rays, centre, direction = _posed_rays(part, seen, points)
+    point = np.searchsorted(points, seen.point[rays])
+    X, good = intersections(point, centre, direction, len(points), 0.1 * SMALLEST_ANGLE)
+    _put(part, points, X, good, _mean_height(point, seen.height[rays], len(points)))
+
+
+def _posed_rays(part: Part, seen: Sightings, points: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Rays from posed frames to points: their numbers, centres (n, 3) and directions (n, 3)."""
+    centres, turns = np.full((seen.frames, 3), np.nan), np.zeros((seen.frames, 3, 3))
+    for number, (centre, D) in part.poses.items():
+        centres[number], turns[number] = centre, D
+    rays = seen.of_points(points)
+    rays = rays[np.isfinite(centres[seen.frame[rays], 0])]
+    frame = seen.frame[rays]
+    return rays, centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], turns[frame])
+
+
+def _put(part: Part, points: IntArray, X: FloatArray, chosen: BoolArray, height: FloatArray) -> None:
+    X[:, 2] -= height
+    part.points[points[chosen]] = X[chosen]
 
 
 def _mean_height(point: IntArray, height: FloatArray, count: int) -> FloatArray:
     total = np.bincount(point, weights=height, minlength=count)
     return total / np.maximum(np.bincount(point, minlength=count), 1)
-
-
-def _rays_of(
-    part: Part, frames: Sequence[Frame], numbers: Sequence[int]
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    point = np.concatenate([frames[n].points for n in numbers])
-    centre = np.concatenate([np.broadcast_to(part.poses[n][0], (len(frames[n].points), 3)) for n in numbers])
-    direction = np.concatenate([frames[n].rays @ part.poses[n][1] for n in numbers])
-    sigma = loosened(np.concatenate([frames[n].sigma for n in numbers]), max(part.slack, SLACKS[1]))
-    height = np.concatenate([frames[n].heights for n in numbers])
-    return point, centre, direction, sigma, height
 
 
 def intersections(
@@ -150,7 +155,7 @@ def intersections(
     projector = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     normal = np.zeros((count, 3, 3))
     side = np.zeros((count, 3))
-    reference = centre.mean(axis=0)
+    reference = centre.mean(axis=0) if len(centre) else np.zeros(3)
     moved = np.einsum("nij,nj->ni", projector, centre - reference)
     for i in range(3):
         side[:, i] = np.bincount(point, weights=moved[:, i], minlength=count)

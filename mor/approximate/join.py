@@ -13,10 +13,10 @@ from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence
 from mor.geometry.arrays import FloatArray, IntArray
 
 
-def join(system: Part, part: Part, frames: Sequence[Frame], offsets: FloatArray) -> bool:
+def join(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
     """Carry a part into the object system and take over what it knows; true where that was possible."""
-    spread_positions(part, frames, offsets)
-    spread_positions(system, frames, offsets)
+    spread_positions(part, frames)
+    spread_positions(system, frames)
     found = _level_similarity(system, part) if part.levelled else _spatial_similarity(system, part)
     if found is None:
         return False
@@ -38,12 +38,13 @@ def take_over(system: Part, part: Part) -> None:
     system.slack = max(system.slack, part.slack)
 
 
-def spread_positions(part: Part, frames: Sequence[Frame], offsets: FloatArray) -> None:
-    """Positions of posed frames as points of the part: X0 = O − h e_Z + Dᵀ r0*; ``offsets`` (frames, 4) h and r0*."""
+def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
+    """Positions of posed frames as points of the part: X0 = O − h e_Z + Dᵀ r0*."""
     for number, (centre, rotation) in part.poses.items():
         block = frames[number].position
         missing = np.isnan(part.points[block])
-        place = centre - offsets[number, 0] * np.array([0.0, 0.0, 1.0]) + rotation.T @ offsets[number, 1:]
+        offset = frames[number].offset
+        place = centre - np.array([0.0, 0.0, offset[0]]) + rotation.T @ offset[1:]
         part.points[block, missing] = place[missing]
 
 

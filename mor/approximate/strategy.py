@@ -20,6 +20,7 @@ from mor.approximate.part import Part, empty_part
 from mor.approximate.result import fill_in, starting_part, with_observed
 from mor.approximate.seed_bundles import seed_bundles
 from mor.approximate.seed_levelled import seed_levelled
+from mor.approximate.sightings import Sightings, sightings
 from mor.approximate.sights import Terrestrial, terrestrial
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
@@ -43,8 +44,8 @@ class Scene:
 
     frames: tuple[Frame, ...]
     terrestrial: Terrestrial
-    offsets: FloatArray
-    """(frames, 4) height and eccentricity of each frame."""
+    seen: Sightings
+    """The rays of all frames."""
     points: int
     image_count: int
     measured: IntArray
@@ -61,7 +62,7 @@ def approximate(network: Network) -> Approximation:
     for fewest in (ENOUGH, FEWEST):
         _grow(system, scene, fewest)
         _orient_the_rest(system, scene, fewest)
-    intersect_the_rest(system, scene.frames)
+    intersect_the_rest(system, scene.seen)
     return Approximation(*fill_in(network, system, scene.frames, scene.terrestrial))
 
 
@@ -72,11 +73,6 @@ def _complete(start: Mapping[str, FloatArray]) -> bool:
 def _scene(network: Network) -> Scene:
     images = image_frames(network)
     frames = (*images, *theodolite_frames(network))
-    offsets = np.zeros((len(frames), 4))
-    for number, frame in enumerate(frames):
-        offsets[number, 0] = network.start["height"][frame.height, 0]
-        offsets[number, 1:] = network.start["eccentricity"][frame.eccentricity]
-    offsets = np.nan_to_num(offsets)
     sights = terrestrial(network)
     used = [frame.points for frame in frames] + [np.array([frame.position]) for frame in frames]
     used += [sight.points for sight in sights.sights] + [np.array([s.position]) for s in sights.sights]
@@ -84,7 +80,7 @@ def _scene(network: Network) -> Scene:
         used += [lengths.start, lengths.end]
     measured = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *used])).astype(np.int64)
     count = len(network.blocks["point"].ids)
-    return Scene(frames, sights, offsets, count, len(images), measured)
+    return Scene(frames, sights, sightings(frames, count), count, len(images), measured)
 
 
 def _grow(part: Part, scene: Scene, fewest: int) -> None:
@@ -92,8 +88,8 @@ def _grow(part: Part, scene: Scene, fewest: int) -> None:
     while True:
         grown = grow_levelled(part, scene.terrestrial) if part.levelled else False
         _poses_of_sets(part, scene)
-        grown |= grow_bundles(part, scene.frames, fewest)
-        spread_positions(part, scene.frames, scene.offsets)
+        grown |= grow_bundles(part, scene.frames, scene.seen, fewest)
+        spread_positions(part, scene.frames)
         if not grown:
             return
 
@@ -163,7 +159,7 @@ def _join_all(system: Part, waiting: list[Part], scene: Scene, fewest: int) -> N
                 _become(system, part, scene)
                 waiting.remove(part)
                 joined = True
-            elif join(system, part, scene.frames, scene.offsets):
+            elif join(system, part, scene.frames):
                 waiting.remove(part)
                 joined = True
         if joined:
@@ -181,7 +177,7 @@ def _nothing_known(system: Part, scene: Scene) -> bool:
 
 def _become(system: Part, part: Part, scene: Scene) -> None:
     """The part becomes the object system."""
-    spread_positions(part, scene.frames, scene.offsets)
+    spread_positions(part, scene.frames)
     if not part.scaled:
         t = scene.terrestrial
         scale_by_lengths(part, (t.slopes, t.horizontals), (False, True))
