@@ -30,6 +30,8 @@ class Part:
     """True where lengths are in the length unit."""
     slack: float = 0.0
     """Radians that rays are allowed beside their σ."""
+    seen_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(point blocks,) a posed frame that sees the point, −1 where there is none."""
     fixed: set[int] = field(default_factory=set)
     """Points whose coordinates were given: they are not worked out again."""
 
@@ -48,4 +50,4 @@ class Part:
 
 def empty_part(points: int) -> Part:
     """A part of which nothing is known."""
-    return Part(np.full((points, 3), np.nan))
+    return Part(np.full((points, 3), np.nan), seen_by=np.full(points, -1, dtype=np.int64))

@@ -34,6 +34,8 @@ def ideal_rays(
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = ray + np.einsum("nij,nj->ni", across, step)
             ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+            if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
+                break
         reached = model.project(ray, interior, constants, measured).xy
     missed = ~(np.abs(reached - measured).max(axis=1) < 1e-6 * interior[:, 0])
     ray[missed] = start[missed]
