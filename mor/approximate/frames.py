@@ -11,7 +11,7 @@ import numpy as np
 
 from mor.approximate.polar import polar_rays
 from mor.approximate.undistort import ideal_rays
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import ObservationGroup
 from mor.project.network import Network
@@ -138,7 +138,7 @@ def theodolite_frames(network: Network) -> list[Frame]:
     return frames
 
 
-def rows_by_set(group: ObservationGroup, usable: FloatArray) -> list[IntArray]:
+def rows_by_set(group: ObservationGroup, usable: BoolArray) -> list[IntArray]:
     """Rows of a group of directions, set by set (rotation block)."""
     rows = np.flatnonzero(usable)
     order = rows[np.argsort(group.blocks[1][rows], kind="stable")]

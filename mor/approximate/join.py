@@ -10,7 +10,7 @@ from mor.approximate.frames import Frame
 from mor.approximate.part import Part
 from mor.approximate.sights import Lengths
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 def join(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
@@ -120,6 +120,6 @@ def scale_by_lengths(part: Part, lengths: Sequence[Lengths], flat: Sequence[bool
     return True
 
 
-def _both_known(part: Part, start: IntArray, end: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    known = np.isfinite(part.points).all(axis=1)
+def _both_known(part: Part, start: IntArray, end: IntArray) -> BoolArray:
+    known = np.asarray(np.isfinite(part.points).all(axis=1))
     return known[start] & known[end]

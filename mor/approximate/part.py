@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mor.approximate.similarity import Similarity
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(eq=False)
@@ -35,9 +35,9 @@ class Part:
     fixed: set[int] = field(default_factory=set)
     """Points whose coordinates were given: they are not worked out again."""
 
-    def known(self, points: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
-        return np.isfinite(self.points[points]).all(axis=1)
+        return np.asarray(np.isfinite(self.points[points]).all(axis=1))
 
     def transform(self, similarity: Similarity) -> None:
         """Carry everything over into another system."""

@@ -45,15 +45,16 @@ def _pairs(frames: Sequence[Frame], free: Sequence[int], points: int) -> list[tu
     common = scipy.sparse.triu(seen @ seen.T, k=1).tocoo()
     enough = common.data >= 8
     order = np.argsort(-common.data[enough], kind="stable")
-    first, second = common.row[enough][order], common.col[enough][order]
+    first, second = common.row[enough][order].tolist(), common.col[enough][order].tolist()
     return [(free[i], free[j]) for i, j in _spread(first, second)]
 
 
-def _spread(first: IntArray, second: IntArray) -> list[tuple[int, int]]:
+def _spread(first: list[int], second: list[int]) -> list[tuple[int, int]]:
     """The pairs in their order, those of frames that were named often already put off to the end."""
     named: dict[int, int] = {}
-    early, late = [], []
-    for i, j in zip(first.tolist(), second.tolist(), strict=True):
+    early: list[tuple[int, int]] = []
+    late: list[tuple[int, int]] = []
+    for i, j in zip(first, second, strict=True):
         times = max(named.get(i, 0), named.get(j, 0))
         (early if times < 3 else late).append((i, j))
         named[i], named[j] = named.get(i, 0) + 1, named.get(j, 0) + 1

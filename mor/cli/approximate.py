@@ -25,8 +25,9 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
       mor approximate project.yaml
       mor approximate project.yaml -o started --force
     """
+    from mor.approximate.strategy import approximate
     from mor.errors import ExitCode
-    from mor.pipeline import approximate, read_document, read_network
+    from mor.pipeline import read_document, read_network
     from mor.report.adjusted_project import Placed
     from mor.report.folder import check_free
     from mor.report.protocol import protocol

@@ -55,7 +55,8 @@ def exponential(vector: FloatArray) -> FloatArray:
     cross = cross_matrix(vector)
     sine = np.sinc(angle / np.pi)  # sin(a) / a
     cosine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2  # (1 - cos a) / a²
-    return np.eye(3) + sine * cross + cosine * (cross @ cross)
+    rotation: FloatArray = np.eye(3) + sine * cross + cosine * (cross @ cross)
+    return rotation
 
 
 def rotate(D: FloatArray, delta: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ def _refuse_unobserved(
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == "point":
                 seen[blocks] = True
-    free = points.all_free().any(axis=1)
+    free = np.asarray(points.all_free().any(axis=1))
     for group in checks:
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind != "point":

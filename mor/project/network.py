@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -190,7 +191,7 @@ def _datum(reading: Reading) -> DatumChoice:
     return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)
 
 
-def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[str, list[str]]) -> None:
+def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:
     """Set the mask (points, 3) for named points, by the components of the project they carry the datum with."""
     for components, names in by_components.items():
         for name in names:
