@@ -19,6 +19,7 @@ from mor.approximate.rinner import nearest_rotation
 from mor.approximate.vectors import unit
 from mor.geometry.arrays import FloatArray, IntArray
 
+HALF_SPACE_STEPS = 100
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
 
@@ -114,12 +115,11 @@ def _orientation(
 def corners_within(rays: FloatArray) -> FloatArray:
     """Quadrilateral (4, 3) of rays inside the field of the rays (n, 3), convex; 12 and 34 are its diagonals.
 
-    Of the hull of the field (seen along its mean) the four corners of largest area; of a triangle a
+    Of the hull of the field the four corners of largest area; of a triangle a
     trapezoid.
     """
     directions = unit(rays)
-    axis = unit(directions.sum(axis=0))
-    flat = _flat(directions, axis)
+    flat = _flat(directions)
     hull = convex_hull(flat)
     if len(hull) == 3:
         one, two, three = directions[hull]
@@ -128,10 +128,18 @@ def corners_within(rays: FloatArray) -> FloatArray:
     return np.asarray(directions[[first[0], first[1], second[0], second[1]]])
 
 
-def _flat(directions: FloatArray, axis: FloatArray) -> FloatArray:
-    # Stereographic, so that rays at and beyond 100 gon from the axis have a place too.
+def _flat(directions: FloatArray) -> FloatArray:
+    """Coordinates (n, 2) that keep straight lines straight: the rays cut by a plane they all reach."""
+    axis = unit(directions.sum(axis=0))
+    for _ in range(HALF_SPACE_STEPS):
+        # The rays to a plane fill less than a half-space, but not always one about their mean.
+        depths = directions @ axis
+        worst = int(np.argmin(depths))
+        if depths[worst] > 0.02:
+            break
+        axis = unit(axis + directions[worst])
     across = np.linalg.svd(axis[None, :])[2][1:]
-    return np.asarray((directions @ across.T) / (1.0 + directions @ axis + 1e-9)[:, None])
+    return np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
 
 
 def _diagonal(flat: FloatArray, hull: IntArray) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -15,7 +15,7 @@ from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
-APART = 8.0
+APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
 WEAK = 0.1
 """Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""

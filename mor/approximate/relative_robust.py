@@ -8,6 +8,7 @@ input, same result.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,10 @@ import numpy as np
 from mor.approximate.bundle import Bundle
 from mor.approximate.coplanarity import adjust_coplanarity, first_order_residuals, in_front
 from mor.approximate.five_points import five_point_unknowns
+from mor.approximate.homography import fit_homography
 from mor.approximate.relative import MINIMUM, best_of_four, relative_orientation
-from mor.approximate.relative_outcome import RelativeOrientation, RelativeOutcome
-from mor.approximate.relative_result import BEHIND, failed
+from mor.approximate.relative_outcome import RelativeOrientation, RelativeOutcome, SceneGeometry
+from mor.approximate.relative_result import BEHIND, candidate, failed
 from mor.approximate.rinner import auxiliary_unknowns
 from mor.geometry.arrays import BoolArray, FloatArray
 
@@ -31,6 +33,10 @@ TRUNCATION = 5.0
 """Residual v/σ at which a pair stops counting while samples are compared."""
 AGREES = 4.0
 """Residual v/σ up to which a pair agrees with an adjusted orientation."""
+FEW, FEW_PART = 2, 0.05
+"""So many pairs, or such a part of them, off a plane do not decide between its orientations."""
+DIFFERENT = 0.01
+"""Distance of two rotations beyond which they are different ones."""
 ROUNDS = 10
 HALF = 0.5
 """Part of the pairs that must agree for an orientation to be believed."""
@@ -87,7 +93,39 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
         whole = relative_orientation(a.take(meeting), b.take(meeting))
         if not whole.outcome.usable:
             return RobustOrientation(whole, np.zeros(len(a), dtype=bool), residuals, samples)
-    return RobustOrientation(orientation, found, residuals, samples)
+    return RobustOrientation(_doubted(a.take(found), b.take(found), orientation), found, residuals, samples)
+
+
+def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> RelativeOrientation:
+    """Ambiguous, if all but a few pairs lie in a plane that leaves several orientations.
+
+    A wrong pair that happens to fit one of them would decide between them otherwise.
+    """
+    plane = _plane_part(a, b)
+    few = max(FEW, FEW_PART * len(a))
+    if orientation.outcome is not RelativeOutcome.DETERMINED or not 0 < np.sum(~plane) <= few:
+        return orientation
+    of_plane = relative_orientation(a.take(plane), b.take(plane))
+    if of_plane.outcome is not RelativeOutcome.AMBIGUOUS:
+        return orientation
+    every = [candidate(a, b, of_plane.base, of_plane.rotation), *of_plane.alternatives]
+    others = tuple(
+        one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT
+    )
+    return replace(
+        orientation, outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others
+    )
+
+
+def _plane_part(a: Bundle, b: Bundle) -> BoolArray:
+    """Pairs that one collineation carries over, the worst left out one after the other."""
+    kept = np.ones(len(a), dtype=bool)
+    for _ in range(int(max(FEW, FEW_PART * len(a))) + 1):
+        homography = fit_homography(a.take(kept), b.take(kept))
+        if np.all(homography.residuals < AGREES):
+            return kept
+        kept[np.flatnonzero(kept)[int(np.argmax(homography.residuals))]] = False
+    return np.zeros(len(a), dtype=bool)
 
 
 def _agreeing(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CameraModel
 
 _ITERATIONS = 12
@@ -37,9 +37,9 @@ def ideal_rays(
             if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
                 break
         reached = model.project(ray, interior, constants, measured).xy
-    missed = ~(np.abs(reached - measured).max(axis=1) < 1e-6 * interior[:, 0])
-    ray[missed] = start[missed]
-    return ray
+    missed: BoolArray = np.asarray(~(np.abs(reached - measured).max(axis=1) < 1e-6 * interior[:, 0]))
+    result: FloatArray = np.where(missed[:, None], start, ray)
+    return result
 
 
 def _tangents(ray: FloatArray) -> tuple[FloatArray, FloatArray]:

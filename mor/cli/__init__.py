@@ -18,6 +18,7 @@ COMMANDS = {
     "datum": "Results in another datum, without a new adjustment.",
     "approximate": "Find start values, write a project that has them.",
     "check": "Read and check a project, adjust nothing.",
+    "orient": "Orient two images (Rinner) or a plane object (Killian).",
     "schema": "Print the JSON Schema of the project file.",
 }
 

@@ -1,0 +1,132 @@
+"""``mor compare``."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mor.errors import ExitCode, InputError, Problem
+
+if TYPE_CHECKING:
+    import polars as pl
+
+SHOWN = 20
+
+
+@click.command(name="compare")
+@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--tol", default=1e-9, show_default=True, help="Difference allowed, times max(1, |number|).")
+@click.option("--epochs", is_flag=True, help="Congruence test of two epochs over their common points.")
+@click.option("--pairs", type=click.Path(path_type=Path), help="CSV of pairs of points of one adjustment.")
+@click.option("--level", default=0.001, show_default=True, help="Level of the tests of movements.")
+@click.option("--known-sigma0", is_flag=True, help="Test with sigma0 a priori instead of the estimated one.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(
+    results: tuple[Path, ...],
+    tol: float,
+    epochs: bool,
+    pairs: Path | None,
+    level: float,
+    known_sigma0: bool,
+    quiet: bool,
+) -> int:
+    """Compare RESULTS: two folders number by number, two epochs, or pairs of points of one adjustment.
+
+    Epochs and pairs print their movements as CSV on standard output.
+
+    \b
+    Examples:
+      mor compare before.results after.results --tol 1e-6
+      mor compare spring.results autumn.results --epochs
+      mor compare both.results --pairs pairs.csv
+
+    \b
+    Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.
+    """
+    if not 0.0 < level < 1.0:
+        raise InputError([Problem(f"--level: found {level:g}, expected a number between 0 and 1")])
+    wanted = 1 if pairs is not None else 2
+    if len(results) != wanted:
+        raise InputError([Problem(f"found {len(results)} results, expected {wanted}")])
+    if pairs is not None:
+        table, words = _pairs(results[0], pairs, level, known_sigma0)
+    elif epochs:
+        table, words = _epochs(results[0], results[1], level, known_sigma0)
+    else:
+        return _regression(results[0], results[1], tol, quiet)
+    click.echo(table.write_csv(), nl=False)
+    if not quiet:
+        click.echo("\n".join(words), err=True)
+    return ExitCode.REJECTED if table["moved"].any() else ExitCode.DONE
+
+
+def _regression(one: Path, other: Path, tol: float, quiet: bool) -> ExitCode:
+    from mor.report.comparison import differences
+
+    found = differences(_content(one), _content(other), tol)
+    if not quiet:
+        for difference in found[:SHOWN]:
+            click.echo(f"{difference.place}: {difference.one} | {difference.other}")
+        if len(found) > SHOWN:
+            click.echo(f"and {len(found) - SHOWN} more")
+        click.echo(f"{len(found)} differences beyond {tol:g}" if found else f"equal within {tol:g}", err=True)
+    return ExitCode.REJECTED if found else ExitCode.DONE
+
+
+def _content(path: Path) -> Any:
+    file = path / "results.json" if path.is_dir() else path
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(file))]) from None
+    except ValueError as error:
+        raise InputError([Problem(f"this is no results.json: {error}", str(file))]) from None
+
+
+def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+    from dataclasses import replace
+
+    from mor.cli._results import open_results, solve_again
+    from mor.quality.epochs import blocks_of, common_points, compare_epochs, over_points
+    from mor.report.movements import movement_table, verdict
+
+    first, second = open_results(one), open_results(other)
+    if first.network.edge != second.network.edge:
+        raise InputError([Problem("the two epochs have different units or axes", str(other))])
+    names = common_points(first.network, second.network)
+    if not names:
+        raise InputError([Problem("the two epochs have no points in common", str(other))])
+    coordinates = first.network.start["point"][blocks_of(first.network, names)]
+    solved = [
+        solve_again(replace(opened, network=over_points(opened.network, names, coordinates)))
+        for opened in (first, second)
+    ]
+    assessed = [(s.quality, blocks_of(s.network, names)) for s in solved if s.quality is not None]
+    found = compare_epochs(names, assessed[0], assessed[1], level, known)
+    table = movement_table(names, found.result.points, first.network.edge.matrix, level, known)
+    return table, verdict(found, level, known)
+
+
+def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+    from mor.cli._results import open_results, solve_again
+    from mor.quality.congruence import pair_movement
+    from mor.report.covariance import point_numbers
+    from mor.report.movements import movement_table
+
+    solved = solve_again(open_results(path))
+    assert solved.quality is not None
+    try:
+        with pairs.open(newline="", encoding="utf-8") as file:
+            rows = [row[:2] for row in csv.reader(file) if row][1:]
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(pairs))]) from None
+    if any(len(row) < 2 for row in rows):
+        raise InputError([Problem("expected two columns of points below a header", str(pairs))])
+    tests = [pair_movement(solved.quality, *point_numbers(solved, row)) for row in rows]
+    names = [f"{one} - {other}" for one, other in rows]
+    table = movement_table(names, tests, solved.network.edge.matrix, level, known)
+    return table, [f"{int(table['moved'].sum())} of {len(rows)} pairs have moved (level {level:g})."]
