@@ -10,6 +10,7 @@ import click
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
+    from mor.cli._progress import Progress
     from mor.quality.solved import Solved
 
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--snoop", is_flag=True, help="Take flagged observations out one by one until the rest is clean."
 )
+@click.option("--html/--no-html", default=True, help="Write report.html, the page for people [yes].")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every iteration.")
 def command(
@@ -33,6 +35,7 @@ def command(
     as_json: bool,
     strict: bool,
     snoop: bool,
+    html: bool,
     quiet: bool,
     verbose: bool,
 ) -> int:
@@ -63,14 +66,14 @@ def command(
         if writes:
             check_free(folder, force)
             check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
-        say.notes(document.notes)
         network = read_network(document, project.parent)
+        say.notes(network.notes)
         network = snooped(network) if snoop else network
         say.phase("adjusting")
         solved = solve_network(network, say.iteration)
         say.phase("writing")
         if writes:
-            write_results(solved, document, project.parent, folder, force)
+            write_results(solved, document, project.parent, folder, force, html and has_library(say))
     if as_json:
         click.echo(results_text(solved), nl=False)
     if not quiet or solved.quality is None:
@@ -80,6 +83,17 @@ def command(
         if writes:
             click.echo(f"results in {folder}", err=True)
     return exit_code(solved, strict)
+
+
+def has_library(say: Progress) -> bool:
+    """True where the chart library of the page is installed; says so where it is not."""
+    from mor.errors import Problem
+    from mor.report.html.library import library_path
+
+    if library_path() is None:
+        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
 
 
 def exit_code(solved: Solved, strict: bool) -> ExitCode:

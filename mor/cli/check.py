@@ -23,6 +23,6 @@ def command(project: Path, quiet: bool) -> None:
     document = read_document(project)
     network = read_network(document, project.parent)
     if not quiet:
-        for note in document.notes:
+        for note in network.notes:
             click.echo(f"note: {note}", err=True)
         click.echo(contents(network))

@@ -7,14 +7,20 @@ import numpy as np
 from mor.geometry.arrays import IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import ECCENTRICITY, INTERIORS
-from mor.project.edge import ImageScale, UnitError, image_scale
+from mor.project.edge import ImageScale, UnitError, image_scale, split
 from mor.project.entities import entities, unknown_name
-from mor.project.model import Camera
+from mor.project.model import Camera, Setting, Value
 from mor.project.nodes import Path
 from mor.project.reading import Reading
 from mor.project.statuses import settings
 from mor.project.tables import Column, Rows
 from mor.units import NUMBER
+
+
+DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
+"""Diagonal of the format that 35 mm equivalents refer to, mm."""
+GUESSED_CONSTANT = 1.0
+"""Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
 
 
 def read_cameras(reading: Reading) -> None:
@@ -45,14 +51,8 @@ def read_cameras(reading: Reading) -> None:
 def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
     model = CAMERA_MODELS[camera.model]
     path: Path = ("cameras", name, "interior")
-    given = dict(camera.interior)
     place = reading.at(*path)
-    if model.components[0].name not in given:
-        reading.problems.append(
-            reading.at("cameras", name).problem(
-                f"interior: {model.components[0].name} (camera constant) is required"
-            )
-        )
+    given = {**_first_guess(reading, name, camera, scale), **camera.interior}
     statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
     values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given:
@@ -62,6 +62,38 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
             )
         )
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
+
+
+def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
+    """Free camera constant (fx and fy alike) from EXIF-like entries or the image size, where interior gives none."""
+    names = [c.name for c in CAMERA_MODELS[camera.model].components if c.name in ("c", "fx", "fy")]
+    if any(constant in camera.interior for constant in names):
+        return {}
+    at = reading.at("cameras", name)
+    try:
+        guess, words = _guessed_constant(camera, scale)
+    except UnitError as error:
+        reading.problems.append(at.problem(f"interior: {names[0]} (camera constant) is required; {error}"))
+        return {}
+    reading.notes.append(at.problem(f"camera {name}: {names[0]} = {guess:.6g} {scale.unit}, free, {words}"))
+    return {constant: Value(free=repr(guess)) for constant in names}
+
+
+def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
+    """Camera constant in camera units, and where it comes from. Raises :class:`UnitError`."""
+    if camera.focal_length is not None:
+        number, unit = split(camera.focal_length)
+        return number * scale.factor(unit or "mm"), "from focal_length"
+    if camera.image is None:
+        raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
+    width, height = (2.0 * half * scale.factor("px") for half in scale.centre)
+    if camera.focal_length_35mm is not None:
+        return camera.focal_length_35mm * float(
+            np.hypot(width, height)
+        ) / DIAGONAL_35MM, "from focal_length_35mm"
+    return GUESSED_CONSTANT * max(
+        width, height
+    ), f"a first guess: {GUESSED_CONSTANT} x the longer side of the image"
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:

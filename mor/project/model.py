@@ -91,6 +91,14 @@ class Camera(Strict):
     interior: dict[str, Setting] = Field(
         description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
     )
+    focal_length: Measure | None = Field(
+        default=None, description="As in EXIF, e.g. 28 mm: a start value of c where interior gives none"
+    )
+    focal_length_35mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="35 mm equivalent as in EXIF; needs image; a start value of c as well",
+    )
     eccentricity: dict[str, Setting] = Field(
         default_factory=dict,
         description="rx, ry, rz from the projection centre to the rotation centre, image axes",

@@ -80,6 +80,8 @@ class Network:
     """Stations at which no direction was observed."""
     station_levels: Mapping[str, str]
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
+    notes: tuple[Problem, ...]
+    """What was assumed on reading, to be said to the user."""
 
 
 _READERS = {
@@ -144,6 +146,7 @@ def build_network(project: Project, document: Document, folder: Path) -> Network
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
+        notes=(*document.notes, *reading.notes),
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)

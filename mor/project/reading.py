@@ -27,6 +27,8 @@ class Reading:
     """Stations without an orientation: no direction was observed at them."""
     broken: set[str] = field(default_factory=set)
     """Namespaces that could not be read completely: a name missing from them may be no mistake of its own."""
+    notes: list[Problem] = field(default_factory=list)
+    """What was assumed, to be said to the user."""
     scales: dict[str, ImageScale] = field(default_factory=dict)
     groups: dict[str, list[int]] = field(default_factory=dict)
     """Point groups by name: block numbers."""
