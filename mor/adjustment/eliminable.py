@@ -4,43 +4,47 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.point_solutions import point_normals
 from mor.adjustment.problem import Problem
+from mor.adjustment.ray_chunks import ray_chunks
+from mor.adjustment.ray_frames import is_ray
+from mor.adjustment.ray_plan import RayPlan, plan_rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup
 from mor.parameters.index import Values
 
 WELL_DETERMINED = 1e-8
 """Smallest eigenvalue of the normal matrix of a point, scaled to unit diagonal, from which it may be eliminated."""
-_ROWS_AT_A_TIME = 100_000
 
 
-def is_ray(group: ObservationGroup) -> bool:
-    """True for image coordinates: two components, and the point as the last slot."""
-    slot = group.type.slots[-1]
-    return slot.kind == "point" and slot.of == "point" and len(group.type.components) == 2
-
-
-def eliminable_points(problem: Problem, values: Values) -> IntArray:
-    """Numbers of the point blocks that may be eliminated, in the order of the first frame that sees them.
+def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
+    """Rays of the points that may be eliminated, points in the order of the first frame that sees them.
 
     A point qualifies if all its coordinates are free and its own, if it occurs only as the target of uncorrelated
     rays, and if these rays alone, from known frames, determine it.
     """
+    candidates = _candidates(problem)
+    if problem.index.count == 3 * len(candidates):
+        return plan_rays(problem, candidates[:0])  # nothing would be left of the reduced system
+    rays = plan_rays(problem, candidates)
+    good = _well_determined(_point_normals(problem, rays, values))
+    return rays if good.all() else plan_rays(problem, rays.points[good])
+
+
+def _candidates(problem: Problem) -> IntArray:
+    """Points that nothing but uncorrelated rays meets, in the order of the first frame that sees them."""
     blocks = problem.index.blocks.get("point")
     if blocks is None:
         return np.zeros(0, dtype=np.int64)
     count = len(blocks.ids)
-    own = (blocks.owner == np.arange(count)[:, None]).all(axis=1)
-    may = blocks.free.all(axis=1) & own & ~_used_otherwise(problem, count)
-    may &= _shared_by_nobody(problem, count)
-    normal, first = _point_normals(problem, values, may)
-    may &= _well_determined(normal)
+    foreign = blocks.owner != np.arange(count)[:, None]
+    may = blocks.free.all(axis=1) & ~foreign.any(axis=1) & ~_used_otherwise(problem, count)
+    may[blocks.owner[foreign]] = False
+    first = np.full(count, np.iinfo(np.int64).max)
+    for group in filter(is_ray, problem.groups):
+        np.minimum.at(first, group.blocks[-1], group.blocks[1])
+    may &= first < np.iinfo(np.int64).max
     chosen = np.flatnonzero(may)
-    if problem.index.count == 3 * len(chosen):
-        return np.zeros(0, dtype=np.int64)  # nothing would be left of the reduced system
-    order = np.argsort(first[chosen], kind="stable")
-    return chosen[order].astype(np.int64)
+    return chosen[np.argsort(first[chosen], kind="stable")].astype(np.int64)
 
 
 def _used_otherwise(problem: Problem, count: int) -> BoolArray:
@@ -61,38 +65,29 @@ def _used_otherwise(problem: Problem, count: int) -> BoolArray:
     return used
 
 
-def _shared_by_nobody(problem: Problem, count: int) -> BoolArray:
-    owner = problem.index.blocks["point"].owner
-    foreign = owner[(owner != np.arange(count)[:, None])]
-    alone = np.ones(count, dtype=bool)
-    alone[foreign] = False
-    return alone
-
-
-def _point_normals(problem: Problem, values: Values, may: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Normal matrices (points, 3, 3) of the points, all else known, and the first frame that sees each."""
-    normal = np.zeros((len(may), 3, 3))
-    first = np.full(len(may), np.iinfo(np.int64).max)
-    tangent = rotation_tangents(problem.index, values)
-    for group in filter(is_ray, problem.groups):
-        rows_of_candidates = np.flatnonzero(may[group.blocks[-1]])
-        np.minimum.at(first, group.blocks[-1][rows_of_candidates], group.blocks[1][rows_of_candidates])
-        for start in range(0, len(rows_of_candidates), _ROWS_AT_A_TIME):
-            rows = rows_of_candidates[start : start + _ROWS_AT_A_TIME]
-            by_point = linearise(group, problem.index, values, tangent, rows).jacobian[:, :, -3:]
-            weighted = by_point / np.where(group.mask[rows], group.sigma[rows], np.inf)[:, :, None]
-            products = np.einsum("nmi,nmj->nij", weighted, weighted)
-            for i in range(3):
-                for j in range(3):
-                    normal[:, i, j] += np.bincount(
-                        group.blocks[-1][rows], weights=products[:, i, j], minlength=len(may)
-                    )
-    return normal, first
+def _point_normals(problem: Problem, rays: RayPlan, values: Values) -> FloatArray:
+    """Normal matrices (p, 3, 3) of the points, all else known."""
+    normal = np.zeros((len(rays.points), 3, 3))
+    reduced = np.arange(problem.index.count)
+    for chunk in ray_chunks(problem, rays, reduced, values):
+        normal[chunk.points] = point_normals(chunk.rays)
+    return normal
 
 
 def _well_determined(normal: FloatArray) -> BoolArray:
+    """True where the smallest eigenvalue of a matrix (p, 3, 3), scaled to unit diagonal, is not too small.
+
+    The three eigenvalues of such a matrix add up to 3, so the smallest is at least its determinant / (3/2)². Only where
+    that does not decide, it is worked out.
+    """
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     good = (diagonal > 0.0).all(axis=1) & np.isfinite(normal).all(axis=(1, 2))
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = np.where(good[:, None, None], normal * scale[:, :, None] * scale[:, None, :], np.eye(3))
-    return np.asarray(good & (np.linalg.eigvalsh(scaled)[:, 0] > WELL_DETERMINED))
+    a, b, c = (np.where(good, normal[:, i, j] * scale[:, i] * scale[:, j], 0.0) for i, j in ((1, 0), (2, 0), (2, 1)))
+    determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
+    doubtful = np.flatnonzero(good & (determinant < 1e-4))
+    if len(doubtful):
+        s = scale[doubtful]
+        scaled = normal[doubtful] * s[:, :, None] * s[:, None, :]
+        good[doubtful] = np.linalg.eigvalsh(scaled)[:, 0] > WELL_DETERMINED
+    return good

@@ -11,7 +11,7 @@ from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
 from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
 from mor.adjustment.point_elimination import ReducedSystem, accumulate
-from mor.adjustment.ray_plan import ray_chunks, ray_objective
+from mor.adjustment.ray_chunks import ray_chunks, ray_objective
 from mor.adjustment.rays import Rays
 from mor.adjustment.rows import accumulate_rows
 from mor.geometry.arrays import FloatArray, IntArray
@@ -51,31 +51,15 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
     for rows in white_rows(plan, values):
         total += float(np.sum(rows.misclosure**2))
         accumulate_rows(plan.target, block_values, reduced_rhs, rows.jacobian, rows.misclosure, rows.columns)
-    rhs[plan.kept] = reduced_rhs
     matrix = BlockMatrix(structure, block_values)
-    system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal())
+    system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal(), reduced_rhs.copy())
     for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
-        accumulate(chunk.rays, system, damping)
-        total += float(np.sum(chunk.rays.residual**2))
-        rhs[plan.rays.columns[chunk.points]] = point_gradients(chunk.rays)
-        _add_gradient(rhs, plan, chunk.rays)
+        rhs[plan.rays.columns[chunk.points]] = accumulate(chunk.rays, system, damping).gradient
+        total += float(np.vdot(chunk.rays.residual, chunk.rays.residual))
+    rhs[plan.kept] = system.gradient
     if damping:
         add_to_diagonal(matrix, damping * system.diagonal)
     return Normals(matrix, reduced_rhs, system.diagonal, rhs, total)
-
-
-def _add_gradient(rhs: FloatArray, plan: Plan, rays: Rays) -> None:
-    free = rays.columns >= 0
-    gradient = np.einsum("nmc,nm->nc", rays.by_others, rays.residual)[free]
-    reduced = np.bincount(rays.columns[free], weights=gradient, minlength=len(plan.kept))
-    rhs[plan.kept] -= reduced
-
-
-def point_gradients(rays: Rays) -> FloatArray:
-    """−A_pᵀ residual (p, 3) of the points of a chunk."""
-    products = np.einsum("nmi,nm->ni", rays.by_point, rays.residual)
-    gradients: FloatArray = -np.add.reduceat(products, rays.point_pointers[:-1], axis=0)
-    return gradients
 
 
 def add_to_diagonal(matrix: BlockMatrix, amounts: FloatArray) -> None:
@@ -176,7 +160,7 @@ def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
 
 def image_of_rays(rays: Rays, reduced: FloatArray, of_points: FloatArray) -> FloatArray:
     """A G (n, 2, k) of rays for directions given on the reduced unknowns (n, k) and on their points (p, 3, k)."""
-    moved = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)
+    moved = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)[rays.frame]
     point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
     image: FloatArray = np.matmul(rays.by_others, moved) + np.matmul(rays.by_point, of_points[point])
     return image

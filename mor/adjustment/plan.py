@@ -43,7 +43,7 @@ class Plan:
 
     problem: Problem
     kept: IntArray
-    """(n,) unknowns of the reduced system."""
+    """(n,) unknowns of the reduced system, in its order."""
     reduced: IntArray
     """(u,) their numbers in it, −1 for the coordinates of eliminated points."""
     rays: RayPlan
@@ -53,20 +53,21 @@ class Plan:
     clusters: tuple[ClusterRows, ...]
 
 
-def make_plan(problem: Problem, eliminated: IntArray | None = None) -> Plan:
+def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     """Work out rows, pattern and elimination order of a problem.
 
-    ``eliminated`` are numbers of point blocks to eliminate on the fly (see :mod:`mor.adjustment.eliminable`).
+    ``rays`` are those of the points to eliminate on the fly (see :mod:`mor.adjustment.eliminable`).
     """
-    points = np.zeros(0, dtype=np.int64) if eliminated is None else eliminated
-    rays = plan_rays(problem, points)
+    if rays is None:
+        rays = plan_rays(problem, np.zeros(0, dtype=np.int64))
     clusters = tuple(_cluster_rows(problem, cluster) for cluster in problem.clusters)
     row_sets = tuple(_row_set(number, group, clusters, rays) for number, group in enumerate(problem.groups))
     remains = np.ones(problem.index.count, dtype=bool)
     remains[rays.columns] = False
-    kept = np.flatnonzero(remains)
-    reduced = np.where(remains, np.cumsum(remains) - 1, -1)
-    structure = _structure(problem, row_sets, clusters, rays, kept, reduced)
+    kept, block_of, sizes = reduced_blocks(problem.index, np.flatnonzero(remains), rays)
+    reduced = np.full(problem.index.count, -1, dtype=np.int64)
+    reduced[kept] = np.arange(len(kept))
+    structure = _structure(problem, row_sets, clusters, rays, block_of, sizes, reduced)
     return Plan(problem, kept, reduced, rays, target(structure), analyse(structure), row_sets, clusters)
 
 
@@ -84,7 +85,7 @@ def _row_set(
     number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan
 ) -> RowSet:
     weight = np.where(group.mask, 1.0 / np.where(group.mask, group.sigma, 1.0), 0.0)
-    weight[rays.row[rays.group == number]] = 0.0
+    weight[rays.rows_of_group(number)] = 0.0
     for cluster in clusters:
         here = cluster.groups == number
         weight[cluster.rows[here], cluster.components[here]] = 0.0
@@ -107,11 +108,11 @@ def _structure(
     row_sets: tuple[RowSet, ...],
     clusters: tuple[ClusterRows, ...],
     rays: RayPlan,
-    kept: IntArray,
+    block_of: IntArray,
+    sizes: IntArray,
     reduced: IntArray,
 ) -> BlockStructure:
     index = problem.index
-    block_of, sizes = unknown_blocks(index, kept)
     lengths, members = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for row_set in row_sets:
         columns = group_columns(problem.groups[row_set.group], index, row_set.rows)
@@ -123,7 +124,7 @@ def _structure(
         lengths.append(np.array([len(blocks)]))
         members.append(blocks)
     if len(rays.columns):
-        counts, blocks = _cliques_of_points(problem, rays, reduced, block_of)
+        counts, blocks = _cliques_of_points(rays, reduced, block_of)
         lengths.append(counts)
         members.append(blocks)
     pointers = np.concatenate([[0], np.cumsum(np.concatenate(lengths))])
@@ -145,34 +146,73 @@ def reduced_columns(columns: IntArray, reduced: IntArray) -> IntArray:
     return np.where(columns >= 0, reduced[columns], -1) if len(reduced) else columns
 
 
-def _cliques_of_points(
-    problem: Problem, rays: RayPlan, reduced: IntArray, block_of: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Blocks that the rays of each eliminated point meet together (repetitions allowed)."""
-    per_ray = np.zeros(len(rays.row), dtype=np.int64)
-    found: list[tuple[IntArray, IntArray]] = []
-    for number in np.unique(rays.group):
-        here = np.flatnonzero(rays.group == number)
-        columns = group_columns(problem.groups[number], problem.index, rays.row[here])[:, :-3]
-        counts, blocks = _cliques(reduced_columns(columns, reduced), block_of)
-        per_ray[here] = counts
-        found.append((np.repeat(here, counts), blocks))
-    ray = np.concatenate([part[0] for part in found])
-    blocks = np.concatenate([part[1] for part in found])[np.argsort(ray, kind="stable")]
-    starts = np.concatenate([[0], np.cumsum(per_ray)])
-    return np.diff(starts[rays.pointers]).astype(np.int64), blocks
+def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> tuple[IntArray, IntArray]:
+    """Blocks that the rays of each eliminated point meet together (repetitions allowed); equal points once."""
+    counts, blocks = _cliques(reduced_columns(rays.frames.columns, reduced), block_of)
+    starts = np.cumsum(counts) - counts
+    frame = rays.frame_of_ray
+    distinct = _distinct_cliques(rays.pointers, frame)
+    degree = np.diff(rays.pointers)[distinct]
+    chosen = frame[ranges(rays.pointers[distinct], degree)]
+    members = blocks[ranges(starts[chosen], counts[chosen])]
+    ends = np.concatenate([[0], np.cumsum(counts[chosen])])[np.concatenate([[0], np.cumsum(degree)])]
+    return np.diff(ends).astype(np.int64), members
 
 
-def unknown_blocks(index: Index, kept: IntArray | None = None) -> tuple[IntArray, IntArray]:
-    """Block number of every (kept) unknown and size of every block: one for each parameter block with unknowns."""
-    kind, block = (
-        (index.kind_of, index.block_of) if kept is None else (index.kind_of[kept], index.block_of[kept])
+def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
+    """Points (k,) such that every combination of frames that sees a point occurs, seldom more than once."""
+    mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (frame.astype(np.uint64) << np.uint64(31))
+    keys = np.add.reduceat(mixed * (mixed | np.uint64(1)), pointers[:-1])
+    # Two combinations with the same sum of 64-bit keys and the same number of rays, first and last frame: never seen.
+    table = np.stack([keys.view(np.int64), np.diff(pointers), frame[pointers[:-1]], frame[pointers[1:] - 1]])
+    order = np.lexsort(table)
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (np.diff(table[:, order], axis=1) != 0).any(axis=0)
+    return np.sort(order[first])
+
+
+def ranges(starts: IntArray, lengths: IntArray) -> IntArray:
+    """Concatenation of ``arange(starts[i], starts[i] + lengths[i])``."""
+    before = np.cumsum(lengths) - lengths
+    return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)
+
+
+def reduced_blocks(index: Index, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:
+    """Unknowns (n,) in the order of the reduced system, block number of each, and size of every block.
+
+    A block for each parameter block; but position and rotation of an image are one where each belongs to the other
+    alone, for then they occur together only, and one block of six is quicker than four of three by three.
+    """
+    kind, block = index.kind_of[kept], index.block_of[kept]
+    if len(kept) == 0:
+        return kept, kept, kept
+    numbers = np.cumsum(np.concatenate([[0], (np.diff(kind) != 0) | (np.diff(block) != 0)]))
+    joined = _joined(index, kept, numbers, rays)
+    order = np.argsort(joined, kind="stable")
+    kept, joined = kept[order], joined[order]
+    block_of = np.cumsum(np.concatenate([[0], np.diff(joined) != 0])).astype(np.int64)
+    return kept, block_of, np.bincount(block_of).astype(np.int64)
+
+
+def _joined(index: Index, kept: IntArray, numbers: IntArray, rays: RayPlan) -> IntArray:
+    """Block numbers (n,) of the unknowns, the same for the position and the rotation of an image."""
+    if not rays.frames.groups:
+        return numbers
+    number_of = np.full(index.count, -1, dtype=np.int64)
+    number_of[kept] = numbers
+    pairs = np.unique(np.concatenate(rays.poses(), axis=1), axis=1)
+    columns = [index.columns[kind][pairs[k]].max(axis=1, initial=-1) for k, kind in enumerate(("point", "rotation"))]
+    free = (columns[0] >= 0) & (columns[1] >= 0)
+    position, rotation = (number_of[column[free]] for column in columns)
+    kept_both = (position >= 0) & (rotation >= 0)
+    position, rotation = position[kept_both], rotation[kept_both]
+    count = int(numbers[-1]) + 1
+    alone = (np.bincount(position, minlength=count)[position] == 1) & (
+        np.bincount(rotation, minlength=count)[rotation] == 1
     )
-    if len(kind) == 0:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    changes = (np.diff(kind) != 0) | (np.diff(block) != 0)
-    block_of = np.concatenate([[0], np.cumsum(changes)]).astype(np.int64)
-    return block_of, np.bincount(block_of).astype(np.int64)
+    into = np.arange(count)
+    into[position[alone]] = rotation[alone]
+    return into[numbers]
 
 
 def _cliques(columns: IntArray, block_of: IntArray) -> tuple[IntArray, IntArray]:

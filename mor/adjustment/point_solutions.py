@@ -14,7 +14,7 @@ import numpy as np
 
 from mor.adjustment.plan import Plan
 from mor.adjustment.point_elimination import back_substitute
-from mor.adjustment.ray_plan import RayChunk, ray_chunks
+from mor.adjustment.ray_chunks import RayChunk, ray_chunks
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray
 from mor.parameters.index import Values
@@ -51,9 +51,10 @@ def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple
         alone = np.linalg.solve(point_normals(rays), rhs[plan.rays.columns[chunk.points]])
         answer[chunk.points] = alone
         moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])
-        free = rays.columns >= 0
+        columns = rays.columns_of_rays
+        free = columns >= 0
         back = np.einsum("nmc,nmk->nck", rays.by_others, moved)[free]
-        np.subtract.at(reduced, rays.columns[free], back)
+        np.subtract.at(reduced, columns[free], back)
     return reduced, answer
 
 

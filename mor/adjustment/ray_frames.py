@@ -5,7 +5,8 @@ Columns and values are looked up once for every frame, not once for every ray.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,14 @@ _POSITION, _ROTATION, _HEIGHT, _ECCENTRICITY, _INTERIOR = range(5)
 _WIDTHS = (3, 3, 1, 3)
 
 
+class Pick(NamedTuple):
+    """Which derivatives by the block of a slot go to which columns."""
+
+    slot: int
+    components: IntArray
+    columns: IntArray
+
+
 @dataclass(frozen=True)
 class GroupFrames:
     """Frames of one observation group.
@@ -31,6 +40,7 @@ class GroupFrames:
         slots: slots that have unknowns in some frame, the point left out.
         model: number of the compiled camera model, −1 where the equations in numpy are taken.
         r0: (f,) constant of the camera model.
+        picks: derivatives that are wanted.
     """
 
     group: int
@@ -39,6 +49,7 @@ class GroupFrames:
     slots: tuple[int, ...]
     model: int
     r0: FloatArray
+    picks: tuple[Pick, ...] = ()
 
     @property
     def count(self) -> int:
@@ -61,6 +72,12 @@ class Frames:
     layout: Layout
 
 
+def is_ray(group: ObservationGroup) -> bool:
+    """True for image coordinates: two components, and the point as the last slot."""
+    slot = group.type.slots[-1]
+    return slot.kind == "point" and slot.of == "point" and len(group.type.components) == 2
+
+
 def numbered(blocks: list[IntArray]) -> tuple[IntArray, IntArray]:
     """Number the distinct columns of blocks (slots, n): numbers (n,) and the distinct ones (slots, f)."""
     n = len(blocks[0])
@@ -71,13 +88,23 @@ def numbered(blocks: list[IntArray]) -> tuple[IntArray, IntArray]:
         representative[number] = block
         if np.array_equal(representative[number], block):
             continue
-        keys = number * (int(block.max(initial=0)) + 1) + block
-        distinct, number = np.unique(keys, return_inverse=True)
-        count = len(distinct)
+        number, count = _renumbered(number * (int(block.max()) + 1) + block)
     found = np.zeros((len(blocks), count), dtype=np.int64)
     for slot, block in enumerate(blocks):
         found[slot, number] = block
     return number, found
+
+
+def _renumbered(keys: IntArray) -> tuple[IntArray, int]:
+    """Keys (n,) numbered from 0, ascending, and how many there are; without sorting where they are dense."""
+    largest = int(keys.max())
+    if largest > 8 * len(keys) + 1_000_000:
+        distinct, number = np.unique(keys, return_inverse=True)
+        return number.astype(np.int64), len(distinct)
+    present = np.zeros(largest + 1, dtype=bool)
+    present[keys] = True
+    place = np.cumsum(present) - 1
+    return place[keys], int(place[-1]) + 1
 
 
 def group_frames(
@@ -112,36 +139,39 @@ def _compiled_model(
 
 def all_frames(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index) -> Frames:
     """Columns of the frames of all groups, and the layout of those that are compiled."""
-    layout, width = _layout(groups, observed, index)
-    parts = []
-    for group in groups:
-        kinds = [slot.kind for slot in observed[group.group].type.slots]
-        if group.model < 0:
-            parts.append([index.columns[kinds[k]][group.blocks[k]] for k in group.slots])
-            continue
-        starts = (layout.position, layout.rotation, layout.height, layout.eccentricity)
-        wanted = [
-            index.columns[kinds[k]][group.blocks[k]] for k, start in enumerate(starts) if start >= 0
-        ]
-        interior = index.columns[kinds[_INTERIOR]][group.blocks[_INTERIOR]]
-        known = layout.components < interior.shape[1]
-        chosen = np.where(known, layout.components, 0)
-        wanted.append(np.where(known, interior[:, chosen], -1))
-        parts.append(wanted)
-    widest = max([width, *(sum(part.shape[1] for part in wanted) for wanted in parts)], default=0)
-    count = sum(group.count for group in groups)
-    columns = np.full((count, widest), -1, dtype=np.int64)
-    for group, wanted in zip(groups, parts, strict=True):
-        if wanted:
-            together = np.concatenate(wanted, axis=1)
-            columns[group.first : group.first + group.count, : together.shape[1]] = together
-    return Frames(groups, columns, layout)
+    layout = _layout(groups, observed, index)
+    picked = tuple(replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups)
+    width = max((int(pick.columns.max()) + 1 for group in picked for pick in group.picks), default=0)
+    columns = np.full((sum(group.count for group in groups), width), -1, dtype=np.int64)
+    for group in picked:
+        own = columns[group.first : group.first + group.count]
+        for pick in group.picks:
+            kind = observed[group.group].type.slots[pick.slot].kind
+            own[:, pick.columns] = index.columns[kind][group.blocks[pick.slot]][:, pick.components]
+    return Frames(picked, columns, layout)
+
+
+def _picks(group: GroupFrames, observed: ObservationGroup, index: Index, layout: Layout) -> tuple[Pick, ...]:
+    """Derivatives by all blocks that have unknowns, in the order of the layout where the group is compiled."""
+    sizes = {k: index.columns[observed.type.slots[k].kind].shape[1] for k in group.slots}
+    if group.model < 0:
+        ends = np.cumsum(list(sizes.values()))
+        return tuple(
+            Pick(k, np.arange(size), np.arange(end - size, end))
+            for (k, size), end in zip(sizes.items(), ends, strict=True)
+        )
+    starts = (layout.position, layout.rotation, layout.height, layout.eccentricity)
+    picks = [Pick(k, np.arange(sizes[k]), starts[k] + np.arange(sizes[k])) for k in group.slots if k != _INTERIOR]
+    if _INTERIOR in sizes:
+        known = layout.components < sizes[_INTERIOR]
+        picks.append(Pick(_INTERIOR, layout.components[known], layout.interior + np.flatnonzero(known)))
+    return tuple(picks)
 
 
 def _layout(
     groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index
-) -> tuple[Layout, int]:
-    """Layout of the compiled derivatives, and how many columns it has."""
+) -> Layout:
+    """Layout of the compiled derivatives."""
     compiled = [group for group in groups if group.model >= 0]
     used: set[int] = {slot for group in compiled for slot in group.slots}
     at, starts = 0, [-1, -1, -1, -1]
@@ -154,7 +184,7 @@ def _layout(
         kind = observed[group.group].type.slots[_INTERIOR].kind
         free |= set(np.flatnonzero((index.columns[kind][group.blocks[_INTERIOR]] >= 0).any(axis=0)).tolist())
     components = np.array(sorted(free), dtype=np.int64)
-    return Layout(*starts, at, components), at + len(components)
+    return Layout(*starts, at, components)
 
 
 def frame_values(
@@ -191,12 +221,6 @@ def frame_values(
     return result
 
 
-def chosen_frames(values: FrameValues, frames: IntArray) -> FrameValues:
-    """Values of some frames."""
-    tangent = values.tangent[frames] if len(values.tangent) else values.tangent
-    return FrameValues(*(array[frames] for array in values[:-1]), tangent)
-
-
 def _compiled(frames: Frames) -> list[GroupFrames]:
     return [group for group in frames.groups if group.model >= 0]
 
@@ -204,5 +228,3 @@ def _compiled(frames: Frames) -> list[GroupFrames]:
 def _interior_kind(group: ObservationGroup) -> str:
     return group.type.slots[_INTERIOR].kind
 
-
-__all__ = ["Frames", "GroupFrames", "all_frames", "chosen_frames", "frame_values", "group_frames", "numbered"]

@@ -1,142 +1,136 @@
-"""The rays of the eliminated points, sorted by point, linearised chunk by chunk and forgotten."""
+"""The rays of the eliminated points, sorted by point and cut into chunks: worked out once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.eliminable import is_ray
-from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
+from mor.adjustment import compiled
+from mor.adjustment.compiled import sorting
+from mor.adjustment.compiled.image_rays import Measured
 from mor.adjustment.problem import Problem
-from mor.adjustment.rays import Rays
-from mor.geometry.arrays import FloatArray, IntArray
-from mor.parameters.index import Values
+from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_frames, is_ray
+from mor.geometry.arrays import IntArray
+from mor.observations import ObservationGroup
 
 RAYS_AT_A_TIME = 8192
 """Rays of a chunk, about: small enough for the Jacobians to stay in the cache."""
 
 
+class Chunk(NamedTuple):
+    """Whole points and their rays."""
+
+    points: slice
+    rays: slice
+    frames: IntArray
+    """Frames of its rays, which name them by their place in this list."""
+
+
 @dataclass(frozen=True)
 class RayPlan:
-    """Rays of the eliminated points."""
+    """Rays of the eliminated points, sorted by point, those of a point by frame."""
 
+    points: IntArray
+    """(p,) numbers of the point blocks."""
     columns: IntArray
     """(p, 3) unknowns of the eliminated points."""
     pointers: IntArray
     """(p+1,) rays of each point."""
-    group: IntArray
-    """(n,) observation group of each ray."""
     row: IntArray
-    """(n,) row in its group."""
-    chunks: tuple[tuple[int, int], ...]
-    """Ranges of points, whole points each."""
+    """(n,) row of each ray in its group."""
+    frame: IntArray
+    """(n,) frame of each ray within its chunk."""
+    frames: Frames
+    group_of_frame: IntArray
+    """(f,) observation group of each frame."""
+    measured: Measured
+    chunks: tuple[Chunk, ...]
 
+    @property
+    def frame_of_ray(self) -> IntArray:
+        """(n,) frame of each ray."""
+        parts = [chunk.frames[self.frame[chunk.rays]] for chunk in self.chunks]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
-class RayChunk(NamedTuple):
-    """One chunk, linearised."""
+    def rows_of_group(self, number: int) -> IntArray:
+        """Rows of a group that are rays of eliminated points."""
+        if len(self.frames.groups) == 1 and self.frames.groups[0].group == number:
+            return self.row
+        return self.row[self.group_of_frame[self.frame_of_ray] == number] if len(self.row) else self.row
 
-    points: slice
-    """Its eliminated points."""
-    group: IntArray
-    row: IntArray
-    rays: Rays
+    def poses(self) -> list[IntArray]:
+        """(2, f) position and rotation block of the frames of each group."""
+        return [group.blocks[:2] for group in self.frames.groups]
 
 
 def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
     """Sort the rays of the points (numbers of point blocks) by point and cut them into chunks."""
-    blocks = problem.index.blocks.get("point")
-    place = np.full(len(blocks.ids) if blocks else 0, -1, dtype=np.int64)
+    index, groups = problem.index, problem.groups
+    place = np.full(len(index.blocks["point"].ids) if "point" in index.blocks else 0, -1, dtype=np.int64)
     place[points] = np.arange(len(points))
-    parts = [
-        (np.full(group.count, number), np.arange(group.count), place[group.blocks[-1]])
-        for number, group in enumerate(problem.groups)
-        if is_ray(group)
-    ]
+    found: list[GroupFrames] = []
+    parts: list[tuple[IntArray, IntArray, IntArray]] = []
+    first = 0
+    for number, group in enumerate(groups):
+        rows = np.flatnonzero(place[group.blocks[-1]] >= 0) if is_ray(group) and len(points) else points[:0]
+        if len(rows) == 0:
+            continue
+        frame, frames = group_frames(number, first, group, index, rows)
+        found.append(frames)
+        parts.append((rows, place[group.blocks[-1][rows]], frame + first))
+        first += frames.count
     none = np.zeros(0, dtype=np.int64)
-    group, row, point = (
-        np.concatenate([none, *arrays]) for arrays in (zip(*parts, strict=True) if parts else [()] * 3)
+    row, point, frame = (parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True)))
+    pointers, order = _order(point, frame, len(points))
+    row, frame = row[order], frame[order]
+    frames = all_frames(tuple(found), groups, index)
+    group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
+    local, chunks = _chunks(pointers, frame, first)
+    columns = index.columns["point"][points] if len(points) else np.zeros((0, 3), dtype=np.int64)
+    measured = _measured(groups, group_of_frame[frame], row)
+    return RayPlan(points, columns, pointers, row, local, frames, group_of_frame, measured, chunks)
+
+
+def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, IntArray]:
+    if compiled.available:
+        pointers, order = sorting.by_point_and_frame(point, frame, points)
+        return pointers, order
+    counts = np.bincount(point, minlength=points)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), np.lexsort((frame, point))
+
+
+def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[IntArray, tuple[Chunk, ...]]:
+    """Frame (n,) of each ray within its chunk, and the chunks."""
+    bounds = [0]
+    while bounds[-1] < len(pointers) - 1:
+        last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
+        bounds.append(max(last, bounds[-1] + 1))
+    first_ray = pointers[bounds]
+    local = np.empty(len(frame), dtype=np.int64)
+    of_chunk, found = sorting.local_numbers(frame, first_ray, frames, local)
+    chunks = tuple(
+        Chunk(
+            slice(bounds[c], bounds[c + 1]),
+            slice(int(first_ray[c]), int(first_ray[c + 1])),
+            found[of_chunk[c] : of_chunk[c + 1]],
+        )
+        for c in range(len(bounds) - 1)
     )
-    mine = point >= 0
-    order = np.flatnonzero(mine)[np.argsort(point[mine], kind="stable")]
-    pointers = np.concatenate([[0], np.cumsum(np.bincount(point[mine], minlength=len(points)))]).astype(
-        np.int64
-    )
-    columns = problem.index.columns["point"][points] if blocks else np.zeros((0, 3), dtype=np.int64)
-    return RayPlan(columns, pointers, group[order], row[order], _chunks(pointers))
+    return local, chunks
 
 
-def _chunks(pointers: IntArray) -> tuple[tuple[int, int], ...]:
-    chunks, first = [], 0
-    while first < len(pointers) - 1:
-        last = int(np.searchsorted(pointers, pointers[first] + RAYS_AT_A_TIME, side="right")) - 1
-        last = max(last, first + 1)
-        chunks.append((first, last))
-        first = last
-    return tuple(chunks)
-
-
-def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system."""
-    tangent = rotation_tangents(problem.index, values)
-    for first, last in plan.chunks:
-        part = slice(int(plan.pointers[first]), int(plan.pointers[last]))
-        group, row = plan.group[part], plan.row[part]
-        rays = _linearised(problem, group, row, reduced, values, tangent)
-        pointers = plan.pointers[first : last + 1] - plan.pointers[first]
-        yield RayChunk(slice(first, last), group, row, Rays(*rays, pointers))
-
-
-def _linearised(
-    problem: Problem,
-    group: IntArray,
-    row: IntArray,
-    reduced: IntArray,
-    values: Values,
-    tangent: FloatArray | None,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Whitened residuals and Jacobians of rays that may belong to several groups."""
-    numbers = np.unique(group)
-    parts = []
-    for number in numbers:
-        here = slice(None) if len(numbers) == 1 else np.flatnonzero(group == number)
-        observations = problem.groups[number]
+def _measured(groups: tuple[ObservationGroup, ...], group: IntArray, row: IntArray) -> Measured:
+    """Measurements in the order of the rays."""
+    observed, weight, measured = (np.zeros((len(row), 2)) for _ in range(3))
+    for number in np.unique(group):
+        one = groups[number]
+        here = slice(None) if (group == number).all() else np.flatnonzero(group == number)
         rows = row[here]
-        part = linearise(observations, problem.index, values, tangent, rows)
-        weight = np.where(observations.mask[rows], 1.0 / observations.sigma[rows], 0.0)
-        columns = np.where(part.columns[:, :-3] >= 0, reduced[part.columns[:, :-3]], -1)
-        jacobian = part.jacobian * weight[:, :, None]
-        parts.append((here, -part.misclosure * weight, jacobian[:, :, -3:], jacobian[:, :, :-3], columns))
-    if len(parts) == 1:
-        _, residual, by_point, by_others, columns = parts[0]
-        return residual, np.ascontiguousarray(by_point), np.ascontiguousarray(by_others), columns
-    return _merged(parts, len(row))
-
-
-def _merged(parts: list[tuple[IntArray | slice, FloatArray, FloatArray, FloatArray, IntArray]], count: int):  # type: ignore[no-untyped-def]
-    width = max(part[4].shape[1] for part in parts)
-    residual, by_point = np.zeros((count, 2)), np.zeros((count, 2, 3))
-    by_others, columns = np.zeros((count, 2, width)), np.full((count, width), -1, dtype=np.int64)
-    for here, v, at_point, at_others, own in parts:
-        residual[here], by_point[here] = v, at_point
-        by_others[here, :, : own.shape[1]] = at_others
-        columns[here, : own.shape[1]] = own
-    return residual, by_point, by_others, columns
-
-
-def ray_objective(problem: Problem, plan: RayPlan, values: Values) -> float:
-    """Σ (v/σ)² of the rays."""
-    total = 0.0
-    for first, last in plan.chunks:
-        part = slice(int(plan.pointers[first]), int(plan.pointers[last]))
-        group, row = plan.group[part], plan.row[part]
-        for number in np.unique(group):
-            rows = row[group == number]
-            observations = problem.groups[number]
-            scaled = misclosures(observations, values, rows) / observations.sigma[rows]
-            total += (
-                float(np.nansum(scaled**2)) if np.isfinite(scaled[observations.mask[rows]]).all() else np.inf
-            )
-    return total
+        given, sigma = one.observed[rows], one.sigma[rows]
+        seen = np.isfinite(given)
+        observed[here] = np.where(seen, given, 0.0)
+        weight[here] = np.where(seen, 1.0 / np.where(seen, sigma, 1.0), 0.0)
+        measured[here] = np.nan_to_num(one.constants[rows, :2]) if one.constants.shape[1] >= 2 else 0.0
+    return Measured(observed, weight, observed if np.array_equal(observed, measured) else measured)

@@ -109,7 +109,9 @@ def row_cofactors_plainly(
     """The same in plain numpy."""
     places, _ = _places(Target(cofactors.structure, block_of), columns, lower_only=False)
     q = np.where(places >= 0, cofactors.values[places], 0.0)
-    return np.einsum("nmk,nkl,npl->nmp", np.where((columns >= 0)[:, None, :], jacobian, 0.0), q, jacobian)
+    free = np.where((columns >= 0)[:, None, :], jacobian, 0.0)
+    result: FloatArray = np.einsum("nmk,nkl,npl->nmp", free, q, jacobian)
+    return result
 
 
 def gather(matrix: BlockMatrix, block_of: IntArray, columns: IntArray) -> FloatArray:

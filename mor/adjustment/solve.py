@@ -15,7 +15,7 @@ import numpy as np
 
 from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
 from mor.adjustment.defect import Defect, explain_defect
-from mor.adjustment.eliminable import eliminable_points
+from mor.adjustment.eliminable import eliminable_rays
 from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert
 from mor.adjustment.normals import Normals, build_normals, objective
 from mor.adjustment.plan import Plan, make_plan
@@ -86,7 +86,7 @@ def adjust(
 ) -> Adjustment:
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or Settings()
-    plan = make_plan(problem, eliminable_points(problem, start))
+    plan = make_plan(problem, eliminable_rays(problem, start))
     state = _begin(plan, start)
     while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
         state = _advance(state)

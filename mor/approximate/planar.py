@@ -11,6 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linprog
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.homography import Homography, fit_homography
@@ -19,7 +20,6 @@ from mor.approximate.rinner import nearest_rotation
 from mor.approximate.vectors import unit
 from mor.geometry.arrays import FloatArray, IntArray
 
-HALF_SPACE_STEPS = 100
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
 
@@ -131,15 +131,23 @@ def corners_within(rays: FloatArray) -> FloatArray:
 def _flat(directions: FloatArray) -> FloatArray:
     """Coordinates (n, 2) that keep straight lines straight: the rays cut by a plane they all reach."""
     axis = unit(directions.sum(axis=0))
-    for _ in range(HALF_SPACE_STEPS):
-        # The rays to a plane fill less than a half-space, but not always one about their mean.
-        depths = directions @ axis
-        worst = int(np.argmin(depths))
-        if depths[worst] > 0.02:
-            break
-        axis = unit(axis + directions[worst])
+    if float(np.min(directions @ axis)) < 0.1:
+        axis = _facing_axis(directions)
     across = np.linalg.svd(axis[None, :])[2][1:]
     return np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
+
+
+def _facing_axis(directions: FloatArray) -> FloatArray:
+    """Direction (3,) that the rays (n, 3) are least far from: they fill less than a half-space if it is a plane.
+
+    Largest t with p · a ≥ t, |a_i| ≤ 1, a linear programme.
+    """
+    bound = np.column_stack([-directions, np.ones(len(directions))])
+    limits = [(-1.0, 1.0)] * 3 + [(None, None)]
+    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=bound, b_ub=np.zeros(len(directions)), bounds=limits)
+    if found.x is None:  # never: zero is feasible
+        return unit(directions.sum(axis=0))
+    return unit(np.asarray(found.x[:3], dtype=float))
 
 
 def _diagonal(flat: FloatArray, hull: IntArray) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -86,14 +86,12 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
         return number * scale.factor(unit or "mm"), "from focal_length"
     if camera.image is None:
         raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
-    width, height = (2.0 * half * scale.factor("px") for half in scale.centre)
+    width, height = (split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height))
     if camera.focal_length_35mm is not None:
-        return camera.focal_length_35mm * float(
-            np.hypot(width, height)
-        ) / DIAGONAL_35MM, "from focal_length_35mm"
-    return GUESSED_CONSTANT * max(
-        width, height
-    ), f"a first guess: {GUESSED_CONSTANT} x the longer side of the image"
+        diagonal = float(np.hypot(width, height))
+        return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
+    words = f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
+    return GUESSED_CONSTANT * max(width, height), words
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:

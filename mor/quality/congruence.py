@@ -1,10 +1,10 @@
 """Congruence: have points moved between two epochs?
 
 The movements d of the points that both epochs have, with cofactors Q_d = Q_1 + Q_2, in one datum over those points. The
-hypothesis that nothing moved is tested with T = dᵀ Q_d⁺ d, rank h: T/h against the χ² distribution (σ0 known) or, over the
-pooled variance of both epochs, the F distribution (H. Pelzer, 1971). Where it is rejected, the point whose removal from
-the datum leaves the rest most congruent is taken to have moved, and so on until the rest is congruent. A movement with
-its own 3 × 3 cofactors is then tested for every point, in the datum of the stable ones.
+hypothesis that nothing moved is tested with T = dᵀ Q_d⁺ d, rank h: T/h against the χ² distribution (σ0 known) or, over
+the pooled variance of both epochs, the F distribution (H. Pelzer, 1971). Where it is rejected, the point whose removal
+from the datum leaves the rest most congruent is taken to have moved, and so on until the rest is congruent. A movement
+with its own 3 × 3 cofactors is then tested for every point, in the datum of the stable ones.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def congruence(
 ) -> Congruence:
     """Congruence test of movements d (n, 3) with cofactors q (3n, 3n).
 
-    ``generators`` (3n, k) are the movements of the whole network that neither epoch determines: the datum is free in them.
+    ``generators`` (3n, k) are movements of the whole network that neither epoch determines: the datum is free in them.
     ``known``: σ0 = 1 is known; otherwise the pooled ``variance`` is used.
     """
     n = len(d)
@@ -108,10 +108,10 @@ def congruence(
         critical = _critical(test.freedom, redundancy, level, known)
         first = first or test
         value = test.statistic if known else test.ratio
-        enough = np.count_nonzero(stable) * 3 > generators.shape[1] + 3
+        enough = test.freedom > 1 and np.count_nonzero(stable) > 1
         if value <= critical or not enough or test.freedom == 0:
             break
-        stable[_most_moved(d, q, generators, stable, variance, redundancy)] = False
+        stable[_most_moved(moved, cofactors, stable)] = False
     tests = tuple(
         movement_test(moved[i], cofactors[3 * i : 3 * i + 3, 3 * i : 3 * i + 3], variance, redundancy)
         for i in range(n)
@@ -139,22 +139,19 @@ def _in_datum(
     return (S @ d.ravel()).reshape(d.shape), S @ q @ S.T
 
 
-def _most_moved(
-    d: FloatArray,
-    q: FloatArray,
-    generators: FloatArray,
-    stable: BoolArray,
-    variance: float,
-    redundancy: int,
-) -> int:
-    """The stable point without which the others are most congruent."""
-    best, least = -1, np.inf
-    for i in np.flatnonzero(stable):
-        without = stable.copy()
-        without[i] = False
-        moved, cofactors = _in_datum(d, q, generators, without)
-        here = np.repeat(without, 3)
-        test = movement_test(moved.ravel()[here], cofactors[np.ix_(here, here)], variance, redundancy)
-        if test.statistic * test.freedom < least:
-            best, least = int(i), test.statistic * test.freedom
-    return best
+def _most_moved(d: FloatArray, q: FloatArray, stable: BoolArray) -> int:
+    """The stable point without which the others are most congruent.
+
+    Without point B, T falls by T_B = (P d)_Bᵀ (P_BB)⁺ (P d)_B, P the inverse of the cofactors (Pelzer's decomposition).
+    """
+    where = np.flatnonzero(stable)
+    here = np.repeat(stable, 3)
+    P = np.linalg.pinv(q[np.ix_(here, here)], rcond=_RANK, hermitian=True)
+    pulled = P @ d.ravel()[here]
+    parts = []
+    for k in range(len(where)):
+        own = slice(3 * k, 3 * k + 3)
+        parts.append(
+            float(pulled[own] @ np.linalg.pinv(P[own, own], rcond=1e-9, hermitian=True) @ pulled[own])
+        )
+    return int(where[int(np.argmax(parts))])

@@ -1,7 +1,7 @@
 """Covariances of any unknowns together, in the datum of the adjustment: what the stored blocks do not hold.
 
-Columns of the inverse come from one solution each; the S-transformation carries them into the datum, which also makes them
-independent of the minimal datum the factorisation happened to take.
+Columns of the inverse come from one solution each; the S-transformation carries them into the datum, which also makes
+them independent of the minimal datum the factorisation happened to take.
 """
 
 from __future__ import annotations

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.undetermined import Undetermined
+from mor.parameters.kinds import KINDS
+from mor.quality.loose_frames import why_loose
 from mor.quality.parts import Part, connected_parts
 from mor.quality.solved import Solved
+from mor.quality.weak import weak_directions
+from mor.units import ANGLE_UNITS
 
 _CURES = {
     "point": "observe it from a second place, or fix or observe its coordinates",
@@ -107,11 +111,49 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool) -> list[str
             single.setdefault(blocks[0], []).append(direction)
         elif not separated:
             lines += _together(direction, blocks)
-    return [
+    told = [
         _one_block(kind, block, directions)
         for (kind, block), directions in single.items()
         if _owner(kind, block) not in alone
-    ] + lines
+    ]
+    return [*told, *lines, *_geometry(solved, alone)]
+
+
+def _geometry(solved: Solved, alone: set[tuple[str, str]]) -> list[str]:
+    """Images and stations among what is loose that see too few points, or all on one line."""
+    frames = dict.fromkeys(
+        _owner(kind, block)
+        for direction in solved.adjustment.defect.undetermined
+        for kind, block, _ in direction.unknowns
+    )
+    return [
+        line
+        for space, name in frames
+        if space in ("image", "station") and (space, name) not in alone
+        for line in why_loose(solved, space, name)
+    ]
+
+
+def weakness(solved: Solved) -> list[str]:
+    """One line for every direction that is determined, but hardly."""
+    if solved.quality is None:
+        return []
+    units = solved.network.project.units
+    image = next((scale.unit for scale in solved.network.scales.values()), "mm")
+    lines = []
+    for direction in weak_directions(solved.quality):
+        parts = []
+        for (kind, block, component), sigma in zip(direction.unknowns, direction.sigmas, strict=True):
+            quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
+            angle = "deg" if units.angle == "dms" else units.angle
+            factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+            amount = f"{sigma / factor:.3g} {quantity.unit(units.length, angle, image)}"
+            parts.append(f"{component} of {_name(kind, block)} by {amount}")
+        cure = _cure(direction.unknowns[0][0])
+        lines.append(
+            f"These move together, within one standard deviation: {', '.join(parts)}. It would help to {cure}."
+        )
+    return lines
 
 
 def _one_block(kind: str, block: str, directions: list[Undetermined]) -> str:

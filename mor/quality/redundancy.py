@@ -6,7 +6,6 @@ and for the components of one observation row the statistic of the joint test, (
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +15,7 @@ from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.normals import cluster_rows, image_of_rays
 from mor.adjustment.plan import ClusterRows, reduced_columns
 from mor.adjustment.point_elimination import cofactors as ray_cofactors
-from mor.adjustment.ray_plan import RayChunk, ray_chunks
-from mor.adjustment.rays import Rays
+from mor.adjustment.ray_chunks import RayChunk, ray_chunks
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -76,7 +74,7 @@ def observation_quality(
         _cluster_quality(adjustment, cofactors, cluster, quality, tangent)
     of_points = np.zeros((len(plan.rays.columns), 3, 3))
     for chunk in ray_chunks(adjustment.problem, plan.rays, plan.reduced, values):
-        of_points[chunk.points], white = _white_cofactors(chunk.rays, cofactors)
+        of_points[chunk.points], white = ray_cofactors(chunk.rays, cofactors)
         if weak.shape[1]:
             image = image_of_rays(chunk.rays, weak[plan.kept], weak[plan.rays.columns[chunk.points]])
             white = white + image @ np.swapaxes(image, 1, 2)
@@ -84,23 +82,6 @@ def observation_quality(
     for group, one in zip(groups, quality, strict=True):
         _leave_out(group, one)
     return quality, of_points
-
-
-def _white_cofactors(rays: Rays, cofactors: BlockMatrix) -> tuple[FloatArray, FloatArray]:
-    """Q_pp (p, 3, 3) of the points and J Q Jᵀ (n, 2, 2) of the whitened rays of a chunk.
-
-    What stands between x and y follows from the variances of (x + y)/√2 and (x − y)/√2.
-    """
-    of_points, straight = ray_cofactors(rays, cofactors)
-    turn = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
-    turned = replace(
-        rays,
-        by_point=np.ascontiguousarray(turn @ rays.by_point),
-        by_others=np.ascontiguousarray(turn @ rays.by_others),
-    )
-    _, diagonals = ray_cofactors(turned, cofactors)
-    between = 0.5 * (diagonals[:, 0] - diagonals[:, 1])
-    return of_points, np.stack([straight[:, 0], between, between, straight[:, 1]], axis=1).reshape(-1, 2, 2)
 
 
 def _fill_rays(

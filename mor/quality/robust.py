@@ -24,8 +24,9 @@ from mor.quality.assess import Quality
 from mor.quality.exclusion import reweighted
 
 Method = Literal["l1", "danish"]
-_ROUNDS = 15
-_SETTLED = 1e-3
+_ROUNDS = 60
+_SETTLED = 0.01
+"""Largest relative change of a factor at which the weights have settled."""
 _SMALLEST = 1e-8
 """Factor on a weight below which nothing is made lighter: the system must stay regular."""
 _LIGHT = 0.1
@@ -66,7 +67,8 @@ def robust_estimate(quality: Quality, method: Method, settings: Settings | None 
                 return Robust(method, adjustment, factors, False)
             adjustment, before = found, factors
             factors = _factors(problem, adjustment, spread, stage)
-            change = max(float(np.abs(a - b).max(initial=0.0)) for a, b in zip(factors, before, strict=True))
+            pairs = zip(factors, before, strict=True)
+            change = max(float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs)
             if change < _SETTLED:
                 settled = True
                 break

@@ -18,10 +18,15 @@ from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.exclusion import reweighted
 
-_LEAST = 1.0
-"""Redundancy a group must have for its component to be estimated; others keep the σ they came with."""
-_ROUNDS = 50
-_SETTLED = 1e-6
+_REPORTED = 0.5
+"""Redundancy from which on a group's factor is told."""
+_LEAST = 2.0
+"""Redundancy a group must have, with its final weights too, for its factor to be iterated into the weights.
+
+Others keep the σ they came with: the component of so small a group may run away to zero.
+"""
+_ROUNDS = 100
+_SETTLED = 1e-7
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Components:
 def components(quality: Quality) -> Components:
     """Factors of σ from one adjustment, nothing iterated."""
     omega, redundancy = group_sums(quality)
-    estimated = redundancy >= _LEAST
+    estimated = redundancy >= _REPORTED
     factors = np.sqrt(np.where(estimated, omega / np.where(estimated, redundancy, 1.0), 1.0))
     return Components(factors, _sigma(factors, redundancy), False, 1)
 
@@ -51,20 +56,22 @@ def components(quality: Quality) -> Components:
 def iterated_components(quality: Quality, levels: Levels, aposteriori: bool) -> tuple[Components, Quality]:
     """Factors of σ iterated into the weights, and the quality of the adjustment with them."""
     problem = quality.adjustment.problem
-    total = np.ones(len(problem.groups))
+    total, estimated = np.ones(len(problem.groups)), np.ones(len(problem.groups), dtype=bool)
     for rounds in range(1, _ROUNDS + 1):
-        step = components(quality).factors
-        step = np.where(step > 0.0, step, 1.0)
+        estimated &= group_sums(quality)[1] >= _LEAST - 1e-6
+        found = components(quality).factors
+        step = np.where(estimated & (found > 0.0), found, 1.0 / total)
         total = total * step
-        found = _adjusted(quality.adjustment, problem, total)
-        if not found.outcome.is_solution:
+        adjustment = _adjusted(quality.adjustment, problem, total)
+        if not adjustment.outcome.is_solution:
             return Components(total, np.full(len(total), np.nan), False, rounds), quality
-        quality = assess(found, levels, aposteriori)
+        quality = assess(adjustment, levels, aposteriori)
         if np.abs(step - 1.0).max(initial=0.0) < _SETTLED:
             break
     settled = bool(np.abs(step - 1.0).max(initial=0.0) < _SETTLED)
     _, redundancy = group_sums(quality)
-    return Components(total, _sigma(total, redundancy), settled, rounds), quality
+    sigma = np.where(estimated, _sigma(total, redundancy), np.nan)
+    return Components(total, sigma, settled, rounds), quality
 
 
 def _adjusted(last: Adjustment, problem: Problem, total: FloatArray) -> Adjustment:
@@ -80,5 +87,5 @@ def group_sums(quality: Quality) -> tuple[FloatArray, FloatArray]:
 
 
 def _sigma(factors: FloatArray, redundancy: FloatArray) -> FloatArray:
-    estimated = redundancy >= _LEAST
+    estimated = redundancy >= _REPORTED
     return np.where(estimated, factors / np.sqrt(2.0 * np.where(estimated, redundancy, 1.0)), np.nan)

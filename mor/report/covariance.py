@@ -85,6 +85,7 @@ def _labelled(solved: Solved, blocks: list[tuple[str, int]]) -> Labelled:
     T = scipy.linalg.block_diag(*turns) if turns else np.zeros((0, 0))
     q = joint_cofactors(quality, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64))
     matrix = T @ q @ T.T * quality.sigma_factor**2
+    matrix = 0.5 * (matrix + matrix.T)
     labels, units, values, kept = [], [], [], []
     for (kind, number), own, turn in zip(blocks, columns, turns, strict=True):
         block = index.blocks[kind]
@@ -168,9 +169,9 @@ def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list
         sigma = np.sqrt(np.maximum(np.diagonal(M.T @ found.covariance @ M), 0.0))
         length = float(np.linalg.norm(found.difference))
         along = found.difference / length if length > 0.0 else np.zeros(3)
-        of_length = float(np.sqrt(max(along @ found.covariance @ along, 0.0)))
-        numbers = [*(found.difference @ M), *sigma, length, of_length, *found.axes]
-        rows.append([one, other, *map(float, numbers)])
+        of_length = float(np.sqrt(max(float(along @ found.covariance @ along), 0.0)))
+        numbers = np.concatenate([found.difference @ M, sigma, [length, of_length], found.axes])
+        rows.append([one, other, *numbers.tolist()])
     return rows
 
 

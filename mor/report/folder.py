@@ -16,6 +16,7 @@ Writer = Callable[[Path], None]
 RESULT_FILES = (
     "results.json",
     "report.txt",
+    "report.html",
     "residuals.csv",
     "points.csv",
     "images.csv",

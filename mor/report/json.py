@@ -10,7 +10,7 @@ import polars as pl
 from mor.quality.solved import Solved
 from mor.report.checks import check_rows
 from mor.report.features import feature_table
-from mor.report.reliability import gross_errors
+from mor.report.reliability import fixed_point_rows, gross_errors
 from mor.report.summary import summary
 from mor.report.tables import (
     group_table,
@@ -42,6 +42,7 @@ def results(solved: Solved, residuals: pl.DataFrame, tables: dict[str, str]) -> 
         "others": other_rows(solved),
         "groups": group_table(solved).to_dicts(),
         "gross_errors": gross_errors(solved),
+        "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "tables": tables,
         "residuals": residuals.to_dicts() if inline else None,

@@ -8,6 +8,7 @@ import numpy as np
 
 from mor.observations import ObservationGroup
 from mor.quality.effects import Effect, effects
+from mor.quality.fixed_points import fixed_point_tests
 from mor.quality.levels import chi2_level
 from mor.quality.snooping import Snooped
 from mor.quality.solved import Solved
@@ -34,6 +35,26 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
         "snooping": _snooping(solved),
         "robust": _robust(solved),
     }
+
+
+def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Tests of the fixed points: would the observations rather have them elsewhere? In project axes."""
+    if solved.quality is None:
+        return []
+    M, ids = solved.network.edge.matrix, solved.network.blocks["point"].ids
+    return [
+        {
+            "id": ids[test.point],
+            "movement": (test.movement @ M).tolist(),
+            "freedom": test.freedom,
+            "test": test.statistic,
+            "p": float(np.exp(test.log_p)),
+            "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
+            "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
+        }
+        for test in fixed_point_tests(solved.quality)
+        if test.freedom
+    ]
 
 
 def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mor import __version__
+from mor.quality.explain import weakness
 from mor.quality.solved import Solved
 from mor.report.outward import angle_unit
 
@@ -86,6 +87,7 @@ def _statistics(solved: Solved) -> dict[str, Any]:
             "level": test.level,
             "accepted": test.accepted,
         },
+        "hardly_determined": weakness(solved),
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,
         "flagged": int(sum(np.count_nonzero(flags) for flags in quality.flagged)),

@@ -11,9 +11,11 @@ import polars as pl
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import INTERIORS
+from mor.project.edge import split
 from mor.project.features import feature_label
 from mor.project.model import Axes
 from mor.quality.solved import Solved
+from mor.report.control import control_of_images, control_of_points
 from mor.report.outward import Estimate, angle_unit, plain, points, rotations
 from mor.units import ANGLE_UNITS
 
@@ -22,7 +24,7 @@ ANGLES = ("omega", "phi", "kappa")
 
 
 def point_table(solved: Solved) -> pl.DataFrame:
-    """Object points: coordinates, σ, position σ, axes of the error ellipsoid, number of rays and observations."""
+    """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
     things = solved.network.things["point"]
     numbers = things.parts["position"]
     estimate = points(solved, numbers)
@@ -30,8 +32,10 @@ def point_table(solved: Solved) -> pl.DataFrame:
     columns: dict[str, Any] = {"id": list(things.ids), **_with_sigma(estimate, XYZ)}
     for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
         columns[f"ellipsoid_{name}"] = axis
+    columns |= _correlations_of_axes(estimate)
     columns["rays"] = rays[numbers]
     columns["others"] = others[numbers]
+    columns |= control_of_points(solved, numbers)
     columns["status"] = [_status(solved, "point", number) for number in numbers]
     return _frame(columns)
 
@@ -53,6 +57,7 @@ def image_table(solved: Solved) -> pl.DataFrame:
             "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
             **_pose(solved, things.parts["position"], things.parts["rotation"]),
             **_image_residuals(solved),
+            **control_of_images(solved),
         }
     )
 
@@ -125,11 +130,21 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
                 "model": camera.model,
                 "unit": solved.network.scales[name].unit,
                 "r0": camera.r0,
+                "format": _format(solved, name),
                 "components": _components(solved, kind, number, CAMERA_MODELS[camera.model].components),
                 "correlations": _correlations(solved, kind, number),
             }
         )
     return rows
+
+
+def _format(solved: Solved, name: str) -> dict[str, Any] | None:
+    """Image size in px and pixel size in camera units, where the project gives them; the origin of coordinates."""
+    camera, scale = solved.network.project.cameras[name], solved.network.scales[name]
+    if camera.image is None:
+        return None
+    width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
+    return {"width": width, "height": height, "pixel": scale.pixel, "origin": camera.coordinates}
 
 
 def _components(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
@@ -140,9 +155,16 @@ def _components(solved: Solved, kind: str, number: int, components: Any) -> dict
             "value": float(estimate.values[0, k]),
             "sigma": _number(estimate.sigma[0, k]) if blocks.free[number, k] else None,
             "status": "free" if blocks.free[number, k] else "fixed",
+            **({"t": _significance(estimate, k, component.default)} if blocks.free[number, k] else {}),
         }
         for k, component in enumerate(components)
     }
+
+
+def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
+    """How many σ a component differs from its neutral value: what says whether it is needed."""
+    sigma = float(estimate.sigma[0, k])
+    return float((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
 
 
 def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
@@ -245,6 +267,18 @@ def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
     return axes
 
 
+def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
+    """Correlations of X, Y and Z of each point; 0 where a coordinate is fixed."""
+    nothing = np.full(len(estimate.values), np.nan)
+    pairs = {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}
+    if estimate.covariance is None:
+        return dict.fromkeys(pairs, nothing)
+    product = estimate.sigma[:, :, None] * estimate.sigma[:, None, :]
+    some = product > 0.0
+    correlation = np.where(some, estimate.covariance / np.where(some, product, 1.0), 0.0)
+    return {name: correlation[:, i, j] for name, (i, j) in pairs.items()}
+
+
 def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
     """Number of rays, and of other observation rows, by point block."""
     count = len(solved.network.blocks["point"].ids)
@@ -285,7 +319,9 @@ def _status(solved: Solved, kind: str, number: int) -> str:
 
 
 def _frame(columns: dict[str, Any]) -> pl.DataFrame:
-    frame = pl.DataFrame(columns)
+    """Columns as a table; names are texts also where there is none, NaN is no value."""
+    texts = [name for name in ("id", "camera", "status") if name in columns]
+    frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 

@@ -18,8 +18,13 @@ from mor.report.text import text_report
 TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "images.csv"}
 
 
-def write_results(solved: Solved, document: Document, source: Path, folder: Path, force: bool) -> None:
-    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project."""
+def write_results(
+    solved: Solved, document: Document, source: Path, folder: Path, force: bool, html: bool = True
+) -> None:
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
+
+    With ``html``, also the page for people, ``report.html``.
+    """
     residuals = observation_table(solved)
     converged = solved.quality is not None
     writers: dict[str, Writer] = {
@@ -37,6 +42,8 @@ def write_results(solved: Solved, document: Document, source: Path, folder: Path
         }
         writers |= {name: _csv(frame) for name, frame in frames.items()}
         writers["adjusted.yaml"] = _text(text)
+        if html:
+            writers["report.html"] = _text(_page(solved, residuals))
     write_folder(folder, writers, force)
 
 
@@ -55,6 +62,13 @@ def write_project(placed: Placed, document: Document, source: Path, folder: Path
 def results_text(solved: Solved) -> str:
     """``results.json`` as text, for programs that read standard output."""
     return to_json(results(solved, observation_table(solved), {}))
+
+
+def _page(solved: Solved, residuals: pl.DataFrame) -> str:
+    from mor.report.html.page import page
+    from mor.report.view import view_of
+
+    return page(view_of(solved, residuals))
 
 
 def _text(text: str) -> Writer:

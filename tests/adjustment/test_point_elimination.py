@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,12 +42,14 @@ def simulate(points=40, images=9, seed=0, fewest=3, camera_last=False):
             columns[i, first : CAMERA + 3 * part + 3] = np.arange(*offsets[block : block + 2])
     blocks = np.stack([np.full(image.size, camera), 2 * image + shift, 2 * image + 1 + shift], 1)
     structure = structure_from_cliques(sizes, 3 * pointers, blocks.ravel())
+    of_frames, frame = np.unique(columns, axis=0, return_inverse=True)
     rays = Rays(
         rng.normal(size=(image.size, 2)),
         rng.normal(size=(image.size, 2, 3)),
         rng.normal(size=(image.size, 2, WIDTH)),
-        columns,
+        of_frames,
         pointers,
+        frame.ravel(),
     )
     return rays, structure
 
@@ -58,16 +62,23 @@ def dense_design(rays, structure):
         for i in range(rays.point_pointers[p], rays.point_pointers[p + 1]):
             for c in range(2):
                 design[2 * i + c, n + 3 * p : n + 3 * p + 3] = rays.by_point[i, c]
-                for k in range(WIDTH):
-                    if rays.columns[i, k] >= 0:
-                        design[2 * i + c, rays.columns[i, k]] = rays.by_others[i, c, k]
+                for k, column in enumerate(rays.columns[rays.frame[i]]):
+                    if column >= 0:
+                        design[2 * i + c, column] = rays.by_others[i, c, k]
     return design
 
 
 def chunk(rays, first, last):
     part = slice(rays.point_pointers[first], rays.point_pointers[last])
     pointers = rays.point_pointers[first : last + 1] - rays.point_pointers[first]
-    return Rays(rays.residual[part], rays.by_point[part], rays.by_others[part], rays.columns[part], pointers)
+    return replace(
+        rays,
+        residual=rays.residual[part],
+        by_point=rays.by_point[part],
+        by_others=rays.by_others[part],
+        point_pointers=pointers,
+        frame_of_ray=rays.frame[part],
+    )
 
 
 def without_compiler(monkeypatch):
@@ -88,7 +99,7 @@ def either_form(request, monkeypatch):
 def test_reduced_system_is_the_schur_complement(damping, camera_last):
     rays, structure = simulate(camera_last=camera_last)
     reduced = empty_reduced_system(structure)
-    held = accumulate(rays, reduced, damping)
+    held = accumulate(rays, reduced, damping).held
     design = dense_design(rays, structure)
     n = structure.unknowns
     normal, right = design.T @ design, -design.T @ rays.residual.ravel()
@@ -137,8 +148,10 @@ def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
     expected = inverse[n:, n:].reshape(rays.points, 3, rays.points, 3)
     expected = expected[np.arange(rays.points), :, np.arange(rays.points)]
     np.testing.assert_allclose(of_points, expected, rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(of_rays.ravel(), np.diag(design @ inverse @ design.T), rtol=1e-7, atol=1e-9)
-    assert of_rays.sum() == pytest.approx(design.shape[1], rel=1e-9)  # the trace of a projection is its rank
+    whole = (design @ inverse @ design.T).reshape(rays.rays, 2, rays.rays, 2)
+    own = whole[np.arange(rays.rays), :, np.arange(rays.rays)]
+    np.testing.assert_allclose(of_rays, own, rtol=1e-7, atol=1e-9)
+    assert np.trace(own, axis1=1, axis2=2).sum() == pytest.approx(design.shape[1], rel=1e-9)  # the trace of a projection is its rank
 
 
 @pytest.mark.usefixtures("either_form")
@@ -163,9 +176,9 @@ def test_coordinates_the_rays_do_not_determine_are_held_and_harm_nothing():
     first, second = (slice(*rays.point_pointers[p : p + 2]) for p in (5, 11))
     by_point[first, :, 2] = 2.0 * by_point[first, :, 0] - by_point[first, :, 1]  # a null direction
     by_point[second, :, 1] = 0.0  # does not act at all
-    rays = Rays(rays.residual, by_point, rays.by_others, rays.columns, rays.point_pointers)
+    rays = replace(rays, by_point=by_point)
     reduced = empty_reduced_system(structure)
-    held = accumulate(rays, reduced)
+    held = accumulate(rays, reduced).held
     assert np.argwhere(held).tolist() == [[5, 2], [11, 1]]
     design = dense_design(rays, structure)
     n = structure.unknowns
@@ -181,12 +194,12 @@ def test_coordinates_the_rays_do_not_determine_are_held_and_harm_nothing():
     of_points, of_rays = cofactors(rays, inverse)
     assert not of_points[5, 2].any()
     assert not of_points[11, :, 1].any()
-    assert of_rays.sum() == pytest.approx(kept.size, rel=1e-9)
+    assert np.trace(of_rays, axis1=1, axis2=2).sum() == pytest.approx(kept.size, rel=1e-9)
 
 
 def test_points_with_a_single_ray_have_one_coordinate_held():
     rays, structure = simulate(seed=5, fewest=1)
-    held = accumulate(rays, empty_reduced_system(structure))
+    held = accumulate(rays, empty_reduced_system(structure)).held
     single = np.diff(rays.point_pointers) == 1
     assert single.any()
     assert np.array_equal(held.sum(axis=1), single.astype(int))
@@ -200,13 +213,14 @@ def test_compiled_and_plain_form_agree(images, monkeypatch):
     results = []
     for _ in range(2):
         reduced = empty_reduced_system(structure)
-        held = accumulate(rays, reduced, 0.01)
+        noted = accumulate(rays, reduced, 0.01)
         results.append(
             (
                 reduced.matrix.values,
                 reduced.right_hand_side,
                 reduced.diagonal,
-                held,
+                reduced.gradient,
+                *noted,
                 back_substitute(rays, step, 0.01),
                 *cofactors(rays, reduced.matrix),
             )
@@ -244,7 +258,7 @@ def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatc
 def test_rays_without_unknowns_of_their_own_determine_their_points_alone():
     rays, structure = simulate(seed=9)
     fixed = np.full_like(rays.columns, -1)
-    rays = Rays(rays.residual, rays.by_point, rays.by_others, fixed, rays.point_pointers)
+    rays = replace(rays, columns=fixed)
     reduced = empty_reduced_system(structure)
     accumulate(rays, reduced)
     assert not reduced.matrix.values.any()
@@ -257,7 +271,9 @@ def test_rays_without_unknowns_of_their_own_determine_their_points_alone():
         inverse = np.linalg.inv(design.T @ design)
         np.testing.assert_allclose(steps[p], -inverse @ design.T @ rays.residual[part].ravel(), atol=1e-9)
         np.testing.assert_allclose(of_points[p], inverse, rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(of_rays[part].ravel(), np.diag(design @ inverse @ design.T), atol=1e-9)
+        whole = (design @ inverse @ design.T).reshape(-1, 2, design.shape[0] // 2, 2)
+        for i, own in enumerate(of_rays[part]):
+            np.testing.assert_allclose(own, whole[i, :, i], atol=1e-9)
 
 
 @pytest.mark.usefixtures("either_form")
@@ -273,13 +289,29 @@ def test_a_pattern_without_a_pair_that_meets_is_refused():
 def test_rays_that_do_not_fit_together_are_refused():
     rays, structure = simulate(seed=10)
     with pytest.raises(ValueError, match="shapes"):
-        Rays(rays.residual[1:], rays.by_point, rays.by_others, rays.columns, rays.point_pointers)
+        replace(rays, residual=rays.residual[1:])
     with pytest.raises(ValueError, match="pointers"):
-        Rays(rays.residual, rays.by_point, rays.by_others, rays.columns, rays.point_pointers[:-1])
+        replace(rays, point_pointers=rays.point_pointers[:-1])
+    with pytest.raises(ValueError, match="frames beyond"):
+        replace(rays, frame_of_ray=rays.frame + 1)
     beyond = np.where(rays.columns >= 0, rays.columns + structure.unknowns, -1)
-    rays = Rays(rays.residual, rays.by_point, rays.by_others, beyond, rays.point_pointers)
+    rays = replace(rays, columns=beyond)
     with pytest.raises(ValueError, match="beyond"):
         accumulate(rays, empty_reduced_system(structure))
+
+
+@pytest.mark.usefixtures("either_form")
+def test_frames_may_be_named_once_or_ray_by_ray():
+    rays, structure = simulate(seed=12)
+    spread = replace(rays, columns=rays.columns_of_rays, frame_of_ray=None)
+    assert len(spread.columns) > 10 * len(rays.columns)
+    one, other = empty_reduced_system(structure), empty_reduced_system(structure)
+    accumulate(rays, one)
+    accumulate(spread, other)
+    np.testing.assert_allclose(one.matrix.values, other.matrix.values, atol=1e-11)
+    np.testing.assert_allclose(one.right_hand_side, other.right_hand_side, atol=1e-11)
+    for a, b in zip(cofactors(rays, one.matrix), cofactors(spread, one.matrix), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9 * np.abs(a).max())
 
 
 def test_the_layout_of_the_arrays_does_not_matter():
@@ -290,6 +322,7 @@ def test_the_layout_of_the_arrays_does_not_matter():
         np.asfortranarray(rays.by_others),
         np.asfortranarray(rays.columns),
         rays.point_pointers,
+        rays.frame,
     )
     one, other = empty_reduced_system(structure), empty_reduced_system(structure)
     accumulate(rays, one)

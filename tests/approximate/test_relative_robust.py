@@ -35,6 +35,33 @@ def test_wrong_pairs_are_left_out(scenes, kind, part):
         assert np.sum(~result.agreeing) <= len(wrong) + 1
 
 
+def test_one_pair_off_a_plane_does_not_decide_between_its_orientations(scenes):
+    """The pair is made to fit the wrong one of two orientations."""
+    checked = 0
+    for seed in range(30):
+        made = scenes.plane_scene(seed, 0.001, n=40)
+        made.rays[1][1, :2] = [17.0, -11.0]  # a wrong pair that is seen to be wrong
+        a, b = (image_bundle(r, made.sigma) for r in made.rays)
+        found = robust_relative_orientation(a, b).orientation
+        if found.outcome is not RelativeOutcome.AMBIGUOUS:
+            continue
+        _, rotation = scenes.relative_truth(made.cameras)
+        every = sorted((found, *found.alternatives), key=lambda one: np.linalg.norm(one.rotation - rotation))
+        wrong = every[-1]
+        point = 0.3 * np.array([1.0, 2.0, -40.0]) + wrong.base  # in front of both? only then it is a case
+        seen = wrong.rotation @ (point - wrong.base)
+        if seen[2] > -0.1:
+            continue
+        made.rays[0][0] = point * (-scenes.c / point[2])
+        made.rays[1][0] = seen * (-scenes.c / seen[2])
+        again = robust_relative_orientation(*(image_bundle(r, made.sigma) for r in made.rays)).orientation
+        checked += 1
+        assert again.outcome is RelativeOutcome.AMBIGUOUS
+        both = (again, *again.alternatives)
+        assert min(np.linalg.norm(one.rotation - rotation) for one in both) < 0.05
+    assert checked > 1
+
+
 def test_without_wrong_pairs_nothing_is_sampled(scenes):
     made = scenes.scene(2, 0.001, n=30)
     result = robust_relative_orientation(*(image_bundle(r, made.sigma) for r in made.rays))

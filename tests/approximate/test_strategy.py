@@ -75,7 +75,9 @@ def test_sample_projects_from_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", GAMA)
-def test_geodetic_networks_without_coordinates_of_new_points(name: str, shared_data: Callable[[str], Path]) -> None:
+def test_geodetic_networks_without_coordinates_of_new_points(
+    name: str, shared_data: Callable[[str], Path]
+) -> None:
     path = shared_data("gama") / f"{name}.gkf"
     network = read_network(read_foreign(path), path.parent)
     assert_same_solution(solve_network(without_start(network)), solve_network(network))

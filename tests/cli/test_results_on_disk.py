@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
 from small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 from mor.errors import InputError
-from mor.report.folder import write_folder
+from mor.report.folder import RESULT_FILES, write_folder
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -159,6 +160,13 @@ class TestInterruption:
         assert run.code == 2
         assert "No space left on device" in run.err
         assert list(tmp_path.iterdir()) == [project]
+
+
+def test_all_results_are_known_as_such(tmp_path: Path) -> None:
+    """What is not in the list would neither be taken away nor protected as an input."""
+    assert mor("adjust", write_block(tmp_path)).code == 0
+    for name in content(tmp_path / "project.results"):
+        assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
 
 
 def test_folder_can_be_read_by_others(tmp_path: Path) -> None:

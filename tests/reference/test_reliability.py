@@ -1,4 +1,4 @@
-"""Reliability columns of other programs: JAG3D's networks, the test values of a commercial bundle, textbook snooping."""
+"""Reliability columns of other programs: JAG3D networks, test values of a commercial bundle, textbook snooping."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from reference_data import network_of, network_of_yaml
 
 from mor.formats import read_foreign
 from mor.pipeline import snooped, solve_network
+from mor.quality.congruence import pair_movement
+from mor.quality.fixed_points import fixed_point_tests
 from mor.quality.levels import chi2_level, f_level
 from mor.report.observation_table import observation_table
 from mor.report.reliability import gross_errors
@@ -176,3 +178,37 @@ def test_a_textbook_network_is_snooped_out(shared_data):
     assert step["names"] == {"at": "D", "from": "A", "to": "B"}
     assert abs(step["w"]) == pytest.approx(29.193343539, rel=1e-6)
     assert solved.quality.sigma0 == pytest.approx(1.0930379457, rel=1e-7)
+
+
+def test_fixed_points_that_moved(shared_data):
+    folder = shared_data("jag3d-net2d")
+    solved, _ = test_jag3d._net2d(folder, "fixed")
+    with (folder / "expected" / "fixed-points.csv").open(newline="") as file:
+        rows = {row["point"]: row for row in csv.DictReader(file) if row["type"] == "fixed"}
+    points = solved.network.blocks["point"].ids
+    tests = {points[test.point]: test for test in fixed_point_tests(solved.quality)}
+    assert tests.keys() == rows.keys()
+    for name, row in rows.items():
+        test = tests[name]
+        # JAG3D divides by the two coordinates; only the distance between the two fixed points is controlled, the turn
+        # of one about the other is not, hence one degree of freedom here
+        assert test.freedom == 1
+        assert 0.5 * test.statistic == pytest.approx(float(row["t_prio"]), rel=1e-8)
+        omega, f = solved.quality.omega, solved.quality.redundancy
+        theirs = 0.5 * test.statistic / ((omega - test.statistic) / (f - 2))
+        assert theirs == pytest.approx(float(row["t_post"]), rel=1e-8)
+        assert test.ratio == pytest.approx(test.statistic / ((omega - test.statistic) / (f - 1)), rel=1e-8)
+
+
+def test_movements_between_two_epochs_of_one_adjustment(shared_data):
+    folder = shared_data("jag3d-lev5")
+    solved, _ = test_jag3d._lev5(folder, "congruence")
+    expected = json.loads((folder / "expected.json").read_text())["scenarios"]["congruence"]
+    points = solved.network.things["point"]
+    for one, other in (("4_0", "4_1"), ("5_0", "5_1")):
+        row = expected[f"congruence_{one}_{other}"]
+        test = pair_movement(solved.quality, *(points.part(name, "position") for name in (one, other)))
+        assert test.movement[2] == pytest.approx(row["dz"], abs=1e-10)
+        assert test.sigma[2] == pytest.approx(row["sz"], rel=1e-9)
+        assert test.statistic == pytest.approx(row["tprio"], rel=1e-8)
+        assert test.ratio == pytest.approx(row["tpost"], rel=1e-8)

@@ -183,7 +183,7 @@ KINDS = {
     "stereo": stereo,
     "local system": local_system,
     "total station": lambda folder: write(folder, total_station()),
-    "plane": lambda folder: write_block(
+    "plane": lambda folder: known_block(
         folder, BLOCK + "features: [{type: plane, id: wall, points: [P0, P1, P2, P3], sigma: 0.2}]\n"
     ),
 }

@@ -3,7 +3,7 @@ them stand.
 
 The unknowns of all rays of a point are merged, block by block, into one short local list, so that a block
 that many rays share (a camera) appears once. The list ascends, hence what stands right of a local column in
-the list stands below it in the lower triangle. Points whose rays have the very same unknowns form a group:
+the list stands below it in the lower triangle. Points whose rays come from the very same frames form a group:
 they share the list, and reach the blocks of the reduced system together.
 """
 
@@ -17,6 +17,9 @@ from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.geometry.arrays import IntArray
 
 
+UNKNOWN = -2
+
+
 class Pattern(NamedTuple):
     """The arrays of a ``BlockStructure``."""
 
@@ -27,13 +30,48 @@ class Pattern(NamedTuple):
     position: IntArray
 
 
+class Met(NamedTuple):
+    """The blocks that the frames of a chunk meet, numbered from 0 in their order.
+
+    Attributes:
+        first: (b,) first unknown of each block.
+        size: (b,) number of unknowns.
+        column: (b,) block number in the pattern.
+        starts: (b, b), by columns, where the blocks (row, column), row >= column, start in the flat values, -1 where not stored,
+            and ``UNKNOWN`` as long as nobody asked.
+    """
+
+    first: IntArray
+    size: IntArray
+    column: IntArray
+    starts: IntArray
+
+
+class Runs(NamedTuple):
+    """Columns of frames, in runs that lie side by side in one block.
+
+    Attributes:
+        pointers: (f+1,) the runs of frame i are ``pointers[i]:pointers[i+1]`` in what follows.
+        first: first column of the Jacobian.
+        length: number of columns.
+        block: number of the block among those that are met.
+        within: first unknown within the block.
+    """
+
+    pointers: IntArray
+    first: IntArray
+    length: IntArray
+    block: IntArray
+    within: IntArray
+
+
 class Clique(NamedTuple):
     """The merged blocks of the rays of one point; room for the largest point, of which a part is in use.
 
     Attributes:
-        blocks: ascending block numbers.
+        blocks: ascending numbers of met blocks.
         begin: first local unknown of each block, one entry more than blocks.
-        local: (rays, K) local number of each column, -1 where it is fixed.
+        local: (rays, runs) local number of the first unknown of each run.
         slot_of_block: working space, -1 throughout.
     """
 
@@ -44,29 +82,74 @@ class Clique(NamedTuple):
 
 
 @compile_kernel
-def survey(columns: IntArray, pointers: IntArray, pattern: Pattern, keys: IntArray) -> tuple[int, int, int]:
-    """Set keys of points, equal for equal columns; return the largest counts of rays, blocks and unknowns."""
+def runs_of_frames(columns: IntArray, pattern: Pattern) -> tuple[Runs, Met]:
+    """Return the runs of the columns (f, K) of frames, and the blocks they meet."""
     block_of, offsets = pattern.block_of, pattern.offsets
+    pointers = np.zeros(columns.shape[0] + 1, dtype=np.int64)
+    first, length = np.empty(columns.size, dtype=np.int64), np.empty(columns.size, dtype=np.int64)
+    blocks, within = np.empty(columns.size, dtype=np.int64), np.empty(columns.size, dtype=np.int64)
+    number = np.zeros(offsets.size, dtype=np.int64)
+    count = 0
+    for f in range(columns.shape[0]):
+        previous = -2
+        for k in range(columns.shape[1]):
+            column = columns[f, k]
+            if column >= 0:
+                block = block_of[column]
+                if column == previous + 1 and blocks[count - 1] == block:
+                    length[count - 1] += 1
+                else:
+                    first[count], length[count] = k, 1
+                    blocks[count], within[count] = block, column - offsets[block]
+                    number[block] = 1
+                    count += 1
+            previous = column if column >= 0 else -2
+        pointers[f + 1] = count
+    met = 0
+    for block in range(number.size):
+        if number[block] == 1:
+            number[block] = met
+            met += 1
+    own = Met(
+        np.empty(met, dtype=np.int64),
+        np.empty(met, dtype=np.int64),
+        np.empty(met, dtype=np.int64),
+        np.full((met, met), UNKNOWN, dtype=np.int64),
+    )
+    for t in range(count):
+        block = blocks[t]
+        blocks[t] = number[block]
+        own.first[blocks[t]] = offsets[block]
+        own.size[blocks[t]] = offsets[block + 1] - offsets[block]
+        own.column[blocks[t]] = block
+    return Runs(pointers, first[:count], length[:count], blocks[:count], within[:count]), own
+
+
+@compile_kernel
+def survey(
+    frame: IntArray, pointers: IntArray, runs: Runs, met: Met, keys: IntArray
+) -> tuple[int, int, int, int]:
+    """Set keys of points, equal for equal frames; return the largest counts of rays, runs, blocks and unknowns."""
+    frames = runs.pointers.size - 1
+    unknowns_of_frame = np.zeros(frames, dtype=np.int64)
+    most_runs = 0
+    for f in range(frames):
+        most_runs = max(most_runs, runs.pointers[f + 1] - runs.pointers[f])
+        for t in range(runs.pointers[f], runs.pointers[f + 1]):
+            unknowns_of_frame[f] += met.size[runs.block[t]]
     most_rays, most_blocks, most_unknowns = 0, 0, 0
     for p in range(pointers.size - 1):
         key, blocks, unknowns = 0, 0, 0
         for i in range(pointers[p], pointers[p + 1]):
-            previous = -1
-            for k in range(columns.shape[1]):
-                column = columns[i, k]
-                if column < 0:
-                    continue
-                block = block_of[column]
-                if block != previous:
-                    key = (key * 1000003 + column + 1) & 0xFFFFFFFFFF
-                    blocks += 1
-                    unknowns += offsets[block + 1] - offsets[block]
-                    previous = block
+            f = frame[i]
+            key = (key * 1000003 + f + 1) & 0xFFFFFFFFFF
+            blocks += runs.pointers[f + 1] - runs.pointers[f]
+            unknowns += unknowns_of_frame[f]
         keys[p] = key
         most_rays = max(most_rays, pointers[p + 1] - pointers[p])
         most_blocks = max(most_blocks, blocks)
         most_unknowns = max(most_unknowns, unknowns)
-    return most_rays, most_blocks, most_unknowns
+    return most_rays, most_runs, most_blocks, min(most_unknowns, met.size.sum())
 
 
 @compile_kernel
@@ -100,29 +183,25 @@ def grouped(keys: IntArray) -> IntArray:
 
 
 @compile_kernel
-def same_columns(columns: IntArray, pointers: IntArray, one: int, other: int) -> bool:
-    """Return whether the rays of two points have the same columns."""
+def same_frames(frame: IntArray, pointers: IntArray, one: int, other: int) -> bool:
+    """Return whether the rays of two points come from the same frames."""
     rays = pointers[one + 1] - pointers[one]
     if rays != pointers[other + 1] - pointers[other]:
         return False
     for i in range(rays):
-        for k in range(columns.shape[1]):
-            if columns[pointers[one] + i, k] != columns[pointers[other] + i, k]:
-                return False
+        if frame[pointers[one] + i] != frame[pointers[other] + i]:
+            return False
     return True
 
 
 @compile_kernel
-def merge(columns: IntArray, pattern: Pattern, clique: Clique) -> int:
-    """Merge the blocks of the rays of one point, columns (r, K), into the clique; return their number."""
+def merge(frame: IntArray, first: int, end: int, runs: Runs, met: Met, clique: Clique) -> int:
+    """Merge the blocks of the rays first … end − 1 of one point into the clique; return their number."""
     blocks, begin, local, slot_of_block = clique
-    block_of, offsets = pattern.block_of, pattern.offsets
     count = 0
-    for i in range(columns.shape[0]):
-        for k in range(columns.shape[1]):
-            if columns[i, k] < 0:
-                continue
-            block = block_of[columns[i, k]]
+    for i in range(first, end):
+        for t in range(runs.pointers[frame[i]], runs.pointers[frame[i] + 1]):
+            block = runs.block[t]
             if slot_of_block[block] < 0:
                 slot_of_block[block] = 0
                 at = count
@@ -135,13 +214,11 @@ def merge(columns: IntArray, pattern: Pattern, clique: Clique) -> int:
     for slot in range(count):
         block = blocks[slot]
         slot_of_block[block] = slot
-        begin[slot + 1] = begin[slot] + offsets[block + 1] - offsets[block]
-    for i in range(columns.shape[0]):
-        for k in range(columns.shape[1]):
-            local[i, k] = -1
-            if columns[i, k] >= 0:
-                block = block_of[columns[i, k]]
-                local[i, k] = begin[slot_of_block[block]] + columns[i, k] - offsets[block]
+        begin[slot + 1] = begin[slot] + met.size[block]
+    for i in range(first, end):
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            local[i - first, t - start] = begin[slot_of_block[runs.block[t]]] + runs.within[t]
     for slot in range(count):
         slot_of_block[blocks[slot]] = -1
     return count
@@ -166,35 +243,25 @@ def find_start(indptr: IntArray, indices: IntArray, position: IntArray, row: int
 
 
 @compile_kernel
-def starts_of_column(
-    blocks: IntArray, indptr: IntArray, indices: IntArray, position: IntArray, starts: IntArray
-) -> bool:
-    """Set where the blocks (blocks[i], blocks[0]), ascending, start; return False where one is not stored."""
-    column = blocks[0]
-    first, end = indptr[column], indptr[column + 1]
-    low = first
-    for slot in range(blocks.size):
-        row = blocks[slot]
-        number = first + row - column
-        if number >= end or indices[number] != row:
-            high = end
-            while low < high:
-                number = (low + high) // 2
-                if indices[number] < row:
-                    low = number + 1
-                else:
-                    high = number
-            if low >= end or indices[low] != row:
-                return False
-            number = low
-        low = number + 1
-        starts[slot] = position[number]
+def starts_of_column(blocks: IntArray, slot: int, met: Met, pattern: Pattern, starts: IntArray) -> bool:
+    """Set where the blocks (blocks[slot + i], blocks[slot]), ascending, start; False where one is not stored."""
+    column = blocks[slot]
+    known = met.starts[column]
+    for other in range(slot, blocks.size):
+        row = blocks[other]
+        if known[row] == UNKNOWN:
+            known[row] = find_start(
+                pattern.indptr, pattern.indices, pattern.position, met.column[row], met.column[column]
+            )
+        if known[row] < 0:
+            return False
+        starts[other - slot] = known[row]
     return True
 
 
 @compile_kernel
-def places_of_ray(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
-    """Set where the pairs of columns (K,) of a ray stand in the flat values: (K, K).
+def places_of_frame(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
+    """Set where the pairs of columns (K,) of a frame stand in the flat values: (K, K).
 
     It is -1 where one of the two is fixed, and above the diagonal blocks. ``starts`` (K,) is working space.
     Returns False where a pair is not stored.

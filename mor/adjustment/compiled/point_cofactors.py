@@ -12,11 +12,14 @@ import numpy as np
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
     Clique,
+    Met,
     Pattern,
+    Runs,
     grouped,
     merge,
-    places_of_ray,
-    same_columns,
+    places_of_frame,
+    runs_of_frames,
+    same_frames,
     starts_of_column,
     survey,
 )
@@ -28,7 +31,9 @@ from mor.adjustment.compiled.point_store import (
     open_group,
     slots_in_strip,
 )
+from mor.adjustment.compiled.point_products import FEW_POINTS
 from mor.adjustment.compiled.points import clear, couple, factor_point
+from mor.adjustment.compiled.strips import multiply_column_of_point
 from mor.geometry.arrays import FloatArray, IntArray
 
 
@@ -60,59 +65,64 @@ def inverse_of_point(L: FloatArray, inverse: FloatArray, N: FloatArray) -> None:
 
 @compile_kernel
 def multiply_by_inverse(
-    store: Store, groups: int, pattern: Pattern, values: FloatArray, products: FloatArray
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, products: FloatArray
 ) -> bool:
     """Set the products H = Q_cc E, laid out as the couplings E; return False where a pair is not stored."""
-    _, offsets, indptr, _, position = pattern
     for k in range(store.first_coupling[groups]):
         products[k] = 0.0
-    panel, starts = np.empty(16), np.empty(indptr.size - 1, dtype=np.int64)
+    panel, starts = np.empty(16), np.empty(met.size.size, dtype=np.int64)
     first = 0
-    while first < indptr.size - 1:
-        last = end_of_strip(first, indptr, position)
+    while first < met.size.size:
+        last = end_of_strip(first, met.size)
         for g in range(groups):
             part = slice(store.first_block[g], store.first_block[g + 1])
-            blocks, begin = store.blocks[part], store.begin[part]
+            blocks, begin = store.blocks[part], store.begin[part.start + g : part.stop + g + 1]
             low, high = slots_in_strip(blocks, first, last)
             if low == high:
                 continue
-            of_group = slice(store.first_coupling[g], store.first_coupling[g + 1])
-            shape = (3 * store.points[g], (of_group.stop - of_group.start) // (3 * store.points[g]))
-            E, H = store.couplings[of_group].reshape(shape), products[of_group].reshape(shape)
+            base, size = store.first_coupling[g], begin[blocks.size]
+            shape = (3 * store.points[g], size)
+            E = store.couplings[base : store.first_coupling[g + 1]].reshape(shape)
+            H = products[base : store.first_coupling[g + 1]].reshape(shape)
             for slot in range(low, high):
-                width = offsets[blocks[slot] + 1] - offsets[blocks[slot]]
-                length = shape[1] - begin[slot]
+                width = begin[slot + 1] - begin[slot]
+                if not starts_of_column(blocks, slot, met, pattern, starts):
+                    return False
+                if store.points[g] <= FEW_POINTS:
+                    for q in range(store.points[g]):
+                        multiply_column_of_point(
+                            values,
+                            starts,
+                            width,
+                            store.couplings,
+                            products,
+                            base + 3 * q * size,
+                            begin,
+                            slot,
+                            blocks.size,
+                        )
+                    continue
+                length = size - begin[slot]
                 if panel.size < width * length:
                     panel = np.empty(2 * width * length)
                 column = panel[: width * length].reshape((width, length))
-                if not fetch_column(values, blocks[slot:], begin[slot:], pattern, starts, column):
-                    return False
+                fetch_column(values, begin[slot:], starts, column)
                 multiply(column, E[:, begin[slot] :], H[:, begin[slot] :])
         first = last
     return True
 
 
 @compile_kernel
-def fetch_column(
-    values: FloatArray,
-    blocks: IntArray,
-    begin: IntArray,
-    pattern: Pattern,
-    starts: IntArray,
-    column: FloatArray,
-) -> bool:
-    """Copy the blocks of the column ``blocks[0]``, transposed, to (w, length); False where one is not stored.
+def fetch_column(values: FloatArray, begin: IntArray, starts: IntArray, column: FloatArray) -> None:
+    """Copy the blocks of a column, which start at ``starts``, transposed, to (w, length).
 
     Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
     """
-    _, _, indptr, indices, position = pattern
     width = column.shape[0]
-    if not starts_of_column(blocks, indptr, indices, position, starts):
-        return False
-    for slot in range(blocks.size):
+    for slot in range(begin.size - 1):
         place = starts[slot]
         low = begin[slot] - begin[0]
-        high = begin[slot + 1] - begin[0] if slot + 1 < blocks.size else column.shape[1]
+        high = begin[slot + 1] - begin[0]
         if width % 3 == 0:
             for i in range(low, high):
                 for j in range(0, width, 3):
@@ -125,7 +135,6 @@ def fetch_column(
                 for j in range(width):
                     column[j, i] = values[place + j]
                 place += width
-    return True
 
 
 @compile_kernel
@@ -160,24 +169,24 @@ def multiply(column: FloatArray, E: FloatArray, H: FloatArray) -> None:
 
 
 @compile_kernel
-def gather_rays(columns: IntArray, pattern: Pattern, values: FloatArray, of_ray: FloatArray) -> bool:
-    """Set the part (K, K) of Q_cc for the columns (r, K) of each ray, folded into its lower triangle.
+def gather_frames(columns: IntArray, pattern: Pattern, values: FloatArray, of_frame: FloatArray) -> bool:
+    """Set the part (K, K) of Q_cc for the columns (f, K) of each frame, folded into its lower triangle.
 
     What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a
     pair is not stored.
     """
     width = columns.shape[1]
     starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    for i in range(columns.shape[0]):
-        clear(of_ray[i])
-        if not places_of_ray(columns[i], pattern, starts, places):
+    for f in range(columns.shape[0]):
+        clear(of_frame[f])
+        if not places_of_frame(columns[f], pattern, starts, places):
             return False
         for k in range(width):
             for m in range(width):
                 place = places[k, m]
                 if place >= 0:
                     factor = 2.0 if places[m, k] < 0 else 1.0
-                    of_ray[i, max(k, m), min(k, m)] += factor * values[place]
+                    of_frame[f, max(k, m), min(k, m)] += factor * values[place]
     return True
 
 
@@ -185,46 +194,63 @@ def gather_rays(columns: IntArray, pattern: Pattern, values: FloatArray, of_ray:
 def cofactors_of_rays(
     by_point: FloatArray,
     by_others: FloatArray,
+    frame: IntArray,
+    first: int,
+    end: int,
+    runs: Runs,
     local: IntArray,
-    of_ray: FloatArray,
+    of_frame: FloatArray,
     H: FloatArray,
     Q: FloatArray,
     of_rays: FloatArray,
 ) -> None:
-    """Set the variances (r, 2) of the computed values of the rays of one point with Q_pp = Q."""
-    for i in range(by_point.shape[0]):
-        first, second, a, b = by_others[i, 0], by_others[i, 1], by_point[i, 0], by_point[i, 1]
-        of_first, of_second = 0.0, 0.0
-        for d in range(3):
-            of_first += a[d] * (Q[d, 0] * a[0] + Q[d, 1] * a[1] + Q[d, 2] * a[2])
-            of_second += b[d] * (Q[d, 0] * b[0] + Q[d, 1] * b[1] + Q[d, 2] * b[2])
-        for k in range(first.size):
-            at = local[i, k]
-            if at < 0:
-                continue
-            row = of_ray[i, k]
-            x, y = 0.0, 0.0
+    """Set the cofactors (2, 2) of the computed values of the rays first … end − 1 of one point with Q_pp = Q."""
+    width = by_others.shape[2]
+    for i in range(first, end):
+        x, y, F = by_others[i, 0], by_others[i, 1], of_frame[frame[i]]
+        a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
+        d, e, f = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
+        p = Q[0, 0] * a + Q[0, 1] * b + Q[0, 2] * c
+        q = Q[1, 0] * a + Q[1, 1] * b + Q[1, 2] * c
+        r = Q[2, 0] * a + Q[2, 1] * b + Q[2, 2] * c
+        xx, xy = a * p + b * q + c * r, d * p + e * q + f * r
+        yy = d * (Q[0, 0] * d + Q[0, 1] * e + Q[0, 2] * f) + e * (Q[1, 0] * d + Q[1, 1] * e + Q[1, 2] * f)
+        yy += f * (Q[2, 0] * d + Q[2, 1] * e + Q[2, 2] * f)
+        for k in range(width):
+            row, s, t = F[k], 0.0, 0.0
             for m in range(k + 1):
-                x += row[m] * first[m]
-                y += row[m] * second[m]
-            x -= 2.0 * (H[0, at] * a[0] + H[1, at] * a[1] + H[2, at] * a[2])
-            y -= 2.0 * (H[0, at] * b[0] + H[1, at] * b[1] + H[2, at] * b[2])
-            of_first += first[k] * x
-            of_second += second[k] * y
-        of_rays[i, 0] = of_first
-        of_rays[i, 1] = of_second
+                s += row[m] * x[m]
+                t += row[m] * y[m]
+            xx += x[k] * s
+            yy += y[k] * t
+            xy += 0.5 * (y[k] * s + x[k] * t)
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at, column = local[i - first, t - start], runs.first[t]
+            for k in range(runs.length[t]):
+                one, two, three = H[0, at + k], H[1, at + k], H[2, at + k]
+                u, v = a * one + b * two + c * three, d * one + e * two + f * three
+                xx -= 2.0 * x[column + k] * u
+                yy -= 2.0 * y[column + k] * v
+                xy -= x[column + k] * v + y[column + k] * u
+        of_rays[i, 0, 0] = xx
+        of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
+        of_rays[i, 1, 1] = yy
 
 
 @compile_kernel
 def finish(
     by_point: FloatArray,
     by_others: FloatArray,
-    columns: IntArray,
+    frame: IntArray,
     pointers: IntArray,
     order: IntArray,
+    runs: Runs,
+    met: Met,
     pattern: Pattern,
     clique: Clique,
     values: FloatArray,
+    of_frame: FloatArray,
     store: Store,
     groups: int,
     products: FloatArray,
@@ -236,17 +262,14 @@ def finish(
 
     ``of_points`` holds N_pp⁻¹ on entry.
     """
-    if not multiply_by_inverse(store, groups, pattern, values, products):
+    if not multiply_by_inverse(store, groups, met, pattern, values, products):
         return False
-    of_ray = np.empty((clique.local.shape[0], columns.shape[1], columns.shape[1]))
     done, at = 0, 0
     for g in range(groups):
         p = order[done]
-        shared = columns[pointers[p] : pointers[p + 1]]
-        size = clique.begin[merge(shared, pattern, clique)]
-        if not gather_rays(shared, pattern, values, of_ray):
-            return False
-        for p in order[done : done + store.points[g]]:
+        size = clique.begin[merge(frame, pointers[p], pointers[p + 1], runs, met, clique)]
+        for k in range(done, done + store.points[g]):
+            p = order[k]
             E = store.couplings[at : at + 3 * size].reshape((3, size))
             H = products[at : at + 3 * size].reshape((3, size))
             at += 3 * size
@@ -258,8 +281,19 @@ def finish(
                         total += E[i, m] * H[j, m]
                     Q[i, j] += total
                     Q[j, i] = Q[i, j]
-            part = slice(pointers[p], pointers[p + 1])
-            cofactors_of_rays(by_point[part], by_others[part], clique.local, of_ray, H, Q, of_rays[part])
+            cofactors_of_rays(
+                by_point,
+                by_others,
+                frame,
+                pointers[p],
+                pointers[p + 1],
+                runs,
+                clique.local,
+                of_frame,
+                H,
+                Q,
+                of_rays,
+            )
         done += store.points[g]
     return True
 
@@ -268,6 +302,7 @@ def finish(
 def cofactors(
     by_point: FloatArray,
     by_others: FloatArray,
+    frame: IntArray,
     columns: IntArray,
     pointers: IntArray,
     pattern: Pattern,
@@ -275,30 +310,37 @@ def cofactors(
     of_points: FloatArray,
     of_rays: FloatArray,
 ) -> bool:
-    """Set Q_pp (p, 3, 3) and the variances (n, 2); return False where a pair of blocks is not stored."""
+    """Set Q_pp (p, 3, 3) and the cofactors (n, 2, 2); return False where a pair of blocks is not stored."""
     keys = np.empty(pointers.size - 1, dtype=np.int64)
-    rays, most, room = survey(columns, pointers, pattern, keys)
-    unseen = np.full(pattern.offsets.size - 1, -1, dtype=np.int64)
-    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, columns.shape[1]), dtype=np.int64)
+    runs, met = runs_of_frames(columns, pattern)
+    rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
+    unseen = np.full(met.size.size, -1, dtype=np.int64)
+    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
     clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
+    of_frame = np.empty((columns.shape[0], columns.shape[1], columns.shape[1]))
+    if not gather_frames(columns, pattern, values, of_frame):
+        return False
     store = empty_store(keys.size, room)
     products = np.empty(store.couplings.size)
-    nothing = np.zeros((rays, 2))
-    L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
+    nothing = np.zeros((by_point.shape[0], 2))
+    L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     order = grouped(keys)
-    groups, count, first, before = 0, 0, 0, -1
+    groups, count, done, before = 0, 0, 0, -1
     for k in range(order.size + 1):
         full = k == order.size or store.first_coupling[groups] + 3 * room > store.couplings.size
-        if full and k > first:
+        if full and k > done:
             if not finish(
                 by_point,
                 by_others,
-                columns,
+                frame,
                 pointers,
-                order[first:k],
+                order[done:k],
+                runs,
+                met,
                 pattern,
                 clique,
                 values,
+                of_frame,
                 store,
                 groups,
                 products,
@@ -306,19 +348,19 @@ def cofactors(
                 of_rays,
             ):
                 return False
-            groups, first = 0, k
+            groups, done = 0, k
         if k == order.size:
             break
         p = order[k]
-        part = slice(pointers[p], pointers[p + 1])
-        if full or before < 0 or not same_columns(columns, pointers, p, before):
-            count = merge(columns[part], pattern, clique)
+        first, end = pointers[p], pointers[p + 1]
+        if full or before < 0 or not same_frames(frame, pointers, p, before):
+            count = merge(frame, first, end, runs, met, clique)
             open_group(store, groups, clique, count)
             groups += 1
         before = p
-        factor_point(by_point[part], nothing, 0.0, L, inverse, u)
+        factor_point(by_point, nothing, first, end, 0.0, L, inverse, u, gradient)
         inverse_of_point(L, inverse, of_points[p])
         E = append_point(store, groups, begin[count])
-        couple(by_point[part], by_others[part], local, L, inverse, E)
+        couple(by_point, by_others, frame, first, end, runs, local, L, inverse, E)
         solve_from_the_right(E, L, inverse)
     return True

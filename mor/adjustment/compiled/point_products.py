@@ -12,11 +12,13 @@ import numpy as np
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
     Clique,
+    Met,
     Pattern,
     grouped,
     merge,
-    places_of_ray,
-    same_columns,
+    places_of_frame,
+    runs_of_frames,
+    same_frames,
     starts_of_column,
     survey,
 )
@@ -29,16 +31,30 @@ from mor.adjustment.compiled.point_store import (
     slots_in_strip,
 )
 from mor.adjustment.compiled.points import clear, couple, factor_point
+from mor.adjustment.compiled.strips import subtract_column_of_point
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+
+_ONE, _TWO, _THREE = (np.uint64(k) for k in range(1, 4))
+# Up to so many points with the same unknowns their products go straight to the blocks; more of them are added up first.
+FEW_POINTS = 4
+
+
+class System(NamedTuple):
+    """The arrays of a ``ReducedSystem``."""
+
+    values: FloatArray
+    right_hand_side: FloatArray
+    diagonal: FloatArray
+    gradient: FloatArray
 
 
 class Rest(NamedTuple):
-    """What the rays of one group leave beside the products of their couplings.
+    """What the rays leave beside the products of their couplings.
 
     Attributes:
-        squares: (rays, K, K) lower triangle of Σ jᵀj.
-        gradient: (rays, K) −Σ jᵀ residual.
-        reduction: (m,) Σ V u.
+        squares: (frames · K · K,) lower triangles of Σ jᵀj.
+        gradient: (frames, K) −Σ jᵀ residual.
+        reduction: (m,) Σ V u of one group of points.
     """
 
     squares: FloatArray
@@ -47,104 +63,145 @@ class Rest(NamedTuple):
 
 
 @compile_kernel
-def add_rest(residual: FloatArray, by_others: FloatArray, V: FloatArray, u: FloatArray, rest: Rest) -> None:
-    """Add the squares and gradients of the rays of one point to those of its group."""
-    squares, gradient, reduction = rest
-    for i in range(by_others.shape[0]):
-        first, second = by_others[i, 0], by_others[i, 1]
-        r, s = residual[i, 0], residual[i, 1]
-        for k in range(first.size):
-            gradient[i, k] -= first[k] * r + second[k] * s
-        add_square(first, second, squares[i])
+def add_rest(
+    residual: FloatArray,
+    by_others: FloatArray,
+    frame: IntArray,
+    first: int,
+    end: int,
+    V: FloatArray,
+    u: FloatArray,
+    rest: Rest,
+) -> None:
+    """Add the squares and gradients of the rays first … end − 1 of one point to those of their frames.
+
+    ``by_others`` is flat.
+    """
+    reduction, gradient, width = rest.reduction, rest.gradient, rest.gradient.shape[1]
+    for i in range(first, end):
+        r, s, f = residual[i, 0], residual[i, 1], frame[i]
+        at = 2 * i * width
+        for k in range(width):
+            gradient[f, k] -= by_others[at + k] * r + by_others[at + width + k] * s
+        add_square(by_others, at, width, rest.squares, f * width * width)
     one, two, three = V[0], V[1], V[2]
+    a, b, c = u[0], u[1], u[2]
     for m in range(one.size):
-        reduction[m] += u[0] * one[m] + u[1] * two[m] + u[2] * three[m]
+        reduction[m] += a * one[m] + b * two[m] + c * three[m]
 
 
 @compile_kernel
-def add_square(first: FloatArray, second: FloatArray, square: FloatArray) -> None:
-    """Add the products of two Jacobian rows with themselves, (K, K), four rows at a time.
+def add_square(by_others: FloatArray, first: int, width: int, squares: FloatArray, start: int) -> None:
+    """Add the products of two Jacobian rows, side by side from ``first`` on, with themselves: (K, K) from ``start`` on.
 
-    Only what stands left of the diagonal, or in the diagonal blocks of four, is set.
+    Only what stands left of the diagonal, or in the diagonal tiles of four by four, is set. Arrays are flat and places
+    unsigned, so that a row of a tile is one operation.
     """
-    width = first.size
     whole = width - width % 4
     for k in range(0, whole, 4):
-        a, b, c, d = square[k], square[k + 1], square[k + 2], square[k + 3]
-        ax, bx, cx, dx = first[k], first[k + 1], first[k + 2], first[k + 3]
-        ay, by, cy, dy = second[k], second[k + 1], second[k + 2], second[k + 3]
-        for m in range(k + 4):
-            a[m] += ax * first[m] + ay * second[m]
-            b[m] += bx * first[m] + by * second[m]
-            c[m] += cx * first[m] + cy * second[m]
-            d[m] += dx * first[m] + dy * second[m]
+        row = np.uint64(first + k)
+        under = row + np.uint64(width)
+        x0, y0 = by_others[row], by_others[under]
+        x1, y1 = by_others[row + _ONE], by_others[under + _ONE]
+        x2, y2 = by_others[row + _TWO], by_others[under + _TWO]
+        x3, y3 = by_others[row + _THREE], by_others[under + _THREE]
+        for m in range(0, k + 4, 4):
+            column = np.uint64(first + m)
+            below = column + np.uint64(width)
+            a0, b0 = by_others[column], by_others[below]
+            a1, b1 = by_others[column + _ONE], by_others[below + _ONE]
+            a2, b2 = by_others[column + _TWO], by_others[below + _TWO]
+            a3, b3 = by_others[column + _THREE], by_others[below + _THREE]
+            at = np.uint64(start + k * width + m)
+            squares[at] += x0 * a0 + y0 * b0
+            squares[at + _ONE] += x0 * a1 + y0 * b1
+            squares[at + _TWO] += x0 * a2 + y0 * b2
+            squares[at + _THREE] += x0 * a3 + y0 * b3
+            at = np.uint64(start + (k + 1) * width + m)
+            squares[at] += x1 * a0 + y1 * b0
+            squares[at + _ONE] += x1 * a1 + y1 * b1
+            squares[at + _TWO] += x1 * a2 + y1 * b2
+            squares[at + _THREE] += x1 * a3 + y1 * b3
+            at = np.uint64(start + (k + 2) * width + m)
+            squares[at] += x2 * a0 + y2 * b0
+            squares[at + _ONE] += x2 * a1 + y2 * b1
+            squares[at + _TWO] += x2 * a2 + y2 * b2
+            squares[at + _THREE] += x2 * a3 + y2 * b3
+            at = np.uint64(start + (k + 3) * width + m)
+            squares[at] += x3 * a0 + y3 * b0
+            squares[at + _ONE] += x3 * a1 + y3 * b1
+            squares[at + _TWO] += x3 * a2 + y3 * b2
+            squares[at + _THREE] += x3 * a3 + y3 * b3
     for k in range(whole, width):
+        x, y = by_others[first + k], by_others[first + width + k]
         for m in range(k + 1):
-            square[k, m] += first[k] * first[m] + second[k] * second[m]
+            squares[start + k * width + m] += x * by_others[first + m] + y * by_others[first + width + m]
 
 
 @compile_kernel
-def carry_rest(
-    columns: IntArray,
-    pattern: Pattern,
-    clique: Clique,
-    count: int,
-    rest: Rest,
-    values: FloatArray,
-    right_hand_side: FloatArray,
-    diagonal: FloatArray,
-) -> bool:
-    """Add what a group with these columns (r, K) left to the reduced system; False where a pair is not stored."""
-    squares, gradient, reduction = rest
-    width = columns.shape[1]
-    starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    for i in range(columns.shape[0]):
-        if not places_of_ray(columns[i], pattern, starts, places):
-            return False
-        for k in range(width):
-            if columns[i, k] >= 0:
-                right_hand_side[columns[i, k]] += gradient[i, k]
-                diagonal[columns[i, k]] += squares[i, k, k]
-            for m in range(width):
-                if places[k, m] >= 0:
-                    values[places[k, m]] += squares[i, max(k, m), min(k, m)]
+def carry_reduction(
+    met: Met, clique: Clique, count: int, reduction: FloatArray, right_hand_side: FloatArray
+) -> None:
+    """Subtract Σ V u of a group from the right-hand side, and begin anew."""
     for slot in range(count):
-        shift = pattern.offsets[clique.blocks[slot]] - clique.begin[slot]
+        shift = met.first[clique.blocks[slot]] - clique.begin[slot]
         for m in range(clique.begin[slot], clique.begin[slot + 1]):
             right_hand_side[shift + m] -= reduction[m]
-    for i in range(columns.shape[0]):
-        clear(squares[i])
-    clear(gradient)
-    for m in range(clique.begin[count]):
-        reduction[m] = 0.0
+            reduction[m] = 0.0
+
+
+@compile_kernel
+def carry_rest(columns: IntArray, pattern: Pattern, rest: Rest, system: System) -> bool:
+    """Add what frames with columns (f, K) left to the reduced system; False where a pair is not stored."""
+    gradient, width = rest.gradient, columns.shape[1]
+    squares = rest.squares.reshape((columns.shape[0], width, width))
+    starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
+    for f in range(columns.shape[0]):
+        if not places_of_frame(columns[f], pattern, starts, places):
+            return False
+        for k in range(width):
+            column = columns[f, k]
+            if column >= 0:
+                system.right_hand_side[column] += gradient[f, k]
+                system.gradient[column] += gradient[f, k]
+                system.diagonal[column] += squares[f, k, k]
+            for m in range(width):
+                if places[k, m] >= 0:
+                    system.values[places[k, m]] += squares[f, max(k, m), min(k, m)]
     return True
 
 
 @compile_kernel
-def subtract_products(store: Store, groups: int, pattern: Pattern, values: FloatArray) -> bool:
+def subtract_products(store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray) -> bool:
     """Subtract V Vᵀ of all groups from the reduced matrix; return False where a pair is not stored."""
-    _, offsets, indptr, _, position = pattern
-    panel, starts = np.empty(16), np.empty(indptr.size - 1, dtype=np.int64)
+    panel, starts = np.empty(16), np.empty(met.size.size, dtype=np.int64)
     first = 0
-    while first < indptr.size - 1:
-        last = end_of_strip(first, indptr, position)
+    while first < met.size.size:
+        last = end_of_strip(first, met.size)
         for g in range(groups):
             part = slice(store.first_block[g], store.first_block[g + 1])
-            blocks, begin = store.blocks[part], store.begin[part]
+            blocks, begin = store.blocks[part], store.begin[part.start + g : part.stop + g + 1]
             low, high = slots_in_strip(blocks, first, last)
             if low == high:
                 continue
-            V = store.couplings[store.first_coupling[g] : store.first_coupling[g + 1]]
-            V = V.reshape((3 * store.points[g], V.size // (3 * store.points[g])))
+            base, size = store.first_coupling[g], begin[blocks.size]
+            V = store.couplings[base : store.first_coupling[g + 1]].reshape((3 * store.points[g], size))
             for slot in range(low, high):
-                width = offsets[blocks[slot] + 1] - offsets[blocks[slot]]
-                length = V.shape[1] - begin[slot]
+                width = begin[slot + 1] - begin[slot]
+                if not starts_of_column(blocks, slot, met, pattern, starts):
+                    return False
+                if store.points[g] <= FEW_POINTS:
+                    for q in range(store.points[g]):
+                        subtract_column_of_point(
+                            values, starts, width, store.couplings, base + 3 * q * size, begin, slot, blocks.size
+                        )
+                    continue
+                length = size - begin[slot]
                 if panel.size < width * length:
                     panel = np.empty(2 * width * length)
                 product = panel[: width * length].reshape((width, length))
                 multiply(V, begin[slot], product)
-                if not subtract_column(product, blocks[slot:], begin[slot:], pattern, starts, values):
-                    return False
+                subtract_column(product, begin[slot:], starts, values)
         first = last
     return True
 
@@ -177,26 +234,16 @@ def multiply(V: FloatArray, first: int, product: FloatArray) -> None:
 
 
 @compile_kernel
-def subtract_column(
-    product: FloatArray,
-    blocks: IntArray,
-    begin: IntArray,
-    pattern: Pattern,
-    starts: IntArray,
-    values: FloatArray,
-) -> bool:
-    """Subtract a product from the blocks of the column ``blocks[0]``; False where one is not stored.
+def subtract_column(product: FloatArray, begin: IntArray, starts: IntArray, values: FloatArray) -> None:
+    """Subtract a product (w, length) from the blocks of a column, which start at ``starts``.
 
     Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
     """
-    _, _, indptr, indices, position = pattern
     width = product.shape[0]
-    if not starts_of_column(blocks, indptr, indices, position, starts):
-        return False
-    for slot in range(blocks.size):
+    for slot in range(begin.size - 1):
         place = starts[slot]
         low = begin[slot] - begin[0]
-        high = begin[slot + 1] - begin[0] if slot + 1 < blocks.size else product.shape[1]
+        high = begin[slot + 1] - begin[0]
         if width % 3 == 0:
             for i in range(low, high):
                 for j in range(0, width, 3):
@@ -209,7 +256,6 @@ def subtract_column(
                 for j in range(width):
                     values[place + j] -= product[j, i]
                 place += width
-    return True
 
 
 @compile_kernel
@@ -217,50 +263,48 @@ def accumulate(
     residual: FloatArray,
     by_point: FloatArray,
     by_others: FloatArray,
+    frame: IntArray,
     columns: IntArray,
     pointers: IntArray,
     damping: float,
     pattern: Pattern,
-    values: FloatArray,
-    right_hand_side: FloatArray,
-    diagonal: FloatArray,
+    system: System,
     held: BoolArray,
+    gradient: FloatArray,
 ) -> bool:
     """Add the points to the reduced system; return False where a pair of blocks is not stored."""
     keys = np.empty(pointers.size - 1, dtype=np.int64)
-    rays, most, room = survey(columns, pointers, pattern, keys)
-    K = columns.shape[1]
-    unseen = np.full(pattern.offsets.size - 1, -1, dtype=np.int64)
-    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, K), dtype=np.int64)
+    runs, met = runs_of_frames(columns, pattern)
+    rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
+    frames, K = columns.shape
+    unseen = np.full(met.size.size, -1, dtype=np.int64)
+    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
     clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
-    rest = Rest(np.zeros((rays, K, K)), np.zeros((rays, K)), np.zeros(room))
+    rest = Rest(np.zeros(frames * K * K), np.zeros((frames, K)), np.zeros(room))
+    flat = by_others.reshape(-1)
     store = empty_store(keys.size, room)
     L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
     groups, count, before = 0, 0, -1
     for p in grouped(keys):
-        part = slice(pointers[p], pointers[p + 1])
+        first, end = pointers[p], pointers[p + 1]
         full = store.first_coupling[groups] + 3 * room > store.couplings.size
-        if full or before < 0 or not same_columns(columns, pointers, p, before):
-            if before >= 0:
-                shared = columns[pointers[before] : pointers[before + 1]]
-                if not carry_rest(shared, pattern, clique, count, rest, values, right_hand_side, diagonal):
-                    return False
+        if full or before < 0 or not same_frames(frame, pointers, p, before):
+            carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
             if full:
-                if not subtract_products(store, groups, pattern, values):
+                if not subtract_products(store, groups, met, pattern, system.values):
                     return False
                 groups = 0
-            count = merge(columns[part], pattern, clique)
+            count = merge(frame, first, end, runs, met, clique)
             open_group(store, groups, clique, count)
             groups += 1
         before = p
-        factor_point(by_point[part], residual[part], damping, L, inverse, u)
+        factor_point(by_point, residual, first, end, damping, L, inverse, u, gradient[p])
         for j in range(3):
             held[p, j] = inverse[j] == 0.0
         V = append_point(store, groups, begin[count])
-        couple(by_point[part], by_others[part], local, L, inverse, V)
-        add_rest(residual[part], by_others[part], V, u, rest)
-    if before < 0:
-        return True
-    shared = columns[pointers[before] : pointers[before + 1]]
-    stored = carry_rest(shared, pattern, clique, count, rest, values, right_hand_side, diagonal)
-    return stored and subtract_products(store, groups, pattern, values)
+        couple(by_point, by_others, frame, first, end, runs, local, L, inverse, V)
+        add_rest(residual, flat, frame, first, end, V, u, rest)
+    carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
+    return carry_rest(columns, pattern, rest, system) and subtract_products(
+        store, groups, met, pattern, system.values
+    )

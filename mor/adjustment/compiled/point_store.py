@@ -28,8 +28,8 @@ class Store(NamedTuple):
         first_coupling: (groups+1,) where those of a group start.
         points: (groups,) number of points.
         blocks: group after group, ascending block numbers of its unknowns.
-        begin: the first local unknown of each of these blocks.
-        first_block: (groups+1,) where the blocks of a group start.
+        begin: the first local unknown of each of these blocks, and behind them the number of unknowns.
+        first_block: (groups+1,) where the blocks of a group start; ``begin`` has one entry more for each group.
     """
 
     couplings: FloatArray
@@ -50,7 +50,7 @@ def empty_store(points: int, most_unknowns: int) -> Store:
         np.zeros(points + 1, dtype=np.int64),
         np.zeros(points, dtype=np.int64),
         np.empty(size // 3 + 1, dtype=np.int64),
-        np.empty(size // 3 + 1, dtype=np.int64),
+        np.empty(size // 3 + 1 + points, dtype=np.int64),
         np.zeros(points + 1, dtype=np.int64),
     )
 
@@ -61,7 +61,8 @@ def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
     first = store.first_block[groups]
     for slot in range(count):
         store.blocks[first + slot] = clique.blocks[slot]
-        store.begin[first + slot] = clique.begin[slot]
+    for slot in range(count + 1):
+        store.begin[groups + first + slot] = clique.begin[slot]
     store.first_block[groups + 1] = first + count
     store.first_coupling[groups + 1] = store.first_coupling[groups]
     store.points[groups] = 0
@@ -77,10 +78,13 @@ def append_point(store: Store, groups: int, size: int) -> FloatArray:
 
 
 @compile_kernel
-def end_of_strip(first: int, indptr: IntArray, position: IntArray) -> int:
-    """Return the end of the strip of block columns that begins with ``first``."""
-    last = first + 1
-    while last < indptr.size - 1 and position[indptr[last + 1]] - position[indptr[first]] <= STRIP:
+def end_of_strip(first: int, size: IntArray) -> int:
+    """Return the end of the strip of met blocks, of these sizes, that begins with ``first``."""
+    below = size[first:].sum()
+    last, numbers = first, 0
+    while last < size.size and (last == first or numbers + size[last] * below <= STRIP):
+        numbers += size[last] * below
+        below -= size[last]
         last += 1
     return last
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
+from mor.adjustment.compiled.cliques import Runs
 from mor.geometry.arrays import FloatArray, IntArray
 
 # Pivots of a 3×3 system scaled to unit diagonal carry hardly any round-off.
@@ -29,45 +30,56 @@ def clear(matrix: FloatArray) -> None:
 def factor_point(
     by_point: FloatArray,
     residual: FloatArray,
+    first: int,
+    end: int,
     damping: float,
     L: FloatArray,
     inverse: FloatArray,
     u: FloatArray,
+    gradient: FloatArray,
 ) -> None:
-    """Factorise N_pp of the rays of one point, (r, 2, 3) and (r, 2).
+    """Factorise N_pp of the rays first … end − 1 of one point, (n, 2, 3) and (n, 2).
 
-    Sets L (3, 3), the reciprocals of its diagonal and u = L⁻¹ b_p with b_p = −Σ aᵀ residual. A coordinate
-    whose
-    pivot vanishes is held: reciprocal and u are zero, the row and column of L too.
+    Sets L (3, 3), the reciprocals of its diagonal, b_p = −Σ aᵀ residual as ``gradient``, and u = L⁻¹ b_p. A
+    coordinate whose pivot vanishes is held: reciprocal and u are zero, the row and column of L too.
     """
     clear(L)
-    for j in range(3):
-        u[j] = 0.0
-    for i in range(by_point.shape[0]):
+    n00, n10, n11, n20, n21, n22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    g, h, k = 0.0, 0.0, 0.0
+    for i in range(first, end):
         for c in range(2):
-            for j in range(3):
-                u[j] -= by_point[i, c, j] * residual[i, c]
-                for k in range(j + 1):
-                    L[j, k] += by_point[i, c, j] * by_point[i, c, k]
+            x, y, z, r = by_point[i, c, 0], by_point[i, c, 1], by_point[i, c, 2], residual[i, c]
+            n00 += x * x
+            n10 += x * y
+            n11 += y * y
+            n20 += x * z
+            n21 += y * z
+            n22 += z * z
+            g -= x * r
+            h -= y * r
+            k -= z * r
+    L[0, 0], L[1, 0], L[1, 1], L[2, 0], L[2, 1], L[2, 2] = n00, n10, n11, n20, n21, n22
+    gradient[0], gradient[1], gradient[2] = g, h, k
+    u[0], u[1], u[2] = g, h, k
     for j in range(3):
         whole = L[j, j]
         pivot = whole * (1.0 + damping)
-        for k in range(j):
-            pivot -= L[j, k] * L[j, k]
+        for m in range(j):
+            pivot -= L[j, m] * L[j, m]
         if pivot <= VANISHING * whole:
             inverse[j] = 0.0
             u[j] = 0.0
-            for k in range(3):
-                L[max(j, k), min(j, k)] = 0.0
+            for m in range(3):
+                L[max(j, m), min(j, m)] = 0.0
             continue
         L[j, j] = np.sqrt(pivot)
         inverse[j] = 1.0 / L[j, j]
         for i in range(j + 1, 3):
-            for k in range(j):
-                L[i, j] -= L[i, k] * L[j, k]
+            for m in range(j):
+                L[i, j] -= L[i, m] * L[j, m]
             L[i, j] *= inverse[j]
-        for k in range(j):
-            u[j] -= L[j, k] * u[k]
+        for m in range(j):
+            u[j] -= L[j, m] * u[m]
         u[j] *= inverse[j]
 
 
@@ -75,28 +87,37 @@ def factor_point(
 def couple(
     by_point: FloatArray,
     by_others: FloatArray,
+    frame: IntArray,
+    first: int,
+    end: int,
+    runs: Runs,
     local: IntArray,
     L: FloatArray,
     inverse: FloatArray,
     V: FloatArray,
 ) -> None:
-    """Set V = W L⁻ᵀ, transposed (3, m), for the rays of one point with local numbers (r, K) of their columns."""
+    """Set V = W L⁻ᵀ, transposed (3, m), for the rays first … end − 1, all of one point."""
     clear(V)
-    for i in range(by_point.shape[0]):
-        for k in range(local.shape[1]):
-            at = local[i, k]
-            if at < 0:
-                continue
-            x, y = by_others[i, 0, k], by_others[i, 1, k]
-            V[0, at] += x * by_point[i, 0, 0] + y * by_point[i, 1, 0]
-            V[1, at] += x * by_point[i, 0, 1] + y * by_point[i, 1, 1]
-            V[2, at] += x * by_point[i, 0, 2] + y * by_point[i, 1, 2]
-    for m in range(V.shape[1]):
-        first = V[0, m] * inverse[0]
-        second = (V[1, m] - L[1, 0] * first) * inverse[1]
-        V[0, m] = first
-        V[1, m] = second
-        V[2, m] = (V[2, m] - L[2, 0] * first - L[2, 1] * second) * inverse[2]
+    one, two, three = V[0], V[1], V[2]
+    for i in range(first, end):
+        ax, ay, az = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
+        bx, by, bz = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at, column = local[i - first, t - start], runs.first[t]
+            for k in range(runs.length[t]):
+                x, y = by_others[i, 0, column + k], by_others[i, 1, column + k]
+                one[at + k] += x * ax + y * bx
+                two[at + k] += x * ay + y * by
+                three[at + k] += x * az + y * bz
+    p, q, r = inverse[0], inverse[1], inverse[2]
+    a, b, c = L[1, 0], L[2, 0], L[2, 1]
+    for m in range(one.size):
+        x = one[m] * p
+        y = (two[m] - a * x) * q
+        one[m] = x
+        two[m] = y
+        three[m] = (three[m] - b * x - c * y) * r
 
 
 @compile_kernel
@@ -104,6 +125,7 @@ def back_substitute(
     residual: FloatArray,
     by_point: FloatArray,
     by_others: FloatArray,
+    frame: IntArray,
     columns: IntArray,
     pointers: IntArray,
     damping: float,
@@ -112,18 +134,23 @@ def back_substitute(
 ) -> None:
     """Set the steps (p, 3) of the points, whose residuals are those after the step of the others."""
     L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
+    of_frame = np.zeros(columns.shape)
+    for f in range(columns.shape[0]):
+        for k in range(columns.shape[1]):
+            if columns[f, k] >= 0:
+                of_frame[f, k] = step[columns[f, k]]
     widest = np.diff(pointers).max() if pointers.size > 1 else 0
-    moved = np.empty((widest, 2))
+    moved, gradient = np.empty((widest, 2)), np.empty(3)
     for p in range(pointers.size - 1):
         first, end = pointers[p], pointers[p + 1]
         for i in range(first, end):
             x, y = residual[i, 0], residual[i, 1]
-            for k in range(columns.shape[1]):
-                if columns[i, k] >= 0:
-                    x += by_others[i, 0, k] * step[columns[i, k]]
-                    y += by_others[i, 1, k] * step[columns[i, k]]
+            own, one, two = of_frame[frame[i]], by_others[i, 0], by_others[i, 1]
+            for k in range(own.size):
+                x += one[k] * own[k]
+                y += two[k] * own[k]
             moved[i - first, 0], moved[i - first, 1] = x, y
-        factor_point(by_point[first:end], moved[: end - first], damping, L, inverse, u)
+        factor_point(by_point[first:end], moved, 0, end - first, damping, L, inverse, u, gradient)
         for j in range(2, -1, -1):
             for k in range(j + 1, 3):
                 u[j] -= L[k, j] * u[k]

@@ -25,12 +25,13 @@ def _camera(row: dict[str, Any]) -> str:
             quantities[name].unit("m", "rad", unit),
             short(c["value"], 10),
             short(c["sigma"], 4),
+            fixed(c.get("t"), 1) if name != "c" else "-",
             c["status"],
         ]
         for name, c in row["components"].items()
     ]
     title = heading(f"Camera {row['id']} (model {row['model']})")
-    lines = [title, table(["component", "unit", "value", "sigma", "status"], rows, left=2)]
+    lines = [title, table(["component", "unit", "value", "sigma", "value/sigma", "status"], rows, left=2)]
     if row["r0"] is not None:
         lines.append(f"r0 = {row['r0']} {unit}")
     names, matrix = row["correlations"]["components"], row["correlations"]["matrix"]

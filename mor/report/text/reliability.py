@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.reliability import gross_errors
+from mor.report.reliability import fixed_point_rows, gross_errors
 from mor.report.text._layout import DIGITS, fixed, heading, short, table
 
 SHOWN = 40
@@ -28,7 +28,8 @@ def section(solved: Solved) -> str:
     if data["suspicious"]:
         lines.append("Flagged:" if flagged else "Nothing is flagged. The largest test values:")
     lines += [f"  {_sentence(row, unit)}" for row in (flagged or data["suspicious"])[:SHOWN]]
-    for part in (_snooping(data["snooping"]), _robust(data["robust"], unit)):
+    parts = (_fixed_points(solved, unit), _snooping(data["snooping"]), _robust(data["robust"], unit))
+    for part in parts:
         lines += ["", *part] if part else []
     return "\n".join(lines)
 
@@ -49,6 +50,23 @@ def _sentence(row: dict[str, Any], unit: str) -> str:
 def _place(row: dict[str, Any]) -> str:
     names = ", ".join(f"{key} {name}" for key, name in row["names"].items())
     return f"{row['type']} {names}, {row['component']}"
+
+
+def _fixed_points(solved: Solved, unit: str) -> list[str]:
+    """Fixed points that the observations would rather have elsewhere."""
+    tests = fixed_point_rows(solved)
+    alpha = solved.quality.levels.snooping if solved.quality is not None else 0.0
+    moved = sorted((row for row in tests if row["p"] < alpha), key=lambda row: -row["test"])
+    if not moved:
+        return []
+    d = DIGITS[unit]
+    lines = [f"The observations contradict these fixed coordinates (level {alpha:.3g}):"]
+    for row in moved[:SHOWN]:
+        where = ", ".join(f"{name} {fixed(x, d)}" for name, x in zip("XYZ", row["movement"], strict=True))
+        lines.append(
+            f"  {row['id']}: moved by {where} {unit}? T = {short(row['test'], 4)}, p = {row['p']:.2g}"
+        )
+    return lines
 
 
 def _snooping(data: dict[str, Any] | None) -> list[str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from mor.adjustment.solve import Outcome
-from mor.quality.explain import explain_singularity
+from mor.quality.explain import explain_singularity, weakness
 from mor.quality.solved import Solved
 from mor.report.text._layout import heading
 
 
 def section(solved: Solved) -> str:
-    """Explanation of a singular system; nothing otherwise."""
+    """Explanation of a singular system, or of directions that are hardly determined; nothing otherwise."""
+    weak = weakness(solved)
+    if weak:
+        return "\n".join([heading("What is hardly determined"), *weak])
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         return ""
     return "\n".join([heading("What is not determined"), *explain_singularity(solved)])
