@@ -19,6 +19,7 @@ COMMANDS = {
     "approximate": "Find start values, write a project that has them.",
     "check": "Read and check a project, adjust nothing.",
     "orient": "Orient two images (Rinner) or a plane object (Killian).",
+    "plot": "Draw a picture of results: network, residuals, camera …",
     "schema": "Print the JSON Schema of the project file.",
 }
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from mor.geometry.arrays import FloatArray
 from mor.quality.assess import Quality
-from mor.quality.influence import Entry, movements
+from mor.quality.influence import Entry
+from mor.quality.local_influence import point_movements
 
 MOST = 200
 """Observations that are explained at most."""
@@ -36,8 +37,21 @@ def effects(quality: Quality) -> list[Effect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
     errors = np.array([quality.reliability[e.group].error[e.row, e.component] for e in entries])
-    moved = movements(quality, entries, errors) if entries else np.zeros((0, 0))
-    return [_effect(quality, entry, moved[:, k]) for k, entry in enumerate(entries)]
+    points = [_points_of(quality, entry) for entry in entries]
+    moved = point_movements(quality, entries, errors, points)
+    return [_effect(quality, *each) for each in zip(entries, points, moved, strict=True)]
+
+
+def _points_of(quality: Quality, entry: Entry) -> list[int]:
+    """Free point blocks that an observation names; frames' own positions are not among them."""
+    problem = quality.adjustment.problem
+    group, columns = problem.groups[entry.group], problem.index.columns["point"]
+    named = [
+        int(blocks[entry.row])
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == "point" and slot.of != "image"
+    ]
+    return [point for point in named if (columns[point] >= 0).any()]
 
 
 def _chosen(quality: Quality) -> list[Entry]:
@@ -56,31 +70,15 @@ def _chosen(quality: Quality) -> list[Entry]:
     return [entry for _, entry in best[:wanted]]
 
 
-def _effect(quality: Quality, entry: Entry, moved: FloatArray) -> Effect:
-    problem, tests = quality.adjustment.problem, quality.reliability[entry.group]
-    group = problem.groups[entry.group]
-    columns = problem.index.columns["point"]
-    place = (entry.row, entry.component)
-    largest, point, movement = -1.0, -1, np.zeros(3)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind != "point":
-            continue
-        own = columns[blocks[entry.row]]
-        if slot.of == "image" or not (own >= 0).any():
-            continue
-        displacement = np.where(own >= 0, moved[own], 0.0)
-        if np.linalg.norm(displacement) > largest:
-            largest, point, movement = (
-                float(np.linalg.norm(displacement)),
-                int(blocks[entry.row]),
-                displacement,
-            )
+def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:
+    tests, place = quality.reliability[entry.group], (entry.row, entry.component)
+    most = int(np.argmax(np.linalg.norm(moved, axis=1))) if points else -1
     return Effect(
         entry,
         float(tests.test[place]),
         float(quality.groups[entry.group].r[place]),
         float(tests.error[place]),
         float(tests.smallest[place]),
-        point,
-        movement,
+        points[most] if points else -1,
+        moved[most] if points else np.zeros(3),
     )

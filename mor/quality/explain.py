@@ -9,6 +9,7 @@ from mor.parameters.kinds import KINDS
 from mor.quality.loose_frames import why_loose
 from mor.quality.parts import Part, connected_parts
 from mor.quality.solved import Solved
+from mor.quality.tilt import tilt
 from mor.quality.weak import weak_directions
 from mor.units import ANGLE_UNITS
 
@@ -64,6 +65,7 @@ def _open_datum(solved: Solved) -> list[str]:
             if any("combination" in name for name in movements)
             else []
         ),
+        *([about] if (about := tilt(solved.adjustment)) else []),
         "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network.",
     ]
 

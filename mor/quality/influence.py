@@ -31,8 +31,8 @@ def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> Flo
     adjustment = quality.adjustment
     right = np.zeros((adjustment.problem.index.count, len(entries)))
     for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
-        columns, gradient = _gradient(adjustment, entry)
-        np.add.at(right[:, k], columns, gradient * error)
+        columns, values = gradient(adjustment, entry)
+        np.add.at(right[:, k], columns, values * error)
     moved = adjustment.inverse.solve(right)
     datum = quality.datum
     if datum.null.shape[1] == 0:
@@ -41,8 +41,8 @@ def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> Flo
     return into
 
 
-def _gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray]:
-    """Aᵀ P e_i: unknowns and values."""
+def gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray]:
+    """Aᵀ P e of an observation: unknowns (k,) and values (k,)."""
     problem = adjustment.problem
     tangent = rotation_tangents(problem.index, adjustment.values)
     for cluster in adjustment.plan.clusters:

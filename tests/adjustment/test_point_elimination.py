@@ -151,7 +151,9 @@ def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
     whole = (design @ inverse @ design.T).reshape(rays.rays, 2, rays.rays, 2)
     own = whole[np.arange(rays.rays), :, np.arange(rays.rays)]
     np.testing.assert_allclose(of_rays, own, rtol=1e-7, atol=1e-9)
-    assert np.trace(own, axis1=1, axis2=2).sum() == pytest.approx(design.shape[1], rel=1e-9)  # the trace of a projection is its rank
+    assert np.trace(own, axis1=1, axis2=2).sum() == pytest.approx(
+        design.shape[1], rel=1e-9
+    )  # the trace of a projection is its rank
 
 
 @pytest.mark.usefixtures("either_form")

@@ -182,7 +182,7 @@ def grouped(keys: IntArray) -> IntArray:
     return order
 
 
-@compile_kernel
+@compile_inline
 def same_frames(frame: IntArray, pointers: IntArray, one: int, other: int) -> bool:
     """Return whether the rays of two points come from the same frames."""
     rays = pointers[one + 1] - pointers[one]
@@ -243,20 +243,20 @@ def find_start(indptr: IntArray, indices: IntArray, position: IntArray, row: int
 
 
 @compile_kernel
-def starts_of_column(blocks: IntArray, slot: int, met: Met, pattern: Pattern, starts: IntArray) -> bool:
-    """Set where the blocks (blocks[slot + i], blocks[slot]), ascending, start; False where one is not stored."""
-    column = blocks[slot]
-    known = met.starts[column]
-    for other in range(slot, blocks.size):
-        row = blocks[other]
-        if known[row] == UNKNOWN:
-            known[row] = find_start(
-                pattern.indptr, pattern.indices, pattern.position, met.column[row], met.column[column]
-            )
-        if known[row] < 0:
-            return False
-        starts[other - slot] = known[row]
-    return True
+def look_up_pairs(blocks: IntArray, count: int, met: Met, pattern: Pattern) -> bool:
+    """Note where all pairs of the first ``count`` ascending blocks start; return False where one is not stored."""
+    known, column_of, stored = met.starts, met.column, True
+    for slot in range(count):
+        column = blocks[slot]
+        for other in range(slot, count):
+            row = blocks[other]
+            if known[column, row] == UNKNOWN:
+                known[column, row] = find_start(
+                    pattern.indptr, pattern.indices, pattern.position, column_of[row], column_of[column]
+                )
+            if known[column, row] < 0:
+                stored = False
+    return stored
 
 
 @compile_kernel

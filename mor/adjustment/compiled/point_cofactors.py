@@ -16,11 +16,11 @@ from mor.adjustment.compiled.cliques import (
     Pattern,
     Runs,
     grouped,
+    look_up_pairs,
     merge,
     places_of_frame,
     runs_of_frames,
     same_frames,
-    starts_of_column,
     survey,
 )
 from mor.adjustment.compiled.point_store import (
@@ -65,64 +65,80 @@ def inverse_of_point(L: FloatArray, inverse: FloatArray, N: FloatArray) -> None:
 
 @compile_kernel
 def multiply_by_inverse(
-    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, products: FloatArray
-) -> bool:
-    """Set the products H = Q_cc E, laid out as the couplings E; return False where a pair is not stored."""
+    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray
+) -> None:
+    """Set the products H = Q_cc E, laid out as the couplings E, strip by strip."""
     for k in range(store.first_coupling[groups]):
         products[k] = 0.0
-    panel, starts = np.empty(16), np.empty(met.size.size, dtype=np.int64)
     first = 0
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        for g in range(groups):
-            part = slice(store.first_block[g], store.first_block[g + 1])
-            blocks, begin = store.blocks[part], store.begin[part.start + g : part.stop + g + 1]
-            low, high = slots_in_strip(blocks, first, last)
-            if low == high:
-                continue
-            base, size = store.first_coupling[g], begin[blocks.size]
-            shape = (3 * store.points[g], size)
-            E = store.couplings[base : store.first_coupling[g + 1]].reshape(shape)
-            H = products[base : store.first_coupling[g + 1]].reshape(shape)
-            for slot in range(low, high):
-                width = begin[slot + 1] - begin[slot]
-                if not starts_of_column(blocks, slot, met, pattern, starts):
-                    return False
-                if store.points[g] <= FEW_POINTS:
-                    for q in range(store.points[g]):
-                        multiply_column_of_point(
-                            values,
-                            starts,
-                            width,
-                            store.couplings,
-                            products,
-                            base + 3 * q * size,
-                            begin,
-                            slot,
-                            blocks.size,
-                        )
-                    continue
-                length = size - begin[slot]
-                if panel.size < width * length:
-                    panel = np.empty(2 * width * length)
-                column = panel[: width * length].reshape((width, length))
-                fetch_column(values, begin[slot:], starts, column)
-                multiply(column, E[:, begin[slot] :], H[:, begin[slot] :])
+        multiply_point_by_point(store, groups, met, values, products, first, last)
+        multiply_by_panels(store, groups, met, values, products, first, last)
         first = last
-    return True
 
 
 @compile_kernel
-def fetch_column(values: FloatArray, begin: IntArray, starts: IntArray, column: FloatArray) -> None:
+def multiply_point_by_point(
+    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray, first: int, last: int
+) -> None:
+    """Add to the products of the groups of few points what a strip makes of their couplings."""
+    couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
+    known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
+    for g in range(groups):
+        block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
+        if points > FEW_POINTS:
+            continue
+        low, high = slots_in_strip(blocks, block, end, first, last)
+        begin = all_begin[block + g : end + g + 1]
+        slots = end - block
+        base, size = store.first_coupling[g], begin[slots]
+        for slot in range(low, high):
+            for other in range(slot, slots):
+                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+            width = begin[slot + 1] - begin[slot]
+            for q in range(points):
+                multiply_column_of_point(
+                    values, starts, width, couplings, products, base + 3 * q * size, begin, slot, slots
+                )
+
+
+@compile_kernel
+def multiply_by_panels(
+    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray, first: int, last: int
+) -> None:
+    """Add to the products of the groups of many points what a strip makes of their couplings."""
+    blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
+    for g in range(groups):
+        block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
+        if points <= FEW_POINTS:
+            continue
+        low, high = slots_in_strip(blocks, block, end, first, last)
+        begin = store.begin[block + g : end + g + 1]
+        slots = end - block
+        base, size = store.first_coupling[g], begin[slots]
+        for slot in range(low, high):
+            for other in range(slot, slots):
+                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+            width = begin[slot + 1] - begin[slot]
+            panel = np.empty(width * (size - begin[slot]))
+            fetch_panel(values, begin, slot, slots, starts, panel)
+            multiply_panel(panel, width, store.couplings, products, base, size, 3 * points, begin[slot])
+
+
+@compile_kernel
+def fetch_panel(
+    values: FloatArray, begin: IntArray, slot: int, slots: int, starts: IntArray, panel: FloatArray
+) -> None:
     """Copy the blocks of a column, which start at ``starts``, transposed, to (w, length).
 
     Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
     """
-    width = column.shape[0]
-    for slot in range(begin.size - 1):
-        place = starts[slot]
-        low = begin[slot] - begin[0]
-        high = begin[slot + 1] - begin[0]
+    width, length = begin[slot + 1] - begin[slot], begin[slots] - begin[slot]
+    column = panel[: width * length].reshape((width, length))
+    for other in range(slot, slots):
+        place = starts[other - slot]
+        low, high = begin[other] - begin[slot], begin[other + 1] - begin[slot]
         if width % 3 == 0:
             for i in range(low, high):
                 for j in range(0, width, 3):
@@ -135,6 +151,24 @@ def fetch_column(values: FloatArray, begin: IntArray, starts: IntArray, column: 
                 for j in range(width):
                     column[j, i] = values[place + j]
                 place += width
+
+
+@compile_kernel
+def multiply_panel(
+    panel: FloatArray,
+    width: int,
+    couplings: FloatArray,
+    products: FloatArray,
+    base: int,
+    size: int,
+    rows: int,
+    first: int,
+) -> None:
+    """Add to the products of a group what a block column and its mirror image make of its couplings."""
+    E = couplings[base : base + rows * size].reshape((rows, size))
+    H = products[base : base + rows * size].reshape((rows, size))
+    column = panel[: width * (size - first)].reshape((width, size - first))
+    multiply(column, E[:, first:], H[:, first:])
 
 
 @compile_kernel
@@ -247,7 +281,6 @@ def finish(
     order: IntArray,
     runs: Runs,
     met: Met,
-    pattern: Pattern,
     clique: Clique,
     values: FloatArray,
     of_frame: FloatArray,
@@ -256,14 +289,12 @@ def finish(
     products: FloatArray,
     of_points: FloatArray,
     of_rays: FloatArray,
-) -> bool:
-    """Set the cofactors of the stored points, in this order, and of their rays; False where a pair is not
-    stored.
+) -> None:
+    """Set the cofactors of the stored points, in this order, and of their rays.
 
     ``of_points`` holds N_pp⁻¹ on entry.
     """
-    if not multiply_by_inverse(store, groups, met, pattern, values, products):
-        return False
+    multiply_by_inverse(store, groups, met, values, products)
     done, at = 0, 0
     for g in range(groups):
         p = order[done]
@@ -295,7 +326,6 @@ def finish(
                 of_rays,
             )
         done += store.points[g]
-    return True
 
 
 @compile_kernel
@@ -329,7 +359,7 @@ def cofactors(
     for k in range(order.size + 1):
         full = k == order.size or store.first_coupling[groups] + 3 * room > store.couplings.size
         if full and k > done:
-            if not finish(
+            finish(
                 by_point,
                 by_others,
                 frame,
@@ -337,7 +367,6 @@ def cofactors(
                 order[done:k],
                 runs,
                 met,
-                pattern,
                 clique,
                 values,
                 of_frame,
@@ -346,8 +375,7 @@ def cofactors(
                 products,
                 of_points,
                 of_rays,
-            ):
-                return False
+            )
             groups, done = 0, k
         if k == order.size:
             break
@@ -355,6 +383,8 @@ def cofactors(
         first, end = pointers[p], pointers[p + 1]
         if full or before < 0 or not same_frames(frame, pointers, p, before):
             count = merge(frame, first, end, runs, met, clique)
+            if not look_up_pairs(clique.blocks, count, met, pattern):
+                return False
             open_group(store, groups, clique, count)
             groups += 1
         before = p

@@ -15,11 +15,11 @@ from mor.adjustment.compiled.cliques import (
     Met,
     Pattern,
     grouped,
+    look_up_pairs,
     merge,
     places_of_frame,
     runs_of_frames,
     same_frames,
-    starts_of_column,
     survey,
 )
 from mor.adjustment.compiled.point_store import (
@@ -172,38 +172,71 @@ def carry_rest(columns: IntArray, pattern: Pattern, rest: Rest, system: System) 
 
 
 @compile_kernel
-def subtract_products(store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray) -> bool:
-    """Subtract V Vᵀ of all groups from the reduced matrix; return False where a pair is not stored."""
-    panel, starts = np.empty(16), np.empty(met.size.size, dtype=np.int64)
+def subtract_products(store: Store, groups: int, met: Met, values: FloatArray) -> None:
+    """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip."""
     first = 0
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        for g in range(groups):
-            part = slice(store.first_block[g], store.first_block[g + 1])
-            blocks, begin = store.blocks[part], store.begin[part.start + g : part.stop + g + 1]
-            low, high = slots_in_strip(blocks, first, last)
-            if low == high:
-                continue
-            base, size = store.first_coupling[g], begin[blocks.size]
-            V = store.couplings[base : store.first_coupling[g + 1]].reshape((3 * store.points[g], size))
-            for slot in range(low, high):
-                width = begin[slot + 1] - begin[slot]
-                if not starts_of_column(blocks, slot, met, pattern, starts):
-                    return False
-                if store.points[g] <= FEW_POINTS:
-                    for q in range(store.points[g]):
-                        subtract_column_of_point(
-                            values, starts, width, store.couplings, base + 3 * q * size, begin, slot, blocks.size
-                        )
-                    continue
-                length = size - begin[slot]
-                if panel.size < width * length:
-                    panel = np.empty(2 * width * length)
-                product = panel[: width * length].reshape((width, length))
-                multiply(V, begin[slot], product)
-                subtract_column(product, begin[slot:], starts, values)
+        subtract_point_by_point(store, groups, met, values, first, last)
+        subtract_by_panels(store, groups, met, values, first, last)
         first = last
-    return True
+
+
+@compile_kernel
+def subtract_point_by_point(
+    store: Store, groups: int, met: Met, values: FloatArray, first: int, last: int
+) -> None:
+    """Subtract V Vᵀ of the groups of few points from a strip."""
+    couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
+    known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
+    for g in range(groups):
+        block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
+        if points > FEW_POINTS:
+            continue
+        low, high = slots_in_strip(blocks, block, end, first, last)
+        begin = all_begin[block + g : end + g + 1]
+        slots = end - block
+        base, size = store.first_coupling[g], begin[slots]
+        for slot in range(low, high):
+            for other in range(slot, slots):
+                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+            width = begin[slot + 1] - begin[slot]
+            for q in range(points):
+                subtract_column_of_point(
+                    values, starts, width, couplings, base + 3 * q * size, begin, slot, slots
+                )
+
+
+@compile_kernel
+def subtract_by_panels(
+    store: Store, groups: int, met: Met, values: FloatArray, first: int, last: int
+) -> None:
+    """Subtract V Vᵀ of the groups of many points from a strip."""
+    blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
+    for g in range(groups):
+        block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
+        if points <= FEW_POINTS:
+            continue
+        low, high = slots_in_strip(blocks, block, end, first, last)
+        begin = store.begin[block + g : end + g + 1]
+        slots = end - block
+        base, size = store.first_coupling[g], begin[slots]
+        for slot in range(low, high):
+            for other in range(slot, slots):
+                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+            width, length = begin[slot + 1] - begin[slot], size - begin[slot]
+            panel = np.empty(width * length)
+            multiply_panel(store.couplings, base, size, 3 * points, begin[slot], width, panel)
+            subtract_panel(panel, begin, slot, slots, starts, values)
+
+
+@compile_kernel
+def multiply_panel(
+    couplings: FloatArray, base: int, size: int, rows: int, first: int, width: int, panel: FloatArray
+) -> None:
+    """Set the product (width, length) of the unknowns from ``first`` on with all from ``first`` on."""
+    V = couplings[base : base + rows * size].reshape((rows, size))
+    multiply(V, first, panel[: width * (size - first)].reshape((width, size - first)))
 
 
 @compile_kernel
@@ -234,16 +267,18 @@ def multiply(V: FloatArray, first: int, product: FloatArray) -> None:
 
 
 @compile_kernel
-def subtract_column(product: FloatArray, begin: IntArray, starts: IntArray, values: FloatArray) -> None:
+def subtract_panel(
+    panel: FloatArray, begin: IntArray, slot: int, slots: int, starts: IntArray, values: FloatArray
+) -> None:
     """Subtract a product (w, length) from the blocks of a column, which start at ``starts``.
 
     Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
     """
-    width = product.shape[0]
-    for slot in range(begin.size - 1):
-        place = starts[slot]
-        low = begin[slot] - begin[0]
-        high = begin[slot + 1] - begin[0]
+    width, length = begin[slot + 1] - begin[slot], begin[slots] - begin[slot]
+    product = panel[: width * length].reshape((width, length))
+    for other in range(slot, slots):
+        place = starts[other - slot]
+        low, high = begin[other] - begin[slot], begin[other + 1] - begin[slot]
         if width % 3 == 0:
             for i in range(low, high):
                 for j in range(0, width, 3):
@@ -291,10 +326,11 @@ def accumulate(
         if full or before < 0 or not same_frames(frame, pointers, p, before):
             carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
             if full:
-                if not subtract_products(store, groups, met, pattern, system.values):
-                    return False
+                subtract_products(store, groups, met, system.values)
                 groups = 0
             count = merge(frame, first, end, runs, met, clique)
+            if not look_up_pairs(clique.blocks, count, met, pattern):
+                return False
             open_group(store, groups, clique, count)
             groups += 1
         before = p
@@ -305,6 +341,5 @@ def accumulate(
         couple(by_point, by_others, frame, first, end, runs, local, L, inverse, V)
         add_rest(residual, flat, frame, first, end, V, u, rest)
     carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
-    return carry_rest(columns, pattern, rest, system) and subtract_products(
-        store, groups, met, pattern, system.values
-    )
+    subtract_products(store, groups, met, system.values)
+    return carry_rest(columns, pattern, rest, system)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.compiled import compile_kernel
+from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.adjustment.compiled.cliques import Clique
 from mor.geometry.arrays import FloatArray, IntArray
 
@@ -68,7 +68,7 @@ def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
     store.points[groups] = 0
 
 
-@compile_kernel
+@compile_inline
 def append_point(store: Store, groups: int, size: int) -> FloatArray:
     """Append a point to the last of so many groups; return room (3, size) for its coupling."""
     first = store.first_coupling[groups]
@@ -89,15 +89,13 @@ def end_of_strip(first: int, size: IntArray) -> int:
     return last
 
 
-@compile_kernel
-def slots_in_strip(blocks: IntArray, first: int, last: int) -> tuple[int, int]:
-    """Return the range of the ascending blocks that lie in the strip of columns."""
-    if blocks.size == 0 or blocks[-1] < first or blocks[0] >= last:
-        return 0, 0
-    low = 0
-    while blocks[low] < first:
+@compile_inline
+def slots_in_strip(blocks: IntArray, begin: int, end: int, first: int, last: int) -> tuple[int, int]:
+    """Return which of the ascending blocks ``blocks[begin:end]`` lie in the strip, counted from ``begin``."""
+    low = begin
+    while low < end and blocks[low] < first:
         low += 1
     high = low
-    while high < blocks.size and blocks[high] < last:
+    while high < end and blocks[high] < last:
         high += 1
-    return low, high
+    return low - begin, high - begin

@@ -1,0 +1,157 @@
+"""The rays of the eliminated points, linearised chunk by chunk and forgotten.
+
+Image coordinates of the usual cameras are linearised by a compiled kernel; every other type of ray, and all of them
+where there is no compiler, by its own equation in numpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment import compiled
+from mor.adjustment.compiled import image_rays
+from mor.adjustment.compiled.image_rays import FrameValues, Measured
+from mor.adjustment.linearise import rotation_tangents
+from mor.adjustment.problem import Problem
+from mor.adjustment.ray_frames import GroupFrames, frame_values
+from mor.adjustment.ray_plan import Chunk, RayPlan
+from mor.adjustment.rays import Rays
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.observations import Computed
+from mor.parameters.index import Values
+
+
+class RayChunk(NamedTuple):
+    """One chunk, linearised."""
+
+    points: slice
+    """Its eliminated points."""
+    group: IntArray
+    row: IntArray
+    rays: Rays
+
+
+class _Place(NamedTuple):
+    """Where the rays are linearised."""
+
+    problem: Problem
+    plan: RayPlan
+    values: Values
+    tangent: FloatArray | None
+    frames: FrameValues
+
+
+def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
+    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system."""
+    place = _place(problem, plan, values)
+    columns = plan.frames.columns
+    columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
+    for chunk in plan.chunks:
+        yield _ray_chunk(place, chunk, columns)
+
+
+def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
+    """Residuals (n, 2) of the rays of every chunk, computed − observed, divided by σ; 0 where not observed."""
+    place = _place(problem, plan, values)
+    for chunk in plan.chunks:
+        residual = np.empty((chunk.rays.stop - chunk.rays.start, 2))
+        frame = chunk.frames[plan.frame[chunk.rays]]
+        measured = _measured(plan, chunk)
+        if _fits(place, chunk):
+            points = values["point"][plan.points[chunk.points]]
+            image_rays.residuals(place.frames, frame, _pointers(plan, chunk), points, measured, residual)
+        for group, here in _left_to_numpy(place, chunk, frame):
+            computed = _computed(place, group, plan.row[chunk.rays][here])
+            residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
+        yield chunk, np.where(measured.weight > 0.0, residual, 0.0)
+
+
+def ray_objective(problem: Problem, plan: RayPlan, values: Values) -> float:
+    """Σ (v/σ)² of the rays; infinite where an equation cannot be evaluated."""
+    total = sum(
+        float(np.vdot(residual, residual)) for _, residual in ray_residuals(problem, plan, values)
+    )
+    return total if np.isfinite(total) else np.inf
+
+
+def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
+    tangent = rotation_tangents(problem.index, values)
+    return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
+
+
+def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray) -> RayChunk:
+    plan = place.plan
+    local = plan.frame[chunk.rays]
+    frame = chunk.frames[local]
+    n, width = len(local), columns.shape[1]
+    residual, by_point, by_others = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, width))
+    measured, pointers = _measured(plan, chunk), _pointers(plan, chunk)
+    if _fits(place, chunk):
+        points = place.values["point"][plan.points[chunk.points]]
+        image_rays.linearise(
+            place.frames, plan.frames.layout, frame, pointers, points, measured, residual, by_point, by_others
+        )
+    for group, here in _left_to_numpy(place, chunk, frame):
+        weight = measured.weight[here]
+        computed = _computed(place, group, plan.row[chunk.rays][here])
+        by_others[here] = _by_frame(place, group, frame[here], computed, width) * weight[:, :, None]
+        by_point[here] = computed.jacobians[-1] * weight[:, :, None]
+        residual[here] = (computed.values - measured.observed[here]) * weight
+        seen = weight > 0.0
+        if not seen.all():
+            for array in (residual, by_point, by_others):
+                array[here] = np.where(seen.reshape(*seen.shape, *(1,) * (array.ndim - 2)), array[here], 0.0)
+    rays = Rays(residual, by_point, by_others, columns[chunk.frames], pointers, local)
+    return RayChunk(chunk.points, plan.group_of_frame[frame], plan.row[chunk.rays], rays)
+
+
+def _fits(place: _Place, chunk: Chunk) -> bool:
+    """True where some rays of the chunk have a compiled form."""
+    return compiled.available and bool((place.frames.model[chunk.frames] >= 0).any())
+
+
+def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
+    """Rays of a chunk that have no compiled form, group by group."""
+    plain = [g for g in place.plan.frames.groups if g.model < 0 or not compiled.available]
+    if not plain:
+        return
+    group_of_ray = place.plan.group_of_frame[frame]
+    for group in plain:
+        here = np.flatnonzero(group_of_ray == group.group)
+        if len(here):
+            yield group, here
+
+
+def _computed(place: _Place, group: GroupFrames, rows: IntArray) -> Computed:
+    observations = place.problem.groups[group.group]
+    blocks = [
+        place.values[slot.kind][number[rows]]
+        for slot, number in zip(observations.type.slots, observations.blocks, strict=True)
+    ]
+    return observations.type.equation(blocks, observations.constants[rows])
+
+
+def _by_frame(
+    place: _Place, group: GroupFrames, frame: IntArray, computed: Computed, width: int
+) -> FloatArray:
+    """Jacobian (n, 2, K) by the unknowns of the frames."""
+    result = np.zeros((len(frame), 2, width))
+    slots = place.problem.groups[group.group].type.slots
+    for pick in group.picks:
+        jacobian = computed.jacobians[pick.slot]
+        if slots[pick.slot].kind == "rotation" and place.tangent is not None:
+            jacobian = jacobian @ place.tangent[group.blocks[pick.slot][frame - group.first]]
+        result[:, :, pick.columns] = jacobian[:, :, pick.components]
+    return result
+
+
+def _measured(plan: RayPlan, chunk: Chunk) -> Measured:
+    return Measured(*(array[chunk.rays] for array in plan.measured))
+
+
+def _pointers(plan: RayPlan, chunk: Chunk) -> IntArray:
+    pointers: IntArray = plan.pointers[chunk.points.start : chunk.points.stop + 1] - chunk.rays.start
+    return pointers

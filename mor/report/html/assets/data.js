@@ -1,0 +1,60 @@
+"use strict";
+// The packed data of this page: unpacking, and numbers as text.
+const report = {};
+
+async function unpacked(id) {
+  const element = document.getElementById(id);
+  const letters = atob(element.textContent.trim());
+  element.textContent = "";
+  const bytes = Uint8Array.from(letters, (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).arrayBuffer();
+}
+
+const KINDS = { f4: Float32Array, f8: Float64Array, i1: Int8Array, i2: Int16Array, i4: Int32Array };
+
+async function readData() {
+  const buffer = await unpacked("payload");
+  const length = new DataView(buffer).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const start = 4 + length;
+  for (const table of Object.values(head)) {
+    for (const column of Object.values((table && table.columns) || {})) {
+      if (column.k) column.values = new KINDS[column.k](buffer, start + column.o, column.n);
+    }
+  }
+  Object.assign(report, head);
+}
+
+function value(table, name, row) {
+  const column = table.columns[name];
+  if (!column) return undefined;
+  const entry = column.values[row];
+  return column.t ? column.t[entry] : entry;
+}
+
+function numbers(table, name) { return Array.from(table.columns[name].values, (x) => (Number.isNaN(x) ? null : x)); }
+function texts(table, name) { const { t, values } = table.columns[name]; return Array.from(values, (k) => t[k]); }
+function has(table, name) { return Boolean(table && table.columns[name] && table.rows); }
+
+function minus(text) { return text.replace(/-/g, "\u2212"); }
+function shown(x, format) {
+  if (x === undefined || x === null || Number.isNaN(x)) return "\u2013";
+  if (typeof x === "string") return x;
+  if (format && format.fixed !== undefined) return minus(x.toFixed(format.fixed));
+  const digits = (format && format.digits) || 4;
+  const text = x === 0 ? "0" : x.toPrecision(digits);
+  return minus(text.includes("e") ? Number(text).toExponential(Math.max(digits - 2, 1)) : text);
+}
+// 1, 2 or 5 times a power of ten, not above x
+function roundLength(x) {
+  if (!(x > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(x));
+  return power * [5, 2, 1].find((step) => step * power <= x * (1 + 1e-12));
+}
+function readable(x, unit) {
+  const finer = { m: [["mm", 1e3], ["\u00b5m", 1e6]], mm: [["\u00b5m", 1e3]] }[unit] || [];
+  let said = [unit, 1];
+  for (const [name, factor] of finer) if (x * said[1] < 0.1) said = [name, factor];
+  return `${Number((x * said[1]).toPrecision(4))} ${said[0]}`;
+}

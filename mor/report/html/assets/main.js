@@ -1,0 +1,73 @@
+"use strict";
+// Puts the page together, what is seen first first.
+function tableColumns() {
+  const { length, angle, meeting, image_unit: unit } = report.meta;
+  const digits = { m: 4, mm: 3, cm: 3, dm: 4, um: 1, km: 7, ft: 4, "us-ft": 4, in: 3 }[length];
+  const angles = { gon: 4, deg: 4, rad: 6, mrad: 3, mgon: 1 }[angle];
+  const text = (key, title) => ({ key, title, text: true });
+  const fixed = (key, title, places, u = "1") => ({ key, title, unit: u, fixed: places });
+  const short = (key, title, u = "", size = false) => ({ key, title, unit: u, digits: 3, size });
+  const positions = ["x", "y", "z"].map((key) => fixed(key, key.toUpperCase(), digits, length));
+  const sigmas = ["x", "y", "z"].map((key) => short(`s${key}`, `σ${key.toUpperCase()}`, length));
+  return {
+    points: [text("id", "point"), ...positions, ...sigmas, short("ellipsoid_a", "ellipsoid a", length), fixed("rays", "rays", 0), fixed("others", "others", 0), fixed("angle", "intersection", 1, meeting), fixed("mean_r", "mean r", 3), fixed("smallest_r", "smallest r", 3), fixed("largest_w", "largest |w|", 2), text("status", "status")],
+    images: [text("id", "image"), text("camera", "camera"), ...positions, ...sigmas, ...["omega", "phi", "kappa"].map((key, k) => fixed(key, "ωφκ"[k], angles, angle)), fixed("points", "points", 0), fixed("coverage", "coverage", 0, "%"), short("rms", "rms v", typeof unit === "string" ? unit : "image unit"), fixed("mean_r", "mean r", 3), fixed("largest_w", "largest |w|", 2)],
+    stations: [text("id", "station"), ...positions, ...sigmas, fixed("orientation", "orientation", angles, angle), short("sorientation", "σ orientation", angle), fixed("height", "height", digits, length)],
+    residuals: [text("type", "type"), text("group", "group"), text("at", "at"), text("from", "from"), text("to", "to"), text("component", "component"), text("unit", "unit"), { key: "observed", title: "observed", digits: 9 }, short("v", "v", "", true), short("sigma", "σ"), fixed("r", "r", 3), { key: "test", title: "w", unit: "1", fixed: 2, size: true }, short("error", "error", "", true), short("nabla", "∇"), short("external", "external", "1"), short("influence", "effect", length, true), text("flag", "flag")],
+  };
+}
+
+function longTables() {
+  const columns = tableColumns();
+  const toNetwork = (kind) => (row) => { pick({ kind, row }); document.getElementById("network").scrollIntoView(); };
+  const options = {
+    points: { onPick: toNetwork("point") },
+    stations: { onPick: toNetwork("station") },
+    images: { onPick: (row) => { const k = images.order.indexOf(value(report.images, "id", row)); if (k >= 0) { showImage(k); document.getElementById("images").scrollIntoView(); } } },
+    residuals: { sorted: { key: "test", down: true } },
+  };
+  report.tables = {};
+  for (const element of document.querySelectorAll("[data-table]")) {
+    const name = element.dataset.table;
+    if (report[name].rows) report.tables[name] = new LongTable(element, report[name], columns[name], options[name]); else element.textContent = "none";
+  }
+}
+
+function pause() { return new Promise((resume) => setTimeout(resume, 0)); }
+
+async function start() {
+  const root = document.documentElement;
+  await readData();
+  const library = document.createElement("script");
+  library.textContent = new TextDecoder().decode(await unpacked("library"));
+  document.head.append(library);
+  longTables();
+  prepareNetwork();
+  networkControls();
+  await drawNetwork();
+  if (document.getElementById("chart-image")) {
+    prepareImages();
+    if (images.order.length) { imageControls(); await showImage(0); }
+  }
+  root.dataset.ready = "first";
+  for (const element of document.querySelectorAll("[data-figure]")) {
+    const chart = report.figures[element.dataset.figure];
+    await draw(element, () => chart);
+    await pause();
+  }
+  root.dataset.ready = "charts";
+  await takePictures();
+  root.dataset.ready = "all";
+  setInterval(takePictures, 1500);
+}
+
+document.getElementById("theme").addEventListener("click", () => setTheme(isDark() ? "light" : "dark"));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawAll);
+addEventListener("beforeprint", () => Object.values(report.tables || {}).forEach((table) => table.show(true)));
+addEventListener("afterprint", () => Object.values(report.tables || {}).forEach((table) => table.show()));
+start().catch((error) => {
+  const notice = document.getElementById("broken");
+  notice.hidden = false;
+  notice.textContent = `The charts could not be drawn (${error.message}). A current browser is needed: Firefox 113, Chrome 80, Safari 16.4 or later.`;
+  console.error(error);
+});

@@ -1,0 +1,260 @@
+"use strict";
+// The network in space and in plan: points, frames, ellipsoids, and the rays of what was picked.
+const MOST_POINTS = 40000, MOST_ELLIPSOIDS = 400, MOST_ELLIPSES = 2000;
+const network = { picked: null, colour: "", confidence: "1", scale: 1 };
+const FACTORS = { 2: { 1: 1, 95: 2.4477 }, 3: { 1: 1, 95: 2.7955 } };
+
+function place(table, row) { return ["x", "y", "z"].map((name) => table.columns[name].values[row]); }
+function known(name) {
+  for (const [kind, table] of [["point", report.points], ["image", report.images], ["station", report.stations]]) {
+    const row = has(table, "id") ? texts(table, "id").indexOf(name) : -1;
+    if (row >= 0) return { kind, row };
+  }
+  return null;
+}
+
+function prepareNetwork() {
+  const { points, images, stations, rays } = report;
+  network.shown = Array.from({ length: points.rows }, (_, k) => k);
+  if (points.rows > MOST_POINTS) {
+    const step = Math.ceil(points.rows / MOST_POINTS);
+    network.shown = network.shown.filter((k) => k % step === 0);
+  }
+  network.ofPoint = new Map();
+  network.ofFrame = new Map();
+  const { frame, point } = rays.columns;
+  for (let k = 0; k < rays.rows; k++) {
+    const f = frame.values[k], p = point.values[k];
+    if (!network.ofPoint.has(p)) network.ofPoint.set(p, []);
+    network.ofPoint.get(p).push(f);
+    if (!network.ofFrame.has(f)) network.ofFrame.set(f, []);
+    network.ofFrame.get(f).push(p);
+  }
+  network.extent = extent([points, images, stations]);
+  const axes = Array.from({ length: points.rows }, (_, k) => value(points, "ellipsoid_a", k)).filter((a) => a > 0).sort((a, b) => a - b);
+  network.scale = axes.length ? roundLength(0.03 * network.extent / axes[Math.floor(0.9 * (axes.length - 1))]) : 1;
+  network.colours = [
+    ["", "nothing", ""], ["ellipsoid_a", "longest semi-axis", report.meta.length], ["mean_r", "mean r", "1"], ["smallest_r", "smallest r", "1"],
+    ["largest_w", "largest |w|", "1"], ["angle", "best intersection", report.meta.meeting], ["rays", "rays", "1"],
+  ].filter(([key]) => !key || has(points, key));
+  network.colour = has(points, "ellipsoid_a") && axes.length ? "ellipsoid_a" : "";
+  network.confidence = axes.length ? "1" : "0";
+}
+
+function extent(tables) {
+  let largest = 0;
+  for (const name of ["x", "y", "z"]) {
+    let low = Infinity, high = -Infinity;
+    for (const table of tables) for (const x of has(table, name) ? table.columns[name].values : []) { if (x < low) low = x; if (x > high) high = x; }
+    if (high > low) largest = Math.max(largest, high - low);
+  }
+  return largest || 1;
+}
+
+// Covariance of a point from σ and correlations, and a lower triangular root of it.
+function covariance(row) {
+  const [sx, sy, sz, rxy, rxz, ryz] = ["sx", "sy", "sz", "rxy", "rxz", "ryz"].map((name) => value(report.points, name, row) || 0);
+  return [[sx * sx, rxy * sx * sy, rxz * sx * sz], [rxy * sx * sy, sy * sy, ryz * sy * sz], [rxz * sx * sz, ryz * sy * sz, sz * sz]];
+}
+function root(matrix) {
+  const n = matrix.length, L = matrix.map((line) => line.map(() => 0));
+  for (let i = 0; i < n; i++) for (let j = 0; j <= i; j++) {
+    let sum = matrix[i][j];
+    for (let k = 0; k < j; k++) sum -= L[i][k] * L[j][k];
+    L[i][j] = i === j ? Math.sqrt(Math.max(sum, 0)) : L[j][j] > 0 ? sum / L[j][j] : 0;
+  }
+  return L;
+}
+
+function pointTrace(x, y, z) {
+  const { points, meta } = report, rows = network.shown;
+  const marker = { size: z ? 3.5 : 6, color: PALETTE.blue };
+  if (network.colour) {
+    const [, title, unit] = network.colours.find(([key]) => key === network.colour);
+    const values = points.columns[network.colour].values;
+    const sorted = rows.map((k) => values[k]).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
+    const at = (share) => sorted[Math.floor(share * (sorted.length - 1))];
+    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : values[k])), colorscale: "Viridis", cmin: at(0.02), cmax: at(0.98), showscale: true, colorbar: { title: { text: `${title} [${unit}]`, side: "right" }, thickness: 14, len: 0.7 } });
+  }
+  const column = (name) => rows.map((k) => points.columns[name].values[k]);
+  const trace = { mode: "markers", name: "points", marker, x: column(x), y: column(y), text: rows.map((k) => value(points, "id", k)), customdata: rows.map((k) => ["point", k]), hovertemplate: `%{text}<br>${x.toUpperCase()} %{x:.4f} ${meta.length}<br>${y.toUpperCase()} %{y:.4f} ${meta.length}<extra></extra>` };
+  if (z) trace.z = column(z);
+  return trace;
+}
+
+function frameTraces(x, y, z) {
+  const looks = [["image", report.images, "images", "diamond", PALETTE.orange], ["station", report.stations, "stations", z ? "square" : "triangle-up", PALETTE.red]];
+  return looks.filter(([, table]) => has(table, "x")).map(([kind, table, name, symbol, color]) => {
+    const column = (key) => numbers(table, key);
+    const trace = { mode: "markers", name, marker: { symbol, color, size: z ? 5 : 9 }, x: column(x), y: column(y), text: texts(table, "id"), customdata: Array.from({ length: table.rows }, (_, k) => [kind, k]), hovertemplate: `%{text}<extra>${kind}</extra>` };
+    if (z) trace.z = column(z);
+    return trace;
+  });
+}
+
+function frameOf(number) {
+  const images = report.images.rows;
+  return number < images ? { kind: "image", table: report.images, row: number } : { kind: "station", table: report.stations, row: number - images };
+}
+
+function rayTraces(keys) {
+  const { picked } = network;
+  if (!picked) return [];
+  const coordinates = keys.map(() => []);
+  const add = (from, to) => keys.forEach((key, k) => coordinates[k].push(from["xyz".indexOf(key)], to["xyz".indexOf(key)], null));
+  let here;
+  if (picked.kind === "point") {
+    here = place(report.points, picked.row);
+    for (const frame of network.ofPoint.get(picked.row) || []) { const { table, row } = frameOf(frame); add(place(table, row), here); }
+  } else {
+    const table = picked.kind === "image" ? report.images : report.stations;
+    here = place(table, picked.row);
+    const number = picked.kind === "image" ? picked.row : report.images.rows + picked.row;
+    for (const point of network.ofFrame.get(number) || []) add(here, place(report.points, point));
+  }
+  const axis = (list) => Object.fromEntries(list.map((data, k) => ["xyz"[k], data]));
+  const lines = { mode: "lines", name: "rays of the picked", line: { color: PALETTE.purple, width: keys.length === 3 ? 3 : 1.6 }, hoverinfo: "skip", ...axis(coordinates) };
+  const ring = { mode: "markers", name: "picked", marker: { symbol: "circle-open", size: keys.length === 3 ? 10 : 15, color: PALETTE.purple, line: { width: 3, color: PALETTE.purple } }, hoverinfo: "skip", ...axis(keys.map((key) => [here["xyz".indexOf(key)]])) };
+  return [lines, ring];
+}
+
+function withEllipses(most) {
+  if (network.confidence === "0" || !has(report.points, "sx")) return [];
+  const rows = network.shown.filter((k) => value(report.points, "ellipsoid_a", k) > 0);
+  if (rows.length <= most) return rows;
+  return rows.sort((a, b) => value(report.points, "ellipsoid_a", b) - value(report.points, "ellipsoid_a", a)).slice(0, most);
+}
+
+// All ellipsoids as one mesh: a coarse sphere, each time under the root of the covariance.
+function ellipsoids() {
+  const rows = withEllipses(MOST_ELLIPSOIDS);
+  if (!rows.length) return [];
+  const rings = 6, spokes = 10, sphere = [];
+  for (let a = 0; a <= rings; a++) for (let b = 0; b < spokes; b++) {
+    const t = (Math.PI * a) / rings, s = (2 * Math.PI * b) / spokes;
+    sphere.push([Math.sin(t) * Math.cos(s), Math.sin(t) * Math.sin(s), Math.cos(t)]);
+  }
+  const mesh = { x: [], y: [], z: [], i: [], j: [], k: [] };
+  const factor = network.scale * FACTORS[3][network.confidence];
+  for (const row of rows) {
+    const L = root(covariance(row)), centre = place(report.points, row), first = mesh.x.length;
+    for (const u of sphere) ["x", "y", "z"].forEach((name, n) => mesh[name].push(centre[n] + factor * (L[n][0] * u[0] + L[n][1] * u[1] + L[n][2] * u[2])));
+    for (let a = 0; a < rings; a++) for (let b = 0; b < spokes; b++) {
+      const p = first + a * spokes + b, q = first + a * spokes + ((b + 1) % spokes);
+      mesh.i.push(p, q); mesh.j.push(q, q + spokes); mesh.k.push(p + spokes, p + spokes);
+    }
+  }
+  return [{ type: "mesh3d", name: `ellipsoids × ${network.scale}`, ...mesh, color: PALETTE.grey, opacity: 0.35, flatshading: false, hoverinfo: "skip", showlegend: true }];
+}
+
+function ellipses(x, y) {
+  const rows = withEllipses(MOST_ELLIPSES), a = "xyz".indexOf(x), b = "xyz".indexOf(y), line = { x: [], y: [] };
+  const factor = network.scale * FACTORS[2][network.confidence];
+  for (const row of rows) {
+    const C = covariance(row), L = root([[C[a][a], C[a][b]], [C[b][a], C[b][b]]]), centre = place(report.points, row);
+    for (let k = 0; k <= 24; k++) {
+      const u = Math.cos((k * Math.PI) / 12), v = Math.sin((k * Math.PI) / 12);
+      line.x.push(centre[a] + factor * L[0][0] * u);
+      line.y.push(centre[b] + factor * (L[1][0] * u + L[1][1] * v));
+    }
+    line.x.push(null); line.y.push(null);
+  }
+  return rows.length ? [{ type: "scatter", mode: "lines", name: `ellipses × ${network.scale}`, ...line, line: { color: PALETTE.grey, width: 1.2 }, hoverinfo: "skip" }] : [];
+}
+
+function space() {
+  const { axes, length } = report.meta;
+  const [x, y] = [axes.right, axes.up];
+  const data = [pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...rayTraces([x, y, "z"])].map((trace) => ({ type: "scatter3d", ...trace }));
+  for (const mesh of ellipsoids()) data.push({ ...mesh, x: mesh[x], y: mesh[y] });
+  const axis = (name, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, ...(reversed ? { autorange: "reversed" } : {}) });
+  const scene = { aspectmode: "data", xaxis: axis(x, axes.right_reversed), yaxis: axis(y, axes.up_reversed), zaxis: axis("z"), camera: { eye: { x: 1.15, y: -1.85, z: 1.05 }, center: { x: 0, y: 0, z: -0.1 } } };
+  return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
+}
+
+const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
+function plan() {
+  const { axes, length } = report.meta;
+  const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
+  const data = [...ellipses(x, y), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y)].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
+  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, ...(reversed(name) ? { autorange: "reversed" } : {}) });
+  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };
+}
+
+// How long an enlarged semi-axis is drawn: a bar of a round length.
+function scaleBar() {
+  if (network.confidence === "0" || !withEllipses(1).length) return {};
+  const length = roundLength((0.08 * network.extent) / network.scale);
+  const words = `${readable(length, report.meta.length)} in the ellipses`;
+  const bar = { type: "line", xref: "x", yref: "paper", ...barPlace(length * network.scale) };
+  return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: bar.x1, y: 0.03, text: words, showarrow: false, xanchor: "left", xshift: 6, font: { color: css("--ink") } }] };
+}
+function barPlace(width) {
+  const chosen = document.getElementById("plane").value, [x] = PLANES[chosen] || [report.meta.axes.right];
+  let low = Infinity;
+  for (const table of [report.points, report.images, report.stations]) for (const v of has(table, x) ? table.columns[x].values : []) if (v < low) low = v;
+  return { x0: low, x1: low + width, y0: 0.03, y1: 0.03 };
+}
+
+function pick(found) {
+  network.picked = found;
+  document.getElementById("picked").textContent = found ? words(found) : "Click a point, an image or a station: its rays and numbers appear here.";
+  document.getElementById("picked").classList.toggle("some", Boolean(found));
+  document.documentElement.dataset.picked = found ? `${found.kind} ${found.row}` : "";
+  drawNetwork();
+}
+
+function words({ kind, row }) {
+  const { meta } = report, table = { point: report.points, image: report.images, station: report.stations }[kind];
+  const parts = [`${kind[0].toUpperCase()}${kind.slice(1)} ${value(table, "id", row)}`];
+  for (const name of ["x", "y", "z"]) {
+    const sigma = value(table, `s${name}`, row);
+    parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}${sigma > 0 ? "" : ` ${meta.length}`}`);
+  }
+  if (kind === "point") {
+    parts.push(`ellipsoid ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
+    parts.push(`${value(table, "rays", row)} rays, ${value(table, "others", row)} other rows`);
+    if (has(table, "angle")) parts.push(`best intersection ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
+    if (has(table, "mean_r")) parts.push(`mean r ${shown(value(table, "mean_r", row), { fixed: 2 })}, largest |w| ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
+  } else if (kind === "image") parts.push(`${value(table, "points", row)} points`);
+  return `${parts.join(" · ")} (σ in the datum: ${meta.datum})`;
+}
+
+// In space a click is said again with every frame while the button is down: it counts once, and is drawn afterwards.
+function clicked(event) {
+  const point = event.points.find((one) => one.customdata);
+  if (!point) return;
+  const [kind, row] = point.customdata, { picked } = network;
+  if (picked && picked.kind === kind && picked.row === row) return;
+  network.picked = { kind, row };
+  setTimeout(() => pick(network.picked), 0);
+}
+
+async function drawNetwork() {
+  await draw(document.getElementById("chart-space"), space, clicked);
+  await draw(document.getElementById("chart-plan"), plan, clicked);
+  const notes = [`Ellipsoids and ellipses are enlarged ${network.scale} times.`];
+  const all = report.points.rows;
+  if (network.shown.length < all) notes.push(`${network.shown.length} of ${all} points are drawn; the table has all.`);
+  if (withEllipses(MOST_ELLIPSOIDS).length === MOST_ELLIPSOIDS) notes.push(`In space the ${MOST_ELLIPSOIDS} largest ellipsoids are drawn.`);
+  document.getElementById("network-note").textContent = notes.join(" ");
+}
+
+function networkControls() {
+  const options = (id, list, chosen) => {
+    document.getElementById(id).replaceChildren(...list.map(([key, title]) => new Option(title, key, false, String(key) === String(chosen))));
+  };
+  options("colour", network.colours, network.colour);
+  options("enlarged", [0.01, 0.1, 0.2, 0.5, 1, 2, 5, 10, 100].map((f) => { const s = Number((f * network.scale).toPrecision(3)); return [s, `${s} ×`]; }), network.scale);
+  document.getElementById("confidence").value = network.confidence;
+  for (const [id, key, kind] of [["colour", "colour", String], ["confidence", "confidence", String], ["enlarged", "scale", Number]]) {
+    document.getElementById(id).addEventListener("change", (event) => { network[key] = kind(event.target.value); drawNetwork(); });
+  }
+  document.getElementById("plane").addEventListener("change", drawNetwork);
+  const input = document.getElementById("pick");
+  input.addEventListener("change", () => { const found = known(input.value.trim()); if (found) pick(found); });
+  document.getElementById("clear").addEventListener("click", () => { input.value = ""; pick(null); });
+  const names = [report.images, report.stations, report.points].filter((table) => has(table, "id")).flatMap((table) => texts(table, "id"));
+  document.getElementById("names").replaceChildren(...names.slice(0, 2000).map((name) => new Option(name)));
+}

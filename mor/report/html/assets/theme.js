@@ -1,0 +1,78 @@
+"use strict";
+// Charts take their colours from the page, light or dark, and leave a picture of themselves for print.
+const PALETTE = { blue: "#3b8fd0", orange: "#e69f00", green: "#009e73", red: "#d55e00", purple: "#cc79a7", grey: "#8a8f98" };
+const charts = new Map();
+
+function css(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
+
+function themed(layout) {
+  const axis = { gridcolor: css("--grid"), zerolinecolor: css("--line"), linecolor: css("--line"), automargin: true };
+  const result = {
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+    font: { color: css("--ink"), family: 'system-ui, "Segoe UI", "DejaVu Sans", sans-serif', size: 12 },
+    margin: { l: 60, r: 20, t: 34, b: 50 }, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: css("--quiet"), activecolor: css("--accent") },
+    hoverlabel: { bgcolor: css("--panel"), bordercolor: css("--line"), font: { color: css("--ink") } },
+    ...layout,
+  };
+  for (const name of ["xaxis", "yaxis"]) result[name] = { ...axis, ...result[name] };
+  if (layout.scene) {
+    const wall = { gridcolor: css("--line"), zerolinecolor: css("--line"), color: css("--ink"), showbackground: false };
+    result.scene = { ...layout.scene };
+    for (const name of ["xaxis", "yaxis", "zaxis"]) result.scene[name] = { ...wall, ...layout.scene[name] };
+  }
+  return result;
+}
+
+const CONFIG = { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "sendChartToCloud"] };
+
+// One element, one chart: drawn anew from data that `make` returns.
+async function draw(element, make, onClick) {
+  let plot = element.querySelector(".plot");
+  if (!plot) {
+    plot = document.createElement("div");
+    plot.className = "plot";
+    plot.style.height = "100%";
+    const picture = document.createElement("img");
+    picture.className = "picture";
+    picture.alt = element.getAttribute("aria-label") || "";
+    element.append(plot, picture);
+  }
+  const { data, layout } = make();
+  await Plotly.react(plot, data, themed(layout), CONFIG);
+  if (!charts.has(element) && onClick) plot.on("plotly_click", onClick);
+  charts.set(element, make);
+  stale.add(element);
+}
+
+// Pictures for print are made when nothing else is to be done.
+const stale = new Set();
+let taking = false;
+async function takePictures() {
+  if (taking) return;
+  taking = true;
+  for (const element of [...stale]) {
+    stale.delete(element);
+    const plot = element.querySelector(".plot");
+    const { data, layout } = charts.get(element)();
+    const width = 1000, height = Math.round(1000 * (element.classList.contains("tall") ? 0.62 : 0.5));
+    const kept = plot.layout.scene ? { ...layout, scene: { ...layout.scene, camera: plot.layout.scene.camera } } : layout;
+    const root = document.documentElement, before = root.dataset.theme;
+    root.dataset.theme = "light";
+    const figure = { data, layout: { ...themed(kept), width, height, paper_bgcolor: "#fff" } };
+    if (before) root.dataset.theme = before; else delete root.dataset.theme;
+    element.querySelector(".picture").src = await Plotly.toImage(figure, { format: plot.layout.scene ? "png" : "svg", width, height });
+    await new Promise((resume) => setTimeout(resume, 0));
+  }
+  taking = false;
+}
+
+async function redrawAll() { for (const [element, make] of charts) await draw(element, make); }
+
+function setTheme(name) {
+  document.documentElement.dataset.theme = name;
+  redrawAll();
+}
+function isDark() {
+  return (document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+}

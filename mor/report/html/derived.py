@@ -1,0 +1,138 @@
+"""What the page says of each point, image and set beyond the tables of results: r, |w|, angles, coverage."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.geometry.arrays import FloatArray
+from mor.report.rays import Rays, Window, centres, covered, intersection_angles, places, window
+from mor.report.view import View
+from mor.units import ANGLE_UNITS
+
+_TOUCHING = pl.col("type").str.contains("^(difference/|level$)").not_()
+
+
+def _measures() -> list[pl.Expr]:
+    return [
+        pl.col("r").mean().alias("mean_r"),
+        pl.col("r").min().alias("smallest_r"),
+        pl.col("test").abs().max().alias("largest_w"),
+        pl.len().alias("observations"),
+    ]
+
+
+def points_with_tests(view: View, rays: Rays, angle_unit: str) -> pl.DataFrame:
+    """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
+    used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "test")
+    named = pl.concat(
+        [
+            used.select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "test")
+            for key in ("at", "from", "to")
+        ]
+    )
+    known = (
+        view.points.select(pl.col("id").cast(pl.String))
+        if view.points.height
+        else pl.DataFrame({"id": []}, {"id": pl.String})
+    )
+    measured = named.join(known, on="id", how="semi").group_by("id", maintain_order=True).agg(_measures())
+    angle = intersection_angles(rays, centres(view), places(view)) / ANGLE_UNITS[angle_unit]
+    return view.points.with_columns(pl.Series("angle", angle).fill_nan(None)).join(
+        measured.drop("observations"), on="id", how="left", maintain_order="left"
+    )
+
+
+def image_points(view: View) -> pl.DataFrame:
+    """One row for each ray: image, point, unit, x, y, vx, vy, mean r, the larger test value, flags."""
+    rays = view.rays.with_columns(
+        pl.int_range(pl.len()).over("group", "from", "to", "component").alias("again"),
+    )
+    keys = ["group", "from", "to", "again"]
+    x, y = (rays.filter(pl.col("component") == name) for name in "xy")
+    both = x.join(
+        y.select(*keys, "observed", "v", "r", "test", "flag"), on=keys, suffix="_y", maintain_order="left"
+    )
+    return both.select(
+        pl.col("from").alias("image"),
+        pl.col("to").alias("point"),
+        "unit",
+        pl.col("observed").alias("x"),
+        pl.col("observed_y").alias("y"),
+        pl.col("v").alias("vx"),
+        pl.col("v_y").alias("vy"),
+        ((pl.col("r") + pl.col("r_y")) / 2.0).alias("r"),
+        pl.max_horizontal(pl.col("test").abs(), pl.col("test_y").abs()).alias("w"),
+        (pl.col("flag") + pl.col("flag_y")).alias("flag"),
+    )
+
+
+def windows(view: View, measured: pl.DataFrame) -> dict[str, Window]:
+    """Window of each camera that took images."""
+    of_image = view.images.select(pl.col("id").alias("image"), "camera")
+    rays = measured.join(of_image, on="image", maintain_order="left")
+    result = {}
+    for camera in view.cameras:
+        mine = rays.filter(pl.col("camera") == camera["id"])
+        if mine.height:
+            xy = mine.select("x", "y").to_numpy()
+            result[camera["id"]] = window(camera, str(mine["unit"][0]), xy)
+    return result
+
+
+def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> pl.DataFrame:
+    """The table of images with coverage, mean r and largest |w|."""
+    if view.images.height == 0:
+        return view.images
+    by_image = measured.group_by("image", maintain_order=True).agg(
+        pl.col("r").mean().alias("mean_r"),
+        pl.col("w").max().alias("largest_w"),
+        pl.col("unit").first().alias("unit"),
+        pl.col("vx").mean().alias("mean_vx"),
+        pl.col("vy").mean().alias("mean_vy"),
+    )
+    coverage = _coverages(view, measured, areas)
+    return view.images.join(
+        by_image.rename({"image": "id"}), on="id", how="left", maintain_order="left"
+    ).with_columns(
+        pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64)
+    )
+
+
+def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
+    """Share of each image's window inside the hull of its points, in per cent."""
+    camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
+    result: dict[str, float] = {}
+    for (name,), rows in measured.group_by(["image"], maintain_order=True):
+        area = areas[camera_of[name]]
+        size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
+        result[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
+    return result
+
+
+def sets_with_tests(view: View) -> pl.DataFrame:
+    """Groups of directions by station or set, and all other groups: number, mean and smallest r, largest |w|."""
+    used = view.used.filter(pl.col("type").str.contains("^(image|follower)/").not_())
+    is_set = pl.col("type").str.ends_with("directions")
+    named = used.with_columns(
+        pl.when(is_set).then(pl.lit("station ") + pl.col("from")).otherwise(pl.col("group")).alias("set")
+    )
+    return named.group_by("set", "type", maintain_order=True).agg(_measures())
+
+
+def control_table(view: View) -> list[dict[str, Any]]:
+    """Coordinates that were given: v, σ of the given value, r and w, and the smallest detectable error, by point."""
+    rows = view.used.filter((pl.col("type") == "observed/point") | (pl.col("type") == "coordinates"))
+    name = (
+        pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from")).str.strip_prefix("point ")
+    )
+    columns = ["component", "unit", "observed", "adjusted", "v", "sigma", "r", "test", "nabla", "flag"]
+    return rows.select(name.alias("point"), *columns).to_dicts()
+
+
+def rms(values: FloatArray) -> float | None:
+    """Root mean square of what is there."""
+    there = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(there**2))) if there.size else None

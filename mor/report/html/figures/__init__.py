@@ -1,0 +1,1 @@
+"""Charts as plotly describes them: plain data, one file for each section of the page."""

@@ -1,0 +1,120 @@
+"""Charts of the tests: w against the normal distribution, redundancy, rays, angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+
+from mor.geometry.arrays import FloatArray
+from mor.report.html.figures.layout import Figure, figure, numbers
+from mor.report.html.page_data import PageData
+from mor.report.palette import BLUE, GREEN, GREY, ORANGE, RED
+
+_BARS = 60
+_MOST_FRAMES = 400
+
+
+def normal_histogram(w: FloatArray, critical: float) -> Figure:
+    """Density of the test values with the standard normal density and the critical values."""
+    limit = max(float(np.ceil(np.abs(w).max(initial=1.0) * 2.0) / 2.0), critical + 0.5)
+    edges = np.arange(-limit, limit + 0.125, 0.25)
+    density = np.histogram(w, edges)[0] / max(len(w), 1) / 0.25
+    t = np.linspace(-limit, limit, 241)
+    bars = {
+        "type": "bar",
+        "name": f"w ({len(w)})",
+        "x": numbers(0.5 * (edges[1:] + edges[:-1])),
+        "y": numbers(density),
+        "width": 0.25,
+        "marker": {"color": BLUE, "line": {"width": 0}},
+        "hovertemplate": "w %{x}: density %{y:.4f}<extra></extra>",
+    }
+    normal = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": "N(0, 1)",
+        "x": numbers(t),
+        "y": numbers(np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi)),
+        "line": {"color": ORANGE, "width": 2.5},
+    }
+    return figure([bars, normal], "w [1]", "density", shapes=[_limit(critical), _limit(-critical)], bargap=0)
+
+
+def _limit(x: float) -> dict[str, object]:
+    return {
+        "type": "line",
+        "x0": x,
+        "x1": x,
+        "y0": 0,
+        "y1": 1,
+        "yref": "paper",
+        "line": {"color": RED, "dash": "dash", "width": 1.5},
+    }
+
+
+def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: bool = False) -> Figure:
+    """Counts of values; whole numbers each for itself."""
+    there = values[np.isfinite(values)]
+    if whole:
+        top = int(there.max(initial=1))
+        step = max(1, top // _BARS)
+        edges = np.arange(-0.5, top + step + 0.5, step)
+    else:
+        high = float(there.max(initial=0.0)) or 1.0
+        edges = np.linspace(0.0, high, 41)
+    count = np.histogram(there, edges)[0]
+    bars = {
+        "type": "bar",
+        "x": numbers(0.5 * (edges[1:] + edges[:-1])),
+        "y": count.tolist(),
+        "width": float(edges[1] - edges[0]) * 0.96,
+        "marker": {"color": colour},
+        "hovertemplate": "%{x}: %{y}<extra></extra>",
+    }
+    return figure([bars], x, y, bargap=0.04, showlegend=False)
+
+
+def redundancy_of_frames(data: PageData) -> Figure | None:
+    """Mean redundancy number of each image, and of each set and group, in their order."""
+    parts = []
+    if data.images.height and "mean_r" in data.images.columns:
+        parts.append(("images", data.images.select("id", "mean_r"), BLUE, "circle"))
+    if data.sets.height:
+        parts.append(
+            ("sets and groups", data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
+        )
+    traces = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": name,
+            "x": [str(label) for label in frame["id"]][:_MOST_FRAMES],
+            "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:_MOST_FRAMES],
+            "marker": {"color": colour, "symbol": symbol, "size": 8},
+            "hovertemplate": "%{x}: mean r %{y:.3f}<extra></extra>",
+        }
+        for name, frame, colour, symbol in parts
+    ]
+    if not traces:
+        return None
+    xaxis = {"type": "category", "tickangle": -60, "automargin": True, "nticks": 40}
+    return figure(traces, "", "mean r [1]", yaxis={"range": [0, 1.02]}, xaxis=xaxis)
+
+
+def test_figures(data: PageData) -> dict[str, Figure]:
+    """All charts of the section on tests."""
+    used = data.view.used
+    tested = used["test"].drop_nulls().to_numpy()
+    figures = {
+        "w": normal_histogram(tested, data.view.critical),
+        "r": histogram(used["r"].drop_nulls().to_numpy(), "r [1]", "observations", GREEN),
+    }
+    by_frame = redundancy_of_frames(data)
+    if by_frame is not None:
+        figures["r_frames"] = by_frame
+    if len(data.rays.frame):
+        rays = np.bincount(data.rays.point, minlength=data.points.height).astype(float)
+        figures["rays"] = histogram(rays, "rays and sights of a point", "points", BLUE, whole=True)
+        angle = data.points["angle"].fill_null(np.nan).to_numpy()
+        figures["angles"] = histogram(angle, f"best intersection [{data.angle_unit}]", "points", GREY)
+    return figures

@@ -1,0 +1,134 @@
+"""The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from scipy.special import ndtr
+
+from mor.parameters.kinds import INTERIORS
+from mor.report.html.derived import control_table
+from mor.report.html.figures.camera import camera_figures
+from mor.report.html.figures.layout import small_unit
+from mor.report.html.figures.tests import test_figures
+from mor.report.html.library import chart_library
+from mor.report.html.page_data import PageData, page_data
+from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
+from mor.report.html.verdict import headline, statements
+from mor.report.view import View
+
+SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "main.js")
+MOST_LISTED = 200
+"""Rows of the tables that are written out (control points)."""
+
+
+def page(view: View) -> str:
+    """The page of an adjustment. Raises :class:`mor.errors.InputError` where the chart library is missing."""
+    data = page_data(view)
+    cameras = camera_figures(data)
+    figures: dict[str, Any] = dict(test_figures(data))
+    for number, charts in enumerate(cameras):
+        figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
+    template = _environment().get_template("page.html.j2")
+    return template.render(
+        **_content(data),
+        figures=figures,
+        payload=Markup(payload(data, figures)),
+        library=Markup(chart_library()),
+        style=Markup(_asset("page.css")),
+        scripts=[Markup(_asset(name)) for name in SCRIPTS],
+    )
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("mor.report.html"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"short": _short, "fixed": _fixed, "probability": _probability}
+    return environment
+
+
+def _asset(name: str) -> str:
+    return files("mor.report.html").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _content(data: PageData) -> dict[str, Any]:
+    view = data.view
+    control = control_table(view)
+    return {
+        "title": view.summary["title"] or "Adjustment",
+        "summary": view.summary,
+        "headline": headline(data),
+        "statements": statements(data),
+        "cameras": [_camera(camera) for camera in view.cameras],
+        "groups": view.groups.to_dicts(),
+        "gross": view.gross_errors,
+        "checks": view.checks,
+        "control": control[:MOST_LISTED],
+        "control_left": max(0, len(control) - MOST_LISTED),
+        "counts": {
+            "points": data.points.height,
+            "images": data.images.height,
+            "stations": view.stations.height,
+            "residuals": view.residuals.height,
+            "vectors": data.measured.height,
+        },
+        "limits": {"rows": MOST_ROWS, "vectors": MOST_VECTORS},
+        "critical": view.critical,
+        "angle_unit": data.angle_unit,
+        "sigma_words": sigma_words(view),
+        **_movement(view),
+    }
+
+
+def _movement(view: View) -> dict[str, Any]:
+    """Unit and factor in which movements of points are listed."""
+    rows = view.gross_errors.get("suspicious", [])
+    sizes = [abs(value) for row in rows for value in row["movement"] or ()]
+    unit, factor = small_unit(view.length, max(sizes, default=1.0))
+    return {"movement_unit": unit, "movement_factor": factor}
+
+
+def sigma_words(view: View) -> str:
+    """What every σ of the page refers to."""
+    sigma0 = view.summary["sigma0"]
+    posterior = sigma0["used_for_sigma"] != sigma0["apriori"]
+    which = "a posteriori" if posterior else "a priori"
+    used, datum = sigma0["used_for_sigma"], view.summary["datum"]
+    return f"σ: standard deviations (1σ) with σ0 {which} = {used:.4g}; datum: {datum}"
+
+
+def _camera(camera: dict[str, Any]) -> dict[str, Any]:
+    quantities = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}
+    rows = []
+    for name, component in camera["components"].items():
+        t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
+        rows.append(
+            {
+                "name": name,
+                "unit": quantities[name].unit("m", "rad", camera["unit"]),
+                **component,
+                "t": t,
+                "p": float(2.0 * ndtr(-t)) if t is not None else None,
+            }
+        )
+    return {**camera, "rows": rows}
+
+
+def _short(value: float | None, digits: int = 4) -> str:
+    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
+
+
+def _probability(value: float | None) -> str:
+    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
+
+
+def _fixed(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")

@@ -1,0 +1,121 @@
+"""The data of the page: tables that its charts and tables are drawn from, with what was left to the files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.report.html.packing import Packer
+from mor.report.html.page_data import PageData
+from mor.report.view import View
+
+MOST_ROWS = 50_000
+"""Residuals the page lists; the file beside it has all."""
+MOST_VECTORS = 60_000
+"""Rays whose residual vectors the page draws."""
+POINT_COLUMNS = (
+    *(
+        "id",
+        "x",
+        "y",
+        "z",
+        "sx",
+        "sy",
+        "sz",
+        "ellipsoid_a",
+        "ellipsoid_b",
+        "ellipsoid_c",
+        "rxy",
+        "rxz",
+        "ryz",
+    ),
+    *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status"),
+)
+IMAGE_COLUMNS = (
+    *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
+    *("points", "rms", "coverage", "mean_r", "largest_w"),
+)
+STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
+RESIDUAL_COLUMNS = (
+    *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
+    *("r", "test", "error", "nabla", "external", "influence", "flag"),
+)
+_EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
+
+
+def payload(data: PageData, figures: dict[str, Any]) -> str:
+    """Everything the page draws, packed."""
+    view, packer = data.view, Packer()
+    worst = worst_first(view)
+    vectors = shown_vectors(data.measured)
+    head = {
+        "meta": meta(data),
+        "figures": figures,
+        "points": packer.table(_columns(data.points, POINT_COLUMNS), _EXACT),
+        "images": packer.table(_columns(data.images, IMAGE_COLUMNS), _EXACT),
+        "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
+        "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
+        "vectors": packer.table(vectors.drop("unit")),
+        "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
+    }
+    return packer.text(head)
+
+
+def _columns(frame: pl.DataFrame, names: tuple[str, ...]) -> pl.DataFrame:
+    return frame.select(name for name in names if name in frame.columns)
+
+
+def worst_first(view: View) -> pl.DataFrame:
+    """Residuals as they stand; of very many, those with the largest test values (and all without a test)."""
+    if view.residuals.height <= MOST_ROWS:
+        return view.residuals
+    order = view.residuals["test"].abs().fill_null(np.inf).arg_sort(descending=True)
+    return view.residuals[order.head(MOST_ROWS).sort()]
+
+
+def shown_vectors(measured: pl.DataFrame) -> pl.DataFrame:
+    """Residual vectors of all images; of very many, of the images with the largest test values."""
+    if measured.height <= MOST_VECTORS:
+        return measured
+    by_image = measured.group_by("image", maintain_order=True).agg(pl.col("w").max(), pl.len())
+    ranked = by_image.sort(["w", "image"], descending=[True, False])
+    kept = ranked.filter(pl.col("len").cum_sum() <= MOST_VECTORS)["image"]
+    return measured.filter(pl.col("image").is_in(kept.implode()))
+
+
+def meta(data: PageData) -> dict[str, Any]:
+    """Units, axes and windows."""
+    view = data.view
+    return {
+        "length": view.length,
+        "angle": view.summary["units"]["angle"],
+        "meeting": data.angle_unit,
+        "critical": view.critical,
+        "datum": view.summary["datum"],
+        "axes": drawn_axes(view.summary["axes"]["xy"]),
+        "windows": {
+            name: {"x": area.x, "y": area.y, "down": area.down, "known": area.known}
+            for name, area in data.windows.items()
+        },
+        "image_unit": {
+            name: str(unit)
+            for name, unit in data.measured.group_by("image").agg(pl.col("unit").first()).rows()
+        }
+        if data.measured["unit"].n_unique() > 1
+        else (str(data.measured["unit"][0]) if data.measured.height else ""),
+    }
+
+
+def drawn_axes(xy: str) -> dict[str, Any]:
+    """Which project axis is drawn to the right and which upwards, and which of them count backwards."""
+    right = "x" if xy[0] in "ew" else "y"
+    up = "y" if right == "x" else "x"
+    letters = dict(zip("xy", xy, strict=True))
+    return {
+        "right": right,
+        "up": up,
+        "right_reversed": letters[right] == "w",
+        "up_reversed": letters[up] == "s",
+    }

@@ -1,0 +1,36 @@
+"""The test values w against the normal distribution, and the redundancy numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mor.report.palette import BLUE, GREEN, ORANGE, RED
+from mor.report.plots.sheet import sheet
+from mor.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def histogram(view: View) -> Figure:
+    """Density of w with N(0, 1) and the critical values; counts of r."""
+    used = view.used
+    w, r = used["test"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
+    limit = max(float(np.ceil(np.abs(w).max(initial=1.0))), view.critical + 0.5)
+    figure = sheet(9.0, 3.8)
+    left, right = figure.subplots(1, 2)
+    edges = np.arange(-limit, limit + 0.125, 0.25)
+    left.hist(w, bins=edges, density=bool(len(w)), color=BLUE, label=f"w ({len(w)} observations)")
+    t = np.linspace(-limit, limit, 401)
+    left.plot(t, np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi), color=ORANGE, label="N(0, 1)")
+    for value in (-view.critical, view.critical):
+        left.axvline(value, color=RED, ls="--", lw=1.0)
+    left.set_xlabel("w [1]")
+    left.set_ylabel("density")
+    left.legend(fontsize=7)
+    right.hist(r, bins=np.linspace(0.0, 1.0, 41), color=GREEN)
+    right.set_xlabel("redundancy number r [1]")
+    right.set_ylabel("observations")
+    return figure

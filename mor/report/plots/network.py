@@ -1,0 +1,134 @@
+"""The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mor.geometry.arrays import FloatArray
+from mor.report.html.figures.layout import round_length, small_unit
+from mor.report.html.payload import drawn_axes
+from mor.report.palette import BLUE, GREY, ORANGE, RED
+from mor.report.plots.sheet import scale_bar, sheet
+from mor.report.rays import centres, places, rays_of
+from mor.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MOST_RAYS = 5000
+_MOST_LABELS = 40
+_SHARE = 0.03
+"""Share of the extent that a large ellipse is drawn with."""
+
+
+def network(view: View) -> Figure:
+    """Points, images, stations and rays in the plane in which the points extend most."""
+    figure = sheet()
+    axes, chosen = _prepared(view, figure)
+    rays = rays_of(view)
+    if 0 < len(rays.frame) <= _MOST_RAYS:
+        start, end = centres(view)[rays.frame][:, chosen], places(view)[rays.point][:, chosen]
+        gap = np.full((len(start), 1), np.nan)
+        x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
+        axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label="rays", zorder=1)
+    _frames(view, axes, chosen)
+    _points(view, axes, chosen)
+    _finish(view, axes)
+    return figure
+
+
+def ellipses(view: View) -> Figure:
+    """Standard error ellipses of the points, enlarged, with the bar that says how much."""
+    from matplotlib.collections import LineCollection
+
+    figure = sheet()
+    axes, chosen = _prepared(view, figure)
+    _frames(view, axes, chosen)
+    _points(view, axes, chosen)
+    covariance = covariances(view)[:, chosen][:, :, chosen]
+    size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
+    extent = float(np.ptp(places(view), axis=0).max(initial=0.0))
+    large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
+    if large > 0.0 and extent > 0.0:
+        scale = round_length(_SHARE * extent / large)
+        lines = ellipse_lines(places(view)[:, chosen], covariance, scale)[size > 0.0]
+        axes.add_collection(
+            LineCollection(list(lines), colors=RED, linewidths=0.8, label=f"1σ ellipses × {scale:g}")
+        )
+        axes.autoscale_view()
+        _finish(view, axes)
+        length = round_length(0.1 * extent / scale)
+        unit, factor = small_unit(view.length, length)
+        scale_bar(axes, scale * length, f"{length * factor:g} {unit} in the ellipses")
+    else:
+        _finish(view, axes)
+    return figure
+
+
+def covariances(view: View) -> FloatArray:
+    """(n, 3, 3) covariance matrices of the table of points."""
+    points = view.points.fill_null(0.0)
+    sigma = points.select("sx", "sy", "sz").to_numpy()
+    matrix = np.tile(np.eye(3), (points.height, 1, 1))
+    for name, (i, j) in {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}.items():
+        matrix[:, i, j] = matrix[:, j, i] = points[name].to_numpy()
+    covariance: FloatArray = matrix * sigma[:, :, None] * sigma[:, None, :]
+    return covariance
+
+
+def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> FloatArray:
+    """(n, 49, 2) standard ellipses about centres (n, 2), enlarged."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    t = np.linspace(0.0, 2.0 * np.pi, 49)
+    lines: FloatArray = centre[:, None, :] + scale * np.einsum(
+        "nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)])
+    )
+    return lines
+
+
+def _prepared(view: View, figure: Figure) -> tuple[Axes, list[int]]:
+    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards."""
+    axes = figure.add_subplot()
+    drawn = drawn_axes(view.summary["axes"]["xy"])
+    plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
+    chosen = plan
+    if view.points.height > 2:
+        extent = np.ptp(places(view), axis=0)
+        if extent[2] > 2.0 * extent[plan].min():
+            chosen = [plan[int(np.argmax(extent[plan]))], 2]
+    names = "XYZ"
+    axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")
+    axes.set_ylabel(f"{names[chosen[1]]} [{view.length}]")
+    backwards = {plan[0]: drawn["right_reversed"], plan[1]: drawn["up_reversed"], 2: False}
+    axes.xaxis.set_inverted(backwards[chosen[0]])
+    axes.yaxis.set_inverted(backwards[chosen[1]])
+    axes.set_aspect("equal", adjustable="datalim")
+    return axes, chosen
+
+
+def _frames(view: View, axes: Axes, chosen: list[int]) -> None:
+    for frame, name, marker, colour in (
+        (view.images, "images", "D", ORANGE),
+        (view.stations, "stations", "^", RED),
+    ):
+        if frame.height:
+            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
+            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
+
+
+def _points(view: View, axes: Axes, chosen: list[int]) -> None:
+    xyz = places(view)[:, chosen]
+    axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label="points", zorder=4)
+    if view.points.height <= _MOST_LABELS:
+        for name, place in zip(view.points["id"], xyz, strict=True):
+            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
+
+
+def _finish(view: View, axes: Axes) -> None:
+    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    title = view.summary["title"] or "Network"
+    axes.set_title(f"{title} – datum: {view.summary['datum']}", fontsize=9, loc="left", pad=18)

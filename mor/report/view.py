@@ -1,0 +1,133 @@
+"""What pictures and pages show of an adjustment, as plain tables: from an outcome, or read back from its folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.errors import InputError, Problem
+from mor.geometry.arrays import FloatArray
+from mor.quality.solved import Solved
+from mor.report.checks import check_rows
+from mor.report.observation_table import SCHEMA
+from mor.report.outward import points
+from mor.report.reliability import gross_errors
+from mor.report.summary import summary
+from mor.report.tables import (
+    group_table,
+    image_table,
+    interior_rows,
+    point_table,
+    station_table,
+)
+
+
+@dataclass(frozen=True)
+class View:
+    """Tables of one adjustment, in project axes and units, as they stand in ``results.json``."""
+
+    summary: dict[str, Any]
+    points: pl.DataFrame
+    images: pl.DataFrame
+    stations: pl.DataFrame
+    groups: pl.DataFrame
+    cameras: list[dict[str, Any]]
+    checks: list[dict[str, Any]]
+    gross_errors: dict[str, Any]
+    residuals: pl.DataFrame
+
+    @property
+    def length(self) -> str:
+        """Unit of lengths."""
+        return str(self.summary["units"]["length"])
+
+    @property
+    def critical(self) -> float:
+        """Critical value of |w|."""
+        return float(self.summary["critical_w"])
+
+    @property
+    def rays(self) -> pl.DataFrame:
+        """Image coordinates among the residuals."""
+        return self.residuals.filter(pl.col("type").str.contains("^(image|follower)/"))
+
+    @property
+    def used(self) -> pl.DataFrame:
+        """Residuals of the observations that took part."""
+        return self.residuals.filter(~pl.col("flag").is_in(["excluded", "check"]))
+
+
+def view_of(solved: Solved, residuals: pl.DataFrame) -> View:
+    """The view of an adjustment that converged, with its table of residuals."""
+    images = image_table(solved)
+    centres = projection_centres(solved)
+    return View(
+        summary=summary(solved),
+        points=point_table(solved),
+        images=images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz"))),
+        stations=station_table(solved),
+        groups=group_table(solved),
+        cameras=interior_rows(solved),
+        checks=check_rows(solved),
+        gross_errors=gross_errors(solved),
+        residuals=residuals,
+    )
+
+
+def view_of_folder(folder: Path) -> View:
+    """The view of results on disk. Raises :class:`InputError` where they are missing or tell of no solution."""
+    path = folder / "results.json"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
+    if data.get("global_test") is None:
+        raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
+    return View(
+        summary=data,
+        points=_frame(data["points"]),
+        images=_frame(data["images"]),
+        stations=_frame(data["stations"]),
+        groups=_frame(data["groups"]),
+        cameras=data["cameras"],
+        checks=data["checks"],
+        gross_errors=data["gross_errors"],
+        residuals=_residuals(data, folder),
+    )
+
+
+def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
+    if data["residuals"] is not None:
+        return pl.DataFrame(data["residuals"], schema_overrides=SCHEMA, infer_schema_length=None)
+    name = data["tables"].get("residuals", "residuals.csv")
+    path = folder / name
+    if not path.exists():
+        raise InputError([Problem("the table of residuals is missing beside results.json", str(path))])
+    if path.suffix == ".parquet":
+        return pl.read_parquet(path)
+    frame = pl.read_csv(path, schema_overrides=SCHEMA)
+    return frame.with_columns(pl.col(pl.String).fill_null(""))
+
+
+def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
+    return (
+        pl.DataFrame(rows, infer_schema_length=None) if rows else pl.DataFrame({"id": []}, {"id": pl.String})
+    )
+
+
+def projection_centres(solved: Solved) -> FloatArray:
+    """(n, 3) projection centres in project axes; a follower's is that of its leader and the base."""
+    parts = solved.network.things["image"].parts
+    centres = points(solved, parts["position"]).values.copy()
+    follows = parts["base"] >= 0
+    if follows.any():
+        values = solved.adjustment.values
+        D = values["rotation"][parts["rotation"][follows]]
+        base = np.einsum("nji,nj->ni", D, values["base"][parts["base"][follows]])
+        centres[follows] += base @ solved.network.edge.matrix
+    return centres

@@ -1,0 +1,109 @@
+"""``mor plot``: every kind in every format, the same bytes twice, mistakes in words."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+
+from mor.cli import run
+from mor.cli.plot import KINDS, view_of_source
+from mor.report.plots.network import covariances, ellipse_lines
+from mor.report.view import View
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plots") / "results"
+    project = SAMPLES / "building" / "project.yaml"
+    assert run(["adjust", str(project), "-o", str(folder), "--quiet", "--no-html"]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_results_same_picture(results: Path, tmp_path: Path, kind: str) -> None:
+    for name in ("first.svg", "second.svg"):
+        assert run(["plot", kind, str(results), "-o", str(tmp_path / name)]) == 0
+    first, second = ((tmp_path / name).read_text() for name in ("first.svg", "second.svg"))
+    assert first == second
+    assert not re.search(r"<dc:date>", first)
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_formats(results: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
+    paths = [tmp_path / f"{k}.{suffix}" for k in (1, 2)]
+    for path in paths:
+        assert run(["plot", "histogram", str(results), "-o", str(path)]) == 0
+    assert paths[0].read_bytes().startswith(magic)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_results_on_disk_and_the_project_show_the_same(results: Path) -> None:
+    read, made = view_of_source(results), view_of_source(SAMPLES / "building" / "project.yaml")
+    assert read.points["id"].to_list() == made.points["id"].to_list()
+    np.testing.assert_allclose(covariances(read), covariances(made), rtol=1e-9, atol=1e-18)
+    assert read.residuals.select("from", "to", "flag").equals(made.residuals.select("from", "to", "flag"))
+    np.testing.assert_allclose(
+        read.residuals["v"].to_numpy(), made.residuals["v"].to_numpy(), rtol=1e-9, atol=1e-15
+    )
+
+
+def test_ellipse_has_the_semi_axes_of_the_covariance() -> None:
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    covariance = turn @ np.diag([4.0, 0.25]) @ turn.T
+    line = ellipse_lines(np.array([[10.0, 20.0]]), covariance[None], 3.0)[0] - [10.0, 20.0]
+    size = np.hypot(*line.T)
+    assert size.max() == pytest.approx(6.0)
+    assert size.min() == pytest.approx(1.5)
+    longest = line[np.argmax(size)] / size.max()
+    assert abs(longest @ [0.8, 0.6]) == pytest.approx(1.0)
+
+
+def test_semi_axes_of_the_table_follow_from_its_sigmas_and_correlations(results: Path) -> None:
+    view = view_of_source(results)
+    axes = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances(view))[:, ::-1], 0.0))
+    table = view.points.select("ellipsoid_a", "ellipsoid_b", "ellipsoid_c").to_numpy()
+    np.testing.assert_allclose(axes, table, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["network", "{results}", "-o", "{new}/x.bmp"], "unknown format '.bmp'"),
+        (["residuals", "{results}", "--of", "B0l", "-o", "{new}/x.svg"], "did you mean 'B0"),
+        (["camera", "{results}", "--of", "D7", "-o", "{new}/x.svg"], "unknown camera 'D7'"),
+        (["network", "{new}", "-o", "{new}/x.svg"], ""),
+        (["network", "{results}", "--of", "B01", "-o", "{new}/x.svg"], "shows everything"),
+    ],
+)
+def test_mistakes(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    places = {"results": str(results), "new": str(tmp_path)}
+    assert run(["plot", *(argument.format(**places) for argument in arguments)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_picture_is_not_replaced_unasked(results: Path, tmp_path: Path) -> None:
+    path = tmp_path / "w.svg"
+    path.write_text("mine")
+    assert run(["plot", "histogram", str(results), "-o", str(path)]) == 2
+    assert path.read_text() == "mine"
+    assert run(["plot", "histogram", str(results), "-o", str(path), "--force"]) == 0
+
+
+def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
+    from mor.report.plots.network import network
+
+    view: View = view_of_source(results)
+    nothing = pl.DataFrame({"id": []}, {"id": pl.String})
+    bare = replace(view, images=nothing, stations=nothing)
+    assert network(bare).axes[0].get_xlabel() == "X [m]"

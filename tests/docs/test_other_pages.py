@@ -1,0 +1,79 @@
+"""Pages about results, exit codes and new types: they say what the program does."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_projects import mor, write_block
+
+from mor.cli import INTERRUPTED
+from mor.errors import ExitCode
+from mor.report.observation_table import SCHEMA
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
+
+
+def text(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def test_exit_codes_are_those_of_the_program() -> None:
+    documented = {int(code) for code in re.findall(r"^\| (\d+) \|", text("exit-codes.md"), re.M)}
+    assert documented == {*map(int, ExitCode), INTERRUPTED}
+
+
+@pytest.mark.parametrize("column", SCHEMA)
+def test_columns_of_residuals(column: str) -> None:
+    assert f"`{column}`" in text("results.md")
+
+
+def test_keys_and_columns_of_results(tmp_path: Path) -> None:
+    run = mor("adjust", write_block(tmp_path), "--json")
+    data = json.loads(run.out)
+    page = text("results.md")
+    missing = [key for key in data if f"`{key}`" not in page]
+    missing += [key for key in data["points"][0] if f"`{key}`" not in page]
+    missing += [key for key in data["images"][0] if f"`{key}`" not in page and not key.startswith("s")]
+    missing += [key for key in data["sigma0"] if f"`{key}`" not in page]
+    assert missing == []
+
+
+def test_new_type_of_the_page_is_right(tmp_path: Path) -> None:
+    """The example runs, and its derivatives are those of differences."""
+    (code,) = re.findall(r"^```python\n(.*?)^```$", text("adding-an-observation-type.md"), re.M | re.S)
+    space: dict[str, object] = {}
+    exec(code, space)
+    equation = space["equation"]
+    random = np.random.default_rng(2)
+    blocks = [random.normal(size=(5, 3)) * 10.0 for _ in range(3)]
+    none = np.zeros((5, 0))
+    computed = equation(blocks, none)
+    assert computed.values[:, 0] == pytest.approx(
+        np.linalg.norm(blocks[2] - blocks[0], axis=1) - np.linalg.norm(blocks[1] - blocks[0], axis=1)
+    )
+    for slot in range(3):
+        for k in range(3):
+            step = [b.copy() for b in blocks]
+            step[slot][:, k] += 1e-6
+            back = [b.copy() for b in blocks]
+            back[slot][:, k] -= 1e-6
+            difference = (equation(step, none).values - equation(back, none).values) / 2e-6
+            assert computed.jacobians[slot][:, :, k] == pytest.approx(difference, abs=1e-8)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_links_lead_to_files_that_exist(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_no_paths_of_a_machine(page: Path) -> None:
+    assert not re.search(r"/(work|home|root|Users|tmp)/", page.read_text(encoding="utf-8"))
