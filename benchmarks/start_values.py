@@ -1,6 +1,6 @@
 """Success and error of the start values on seeded random scenes: prints the table of docs/start-values.md.
 
-Run as ``python benchmarks/start_values.py [scenes]``; 1000 scenes per line take a few minutes on one core.
+Run as ``python benchmarks/start_values.py [scenes [first seed]]``; 1000 scenes per line take a few minutes on one core.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ LINES: list[tuple[str, Callable[[int, float], Trial]]] = [
 ]
 
 
-def main(count: int) -> None:
+def main(count: int, first: int = 0) -> None:
     """Print one line of the table per method and noise; scenes that fail are listed after it."""
     print("| method | noise µm | success % | outcomes | error: median | 95 % | 99 % | largest | CPU ms |")
     print("|---|---|---|---|---|---|---|---|---|")
@@ -196,7 +196,7 @@ def main(count: int) -> None:
     for name, trial in LINES:
         for noise in NOISES:
             started = time.process_time()
-            trials = [trial(seed, noise) for seed in range(count)]
+            trials = [trial(seed, noise) for seed in range(first, first + count)]
             spent = (time.process_time() - started) / count * 1e3
             outcomes = ", ".join(f"{k.lower()} {v}" for k, v in Counter(t[0] for t in trials).most_common())
             errors = np.array([t[1] for t in trials])
@@ -206,10 +206,10 @@ def main(count: int) -> None:
                 f"| {name} | {noise * 1e3:.0f} | {share:.1f} | {outcomes} | {quantiles} | {spent:.1f} |",
                 flush=True,
             )
-            failures += [(name, noise, seed, *t) for seed, t in enumerate(trials) if not t[2]]
+            failures += [(name, noise, seed, *t) for seed, t in enumerate(trials, first) if not t[2]]
     for failure in failures:
         print(*failure, file=sys.stderr)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    main(*(int(argument) for argument in sys.argv[1:3] or ["1000"]))

@@ -96,7 +96,10 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
 
 
 def start_values(network: Network) -> Mapping[str, FloatArray]:
-    """Start values of all blocks, worked out where none are given. Raises :class:`InputError` where some stay missing."""
+    """Start values of all blocks, worked out where none are given.
+
+    Raises :class:`InputError` where some stay missing.
+    """
     approximation = approximate(network)
     if approximation.missing:
         raise InputError([Mistake(words) for words in approximation.missing])

@@ -145,7 +145,7 @@ def objective(plan: Plan, values: Values) -> float:
 
 
 def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
-    """GᵀNG (k, k) of directions G (u, k), formed from A G itself, so that a null vector shows as zero and not as noise."""
+    """GᵀNG (k, k) of directions G (u, k), formed from A G itself: a null vector shows as zero, not as noise."""
     gram = np.zeros((directions.shape[1], directions.shape[1]))
     reduced = directions[plan.kept]
     for rows in white_rows(plan, values):

@@ -1,4 +1,4 @@
-"""The adjustment problem: unknowns, observation groups, correlations, datum. Data, complete before anything is solved."""
+"""The adjustment problem: unknowns, observation groups, correlations, datum; complete before anything is solved."""
 
 from __future__ import annotations
 

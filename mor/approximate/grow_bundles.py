@@ -178,8 +178,8 @@ def intersections(
 ) -> tuple[FloatArray, BoolArray]:
     """Points (count, 3) nearest to their rays, and which of them are good.
 
-    ``point`` (n,) numbers the point of each ray, given by ``centre`` (n, 3) and unit ``direction`` (n, 3). Good are points
-    with two rays or more that meet at an angle of at least ``smallest`` radians, in front of their frames.
+    ``point`` (n,) numbers the point of each ray, given by ``centre`` (n, 3) and unit ``direction`` (n, 3). Good are
+    points with two rays or more that meet at an angle of at least ``smallest`` radians, in front of their frames.
     """
     projector = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     normal = np.zeros((count, 3, 3))

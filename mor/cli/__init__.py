@@ -20,6 +20,8 @@ COMMANDS = {
     "check": "Read and check a project, adjust nothing.",
     "orient": "Orient two images (Rinner) or a plane object (Killian).",
     "plot": "Draw a picture of results: network, residuals, camera …",
+    "convert": "Write a foreign file as a project file.",
+    "examples": "List the sample projects, copy one.",
     "schema": "Print the JSON Schema of the project file.",
 }
 

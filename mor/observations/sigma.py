@@ -15,9 +15,9 @@ def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGrou
     """The group with σ² = a² + (b·d)² + centring², d the distance between its two positions at the given values.
 
     b·d applies to lengths. A centring error is an error e in the horizontal position of instrument or target, σ = e in
-    either coordinate; the instrument stands at the first reference of the type; how it acts on an observation is what its derivatives by these positions say, for every type:
-    e for a distance, e/s for a direction, nothing for a height difference, √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) for an
-    angle with legs a, b and targets c apart.
+    either coordinate; the instrument stands at the first reference of the type. How it acts on an observation is what
+    its derivatives by these positions say, for every type: e for a distance, e/s for a direction, nothing for a height
+    difference, √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) for an angle with legs a, b and targets c apart.
     """
     if group.ppm == 0.0 and group.centring == (0.0, 0.0):
         return group

@@ -16,7 +16,6 @@ from mor.project.statuses import settings
 from mor.project.tables import Column, Rows
 from mor.units import NUMBER
 
-
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 """Diagonal of the format that 35 mm equivalents refer to, mm."""
 GUESSED_CONSTANT = 1.0
@@ -86,7 +85,9 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
         return number * scale.factor(unit or "mm"), "from focal_length"
     if camera.image is None:
         raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
-    width, height = (split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height))
+    width, height = (
+        split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height)
+    )
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
         return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"

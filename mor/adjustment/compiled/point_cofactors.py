@@ -355,9 +355,11 @@ def cofactors(
     nothing = np.zeros((by_point.shape[0], 2))
     L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     order = grouped(keys)
-    groups, count, done, before = 0, 0, 0, -1
+    groups, count, done, before, stored = 0, 0, 0, -1, True
     for k in range(order.size + 1):
         full = k == order.size or store.first_coupling[groups] + 3 * room > store.couplings.size
+        if full and k > done and not stored:
+            return False
         if full and k > done:
             finish(
                 by_point,
@@ -383,8 +385,7 @@ def cofactors(
         first, end = pointers[p], pointers[p + 1]
         if full or before < 0 or not same_frames(frame, pointers, p, before):
             count = merge(frame, first, end, runs, met, clique)
-            if not look_up_pairs(clique.blocks, count, met, pattern):
-                return False
+            stored = look_up_pairs(clique.blocks, count, met, pattern) and stored
             open_group(store, groups, clique, count)
             groups += 1
         before = p
@@ -393,4 +394,4 @@ def cofactors(
         E = append_point(store, groups, begin[count])
         couple(by_point, by_others, frame, first, end, runs, local, L, inverse, E)
         solve_from_the_right(E, L, inverse)
-    return True
+    return stored

@@ -112,26 +112,30 @@ def add_square(by_others: FloatArray, first: int, width: int, squares: FloatArra
             a1, b1 = by_others[column + _ONE], by_others[below + _ONE]
             a2, b2 = by_others[column + _TWO], by_others[below + _TWO]
             a3, b3 = by_others[column + _THREE], by_others[below + _THREE]
-            at = np.uint64(start + k * width + m)
-            squares[at] += x0 * a0 + y0 * b0
-            squares[at + _ONE] += x0 * a1 + y0 * b1
-            squares[at + _TWO] += x0 * a2 + y0 * b2
-            squares[at + _THREE] += x0 * a3 + y0 * b3
-            at = np.uint64(start + (k + 1) * width + m)
-            squares[at] += x1 * a0 + y1 * b0
-            squares[at + _ONE] += x1 * a1 + y1 * b1
-            squares[at + _TWO] += x1 * a2 + y1 * b2
-            squares[at + _THREE] += x1 * a3 + y1 * b3
-            at = np.uint64(start + (k + 2) * width + m)
-            squares[at] += x2 * a0 + y2 * b0
-            squares[at + _ONE] += x2 * a1 + y2 * b1
-            squares[at + _TWO] += x2 * a2 + y2 * b2
-            squares[at + _THREE] += x2 * a3 + y2 * b3
-            at = np.uint64(start + (k + 3) * width + m)
-            squares[at] += x3 * a0 + y3 * b0
-            squares[at + _ONE] += x3 * a1 + y3 * b1
-            squares[at + _TWO] += x3 * a2 + y3 * b2
-            squares[at + _THREE] += x3 * a3 + y3 * b3
+            at, further = np.uint64(start + k * width + m), np.uint64(width)
+            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
+            squares[at] = s0 + x0 * a0 + y0 * b0
+            squares[at + _ONE] = s1 + x0 * a1 + y0 * b1
+            squares[at + _TWO] = s2 + x0 * a2 + y0 * b2
+            squares[at + _THREE] = s3 + x0 * a3 + y0 * b3
+            at += further
+            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
+            squares[at] = s0 + x1 * a0 + y1 * b0
+            squares[at + _ONE] = s1 + x1 * a1 + y1 * b1
+            squares[at + _TWO] = s2 + x1 * a2 + y1 * b2
+            squares[at + _THREE] = s3 + x1 * a3 + y1 * b3
+            at += further
+            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
+            squares[at] = s0 + x2 * a0 + y2 * b0
+            squares[at + _ONE] = s1 + x2 * a1 + y2 * b1
+            squares[at + _TWO] = s2 + x2 * a2 + y2 * b2
+            squares[at + _THREE] = s3 + x2 * a3 + y2 * b3
+            at += further
+            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
+            squares[at] = s0 + x3 * a0 + y3 * b0
+            squares[at + _ONE] = s1 + x3 * a1 + y3 * b1
+            squares[at + _TWO] = s2 + x3 * a2 + y3 * b2
+            squares[at + _THREE] = s3 + x3 * a3 + y3 * b3
     for k in range(whole, width):
         x, y = by_others[first + k], by_others[first + width + k]
         for m in range(k + 1):
@@ -319,18 +323,18 @@ def accumulate(
     flat = by_others.reshape(-1)
     store = empty_store(keys.size, room)
     L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
-    groups, count, before = 0, 0, -1
+    groups, count, before, stored = 0, 0, -1, True
     for p in grouped(keys):
         first, end = pointers[p], pointers[p + 1]
         full = store.first_coupling[groups] + 3 * room > store.couplings.size
         if full or before < 0 or not same_frames(frame, pointers, p, before):
             carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
-            if full:
+            if full and stored:
                 subtract_products(store, groups, met, system.values)
+            if full:
                 groups = 0
             count = merge(frame, first, end, runs, met, clique)
-            if not look_up_pairs(clique.blocks, count, met, pattern):
-                return False
+            stored = look_up_pairs(clique.blocks, count, met, pattern) and stored
             open_group(store, groups, clique, count)
             groups += 1
         before = p
@@ -341,5 +345,6 @@ def accumulate(
         couple(by_point, by_others, frame, first, end, runs, local, L, inverse, V)
         add_rest(residual, flat, frame, first, end, V, u, rest)
     carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
-    subtract_products(store, groups, met, system.values)
-    return carry_rest(columns, pattern, rest, system)
+    if stored:
+        subtract_products(store, groups, met, system.values)
+    return carry_rest(columns, pattern, rest, system) and stored

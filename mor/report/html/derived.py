@@ -41,8 +41,13 @@ def points_with_tests(view: View, rays: Rays, angle_unit: str) -> pl.DataFrame:
     measured = named.join(known, on="id", how="semi").group_by("id", maintain_order=True).agg(_measures())
     angle = intersection_angles(rays, centres(view), places(view)) / ANGLE_UNITS[angle_unit]
     return view.points.with_columns(pl.Series("angle", angle).fill_nan(None)).join(
-        measured.drop("observations"), on="id", how="left", maintain_order="left"
+        measured.drop("observations", *_there(view.points)), on="id", how="left", maintain_order="left"
     )
+
+
+def _there(frame: pl.DataFrame) -> list[str]:
+    """Columns that the table of results has already."""
+    return [name for name in ("mean_r", "largest_w") if name in frame.columns]
 
 
 def image_points(view: View) -> pl.DataFrame:
@@ -95,7 +100,7 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
     )
     coverage = _coverages(view, measured, areas)
     return view.images.join(
-        by_image.rename({"image": "id"}), on="id", how="left", maintain_order="left"
+        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
     ).with_columns(
         pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64)
     )

@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from mor.report.html.packing import Packer
 from mor.report.html.page import page
 from mor.report.html.page_data import page_data
-from mor.report.html.packing import Packer
 from mor.report.html.payload import MOST_ROWS, drawn_axes, worst_first
 from mor.report.html.verdict import headline, statements
 from mor.report.view import View

@@ -101,7 +101,8 @@ def test_a_point_is_picked_in_plan_with_the_mouse(opened: Any) -> None:
     x, y = opened.execute_script(
         "const g = document.querySelector('#chart-plan .plot'), t = g.data.find((d) => d.name === 'images');"
         "const a = g._fullLayout, box = g.getBoundingClientRect();"
-        "return [a.xaxis.l2p(t.x[3]) + a.xaxis._offset - box.width / 2, a.yaxis.l2p(t.y[3]) + a.yaxis._offset - box.height / 2]"
+        "return [a.xaxis.l2p(t.x[3]) + a.xaxis._offset - box.width / 2,"
+        " a.yaxis.l2p(t.y[3]) + a.yaxis._offset - box.height / 2]"
     )
     plot = opened.find_element("css selector", "#chart-plan .plot")
     ActionChains(opened).move_to_element_with_offset(plot, round(x), round(y)).pause(0.5).click().perform()
@@ -177,8 +178,8 @@ def test_table_bears_a_hundred_thousand_rows(opened: Any) -> None:
         "const box = document.createElement('div'); document.body.append(box);"
         "const t = new LongTable(box, {rows: n, columns: {a: {values: v}}}, [{key: 'a', title: 'a', digits: 7}]);"
         "t.sortBy('a'); t.filterBy('a', '>0'); t.scroller.scrollTop = 1e6; t.show();"
-        "const result = [t.rows.length, box.querySelectorAll('tr').length, value(t.table, 'a', t.rows[0])]; box.remove();"
-        "return result"
+        "const result = [t.rows.length, box.querySelectorAll('tr').length, value(t.table, 'a', t.rows[0])];"
+        "box.remove(); return result"
     )
     positive = sum(1 for k in range(100_000) if math.sin(k) > 0)
     assert outcome[0] == positive

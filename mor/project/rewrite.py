@@ -1,0 +1,66 @@
+"""Plain data of a project as a project file: what a person reads as YAML, long tables as CSV beside it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+LONGEST = 20
+"""Rows that stay in the project file."""
+
+
+def project_files(data: dict[str, Any], source: Path, target: Path) -> dict[Path, str]:
+    """Texts by path: the project file ``target``, and its tables. ``source`` is the folder its files are found from."""
+    texts: dict[Path, str] = {}
+    written: dict[str, Any] = {}
+    for section, content in data.items():
+        if not isinstance(content, list):
+            written[section] = content
+            continue
+        entries = []
+        for number, entry in enumerate(content, start=1):
+            table = target.with_name(f"{target.stem}_{section}_{number}.csv")
+            entries.append(_entry(dict(entry), source, target, table, texts))
+        written[section] = entries
+    body = yaml.dump(written, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+    return {target: body, **texts}
+
+
+def _entry(
+    entry: dict[str, Any], source: Path, target: Path, table: Path, texts: dict[Path, str]
+) -> dict[str, Any]:
+    """An entry of a section, its rows moved into a table where they are many, its files found from the new place."""
+    for key in ("file", "covariance"):
+        if isinstance(entry.get(key), str):
+            entry[key] = Path(os.path.relpath(source / entry[key], target.parent)).as_posix()
+    rows, columns = entry.get("rows"), entry.get("columns")
+    if not isinstance(rows, list) or len(rows) <= LONGEST or not isinstance(columns, list):
+        return entry
+    texts[table] = _csv(columns, rows)
+    name = entry.get("name") or entry.get("type")
+    kept = {key: value for key, value in entry.items() if key not in ("rows", "columns")}
+    return {**kept, **({"name": name} if name else {}), "file": table.name}
+
+
+def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
+    chosen = [k for k, name in enumerate(columns) if name is not None]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([columns[k] for k in chosen])
+    writer.writerows([["" if k >= len(row) or row[k] is None else row[k] for k in chosen] for row in rows])
+    return text.getvalue()
+
+
+class _Dumper(yaml.SafeDumper):
+    """Short lists and mappings without lists stand in one line, as a person writes them."""
+
+    def represent_sequence(
+        self, tag: str, sequence: Any, flow_style: bool | None = None
+    ) -> yaml.SequenceNode:
+        simple = all(not isinstance(item, list | dict) for item in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=simple)
