@@ -87,7 +87,8 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray) -> RayChunk:
     local = plan.frame[chunk.rays]
     frame = chunk.frames[local]
     n, width = len(local), columns.shape[1]
-    residual, by_point, by_others = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, width))
+    # Zeros: an image has nothing in the columns that only stereo followers use.
+    residual, by_point, by_others = np.empty((n, 2)), np.empty((n, 2, 3)), np.zeros((n, 2, width))
     measured, pointers = _measured(plan, chunk), _pointers(plan, chunk)
     if _fits(place, chunk):
         points = place.values["point"][plan.points[chunk.points]]

@@ -12,6 +12,7 @@ from mor import __version__
 from mor.errors import ExitCode, MorError
 
 COMMANDS = {
+    "new": "Begin a commented project from the tables there are.",
     "adjust": "Adjust a project and write report, results and tables.",
     "compare": "Compare two results: as a regression test, or as two epochs.",
     "covariance": "Covariances of chosen points, or of everything, with labels.",

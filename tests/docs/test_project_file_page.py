@@ -12,12 +12,18 @@ import yaml
 from pydantic import BaseModel
 from small_projects import mor
 
+from mor.project.groups import TYPE_NAMES
 from mor.project.model import Project
 from mor.project.nodes import read_yaml
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)
+OBSERVATION_TYPES = (ROOT / "docs" / "observation-types.md").read_text(encoding="utf-8")
+FRAGMENTS = [
+    *(example for example in EXAMPLES if not example.startswith("mor:")),
+    *re.findall(r"^```yaml\n(.*?)^```$", OBSERVATION_TYPES, re.M | re.S),
+]
 BASE = ROOT / "sample_projects" / "building"
 
 
@@ -46,7 +52,7 @@ def test_whole_project_is_adjusted(tmp_path: Path, example: str) -> None:
     assert run.code == 0, run.err
 
 
-@pytest.mark.parametrize("example", [e for e in EXAMPLES if not e.startswith("mor:")])
+@pytest.mark.parametrize("example", FRAGMENTS)
 def test_fragment_is_understood(tmp_path: Path, example: str) -> None:
     shutil.copytree(BASE, tmp_path / "building")
     project = tmp_path / "building" / "project.yaml"
@@ -55,6 +61,15 @@ def test_fragment_is_understood(tmp_path: Path, example: str) -> None:
     project.write_text(yaml.safe_dump(merged, allow_unicode=True), encoding="utf-8")
     run = mor("check", project)
     assert run.code == 0, run.err
+
+
+def test_every_observation_type_has_an_example() -> None:
+    shown = {
+        group["type"]
+        for example in FRAGMENTS
+        for group in read_yaml(example, "example").data.get("observations", [])
+    }
+    assert shown >= set(TYPE_NAMES) | {"parameter", "difference"}
 
 
 def test_there_are_examples_of_most_sections() -> None:

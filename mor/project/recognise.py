@@ -1,0 +1,149 @@
+"""What a table of measurements is, by the names of its columns: for beginning a project from what there is."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from mor.errors import InputError, Problem
+from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
+
+KINDS: Mapping[str, tuple[str, ...]] = {
+    "image": ("image", "point", "x", "y"),
+    "zenith_directions": ("station", "to", "horizontal", "zenith"),
+    "directions": ("station", "to", "horizontal"),
+    "angle": ("at", "from", "to", "angle"),
+    "distance": ("from", "to", "distance"),
+    "bearing": ("from", "to", "bearing"),
+    "zenith_angle": ("from", "to", "zenith_angle"),
+    "vertical_direction": ("from", "to", "vertical_direction"),
+    "vector": ("from", "to", "dx", "dy", "dz"),
+    "height_difference": ("from", "to", "dz"),
+    "images": ("id", "omega", "phi", "kappa"),
+    "images with a camera": ("id", "camera"),
+    "stations": ("id", "orientation"),
+    "points": ("id", "x", "y", "z"),
+}
+"""Columns that tell what a table is, the first that fits."""
+_OTHER_NAMES = {
+    **dict.fromkeys(("photo", "image_id", "img", "bild"), "image"),
+    **dict.fromkeys(("point_id", "punkt", "pt", "target", "name", "number", "nr"), "point"),
+    **dict.fromkeys(("length", "dist", "strecke"), "distance"),
+    **dict.fromkeys(("hz", "direction", "richtung"), "horizontal"),
+    **dict.fromkeys(("v", "zd"), "zenith"),
+    **dict.fromkeys(("point_a", "start", "von"), "from"),
+    **dict.fromkeys(("point_b", "end", "nach"), "to"),
+    **dict.fromkeys(("dh", "height_difference"), "dz"),
+    **{f"s{name}": f"sigma_{name}" for name in ("x", "y", "z")},
+    **dict.fromkeys(("std", "stdev", "sigma_distance"), "sigma"),
+    "x0": "x",
+    "y0": "y",
+    "z0": "z",
+}
+_KNOWN = {name for names in KINDS.values() for name in names} | {
+    "sigma",
+    "height",
+    "to_height",
+    "set",
+    "face",
+}
+_UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
+_NUMBER = re.compile(r"^[-+]?[\d.]")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A table that was recognised."""
+
+    path: Path
+    kind: str
+    columns: Mapping[str, str]
+    """Its columns by their names in a project; those that mean nothing here are missing."""
+    units: Mapping[str, str]
+    """Units that the names of columns say."""
+    delimiter: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def texts(self, name: str) -> list[str]:
+        """Cells of a column, empty where it is missing."""
+        if name not in self.columns:
+            return []
+        place = self.header.index(self.columns[name])
+        return [row[place].strip() for row in self.rows if len(row) > place]
+
+    @property
+    def has_sigma(self) -> bool:
+        """True where the table has σ."""
+        return any(name.startswith("sigma") for name in self.columns)
+
+
+def recognise(path: Path) -> Found:
+    """Read a table and say what it is. Raises :class:`InputError` where that cannot be told."""
+    try:
+        with (
+            gzip.open(path, "rt", encoding="utf-8-sig")
+            if path.suffix == ".gz"
+            else path.open(encoding="utf-8-sig", newline="") as file
+        ):
+            lines = file.read().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError([Problem(f"this table cannot be read: {error}", str(path))]) from None
+    first = lines[0] if lines else ""
+    delimiter = max(",;\t", key=first.count)
+    rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+    header = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    if not header or any(_NUMBER.match(cell) for cell in header):
+        words = "expected a header with the names of the columns in the first line"
+        raise InputError([Problem(words, str(path), 1)])
+    columns, units = _named(header)
+    kind = next((kind for kind, wanted in KINDS.items() if set(wanted) <= set(columns)), None)
+    if kind is None:
+        raise InputError(
+            [Problem(f"what is this? found the columns {', '.join(header)}; {_wanted()}", str(path), 1)]
+        )
+    kind = "images" if kind.startswith("images") else kind
+    return Found(path, kind, columns, units, delimiter, header, rows[1:])
+
+
+def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
+    """Columns by the names of the project, with the units their names carry (``x_mm``, ``x [mm]``)."""
+    columns: dict[str, str] = {}
+    units: dict[str, str] = {}
+    is_list = {"x", "y", "z"} <= {_plain(cell)[0] for cell in header} and "image" not in {
+        _OTHER_NAMES.get(_plain(cell)[0], _plain(cell)[0]) for cell in header
+    }
+    for cell in header:
+        name, unit = _plain(cell)
+        name = _OTHER_NAMES.get(name, name)
+        if name in ("point", "image") and (is_list or _has_angles(header)):
+            name = "id"
+        if (name in _KNOWN or name.startswith("sigma_")) and name not in columns:
+            columns[name] = cell
+            if unit:
+                units[name] = unit
+    return columns, units
+
+
+def _has_angles(header: tuple[str, ...]) -> bool:
+    return {"omega", "phi", "kappa"} <= {_plain(cell)[0] for cell in header}
+
+
+def _plain(cell: str) -> tuple[str, str]:
+    """Name and unit of a column heading."""
+    match = re.match(r"^(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|_([A-Za-zµ]+))$", cell.strip())
+    if match:
+        unit = next(group for group in match.groups()[1:] if group is not None)
+        if unit in _UNITS:
+            return match[1].strip().lower(), unit
+    return cell.strip().lower(), ""
+
+
+def _wanted() -> str:
+    return "known are " + "; ".join(
+        f"{kind}: {', '.join(names)}" for kind, names in KINDS.items() if kind != "images with a camera"
+    )

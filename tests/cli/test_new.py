@@ -1,0 +1,103 @@
+"""``mor new``: a project begun from tables is a project, and adjusts when the control is said."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from mor.cli import run
+from mor.pipeline import read_document
+from mor.project.recognise import recognise
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
+
+
+def test_begun_from_image_points_and_control_alone(tmp_path: Path) -> None:
+    """No start values, no list of images, no tie points: it adjusts to the sample's own result."""
+    for name in ("image_points.csv", "control.csv"):
+        shutil.copy(SAMPLES / "facade" / name, tmp_path)
+    project = tmp_path / "p.yaml"
+    tables = [str(tmp_path / name) for name in ("image_points.csv", "control.csv")]
+    options = ["-c", "28", "--size", "6000", "4000", "--pixel", "0.006 mm", "--title", "A house: mine"]
+    assert run(["new", str(project), *tables, *options]) == 0
+    assert run(["check", str(project), "--quiet"]) == 0
+    text = project.read_text()
+    project.write_text(text.replace("file: control.csv", "file: control.csv\n    values: {sigma: 5 mm}"))
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    truth = pl.read_csv(SAMPLES / "facade" / "truth" / "points.csv", schema_overrides={"id": pl.String})
+    found = pl.read_csv(tmp_path / "r" / "points.csv", schema_overrides={"id": pl.String})
+    both = found.join(truth, on="id", suffix="_true")
+    off = both.select("x", "y", "z").to_numpy() - both.select("x_true", "y_true", "z_true").to_numpy()
+    assert both.height > 100
+    assert np.sqrt(np.mean(off**2)) < 0.01
+
+
+def test_begun_from_terrestrial_tables(tmp_path: Path) -> None:
+    names = ("directions_plates.csv", "distances_plates.csv", "levelling.csv", "building.csv")
+    project = tmp_path / "net.yaml"
+    assert run(["new", str(project), *(str(SAMPLES / "building" / name) for name in names)]) == 0
+    data = read_document(project).data
+    assert [entry["type"] for entry in data["observations"]] == [
+        "zenith_directions",
+        "distance",
+        "height_difference",
+    ]
+    assert [entry.get("values") is None for entry in data["observations"]] == [False, False, True]
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_empty_beginning_is_a_project_with_nothing_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project)]) == 0
+    assert run(["check", str(project)]) == 2
+    assert "there are no observations" in capsys.readouterr().err
+
+
+def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("Photo;Point ID;x_mm;y [mm];quality\n1;010;1.5;-2;9\n".replace("Point ID", "point_id"))
+    found = recognise(path)
+    assert found.kind == "image"
+    assert found.columns == {"image": "Photo", "point": "point_id", "x": "x_mm", "y": "y [mm]"}
+    assert found.units == {"x": "mm", "y": "mm"}
+    assert found.delimiter == ";"
+    assert found.texts("point") == ["010"]
+
+
+@pytest.mark.parametrize(
+    ("header", "kind"),
+    [
+        ("id,x,y,z,omega,phi,kappa", "images"),
+        ("image,X0,Y0,Z0,omega,phi,kappa", "images"),
+        ("Name,X,Y,Z", "points"),
+        ("von,nach,Strecke", "distance"),
+        ("at,from,to,angle", "angle"),
+        ("from,to,dx,dy,dz", "vector"),
+        ("from,to,dh", "height_difference"),
+        ("station,to,horizontal,vertical", "directions"),
+    ],
+)
+def test_what_a_table_is(tmp_path: Path, header: str, kind: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(f"{header}\n")
+    assert recognise(path).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [("a,b,c\n1,2,3\n", "what is this?"), ("1,2,3\n", "expected a header"), ("", "expected a header")],
+)
+def test_tables_nobody_knows(
+    tmp_path: Path, content: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(content)
+    assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "p.yaml").exists()
