@@ -86,6 +86,18 @@ class External:
     units: tuple[str, ...]
 
 
+class SetUp(NamedTuple):
+    """Standard deviations of the set-up of instrument and target, length unit: of position (each way) and height."""
+
+    instrument: float = 0.0
+    target: float = 0.0
+    instrument_height: float = 0.0
+    target_height: float = 0.0
+
+
+PERFECT_SET_UP = SetUp()
+
+
 @dataclass(frozen=True)
 class ObservationGroup:
     """All observations of one type that were given together."""
@@ -104,8 +116,8 @@ class ObservationGroup:
     """One tuple of n identifiers per reference of the type."""
     ppm: float = 0.0
     """Part b of the σ model a ⊕ b·d, in 10⁻⁶."""
-    centring: tuple[float, float] = (0.0, 0.0)
-    """Centring errors of instrument and target, length unit."""
+    centring: SetUp = PERFECT_SET_UP
+    """Errors of the set-up of instrument and target."""
     external: External | None = None
     """How it was given; ``None`` where it is given in internal units and axes."""
     image_unit: str = "mm"

@@ -14,12 +14,13 @@ from mor.parameters.index import Values
 def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGroup:
     """The group with σ² = a² + (b·d)² + centring², d the distance between its two positions at the given values.
 
-    b·d applies to lengths. A centring error is an error e in the horizontal position of instrument or target, σ = e in
-    either coordinate; the instrument stands at the first reference of the type. How it acts on an observation is what
-    its derivatives by these positions say, for every type: e for a distance, e/s for a direction, nothing for a height
-    difference, √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) for an angle with legs a, b and targets c apart.
+    b·d applies to lengths. An error of the set-up is an error in the horizontal position of instrument or target, either
+    coordinate, or in its height; the instrument stands at the first reference of the type. How it acts on an observation
+    is what its derivatives by these positions say, for every type: a horizontal error e acts with e on a distance, with
+    e/s on a direction, not on a height difference, and with √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) on an angle with legs
+    a, b and targets c apart.
     """
-    if group.ppm == 0.0 and group.centring == (0.0, 0.0):
+    if group.ppm == 0.0 and not any(group.centring):
         return group
     variance = group.sigma**2
     if group.ppm:
@@ -36,8 +37,11 @@ def _centring_variance(group: ObservationGroup, values: Values) -> FloatArray:
     for slot, jacobian in zip(group.type.slots, jacobians, strict=True):
         if slot.part == "position":
             at_instrument = slot.of == group.type.references[0].name
-            error = group.centring[0] if at_instrument else group.centring[1]
-            variance += error**2 * np.sum(jacobian[:, :, :2] ** 2, axis=2)
+            set_up = group.centring
+            across = set_up.instrument if at_instrument else set_up.target
+            upwards = set_up.instrument_height if at_instrument else set_up.target_height
+            variance += across**2 * np.sum(jacobian[:, :, :2] ** 2, axis=2)
+            variance += (upwards * jacobian[:, :, 2]) ** 2
     return variance
 
 

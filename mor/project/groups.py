@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.errors import Problem, nearest
 from mor.geometry.arrays import FloatArray, IntArray
-from mor.observations import IMAGE_TYPES, PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.observations import IMAGE_TYPES, PLAIN_TYPES, ObservationGroup, ObservationType, SetUp
 from mor.project.axes import edge_transform, external
 from mor.project.edge import UnitError, split
 from mor.project.image_groups import image_groups, raw_image, units_of_values
@@ -193,15 +193,16 @@ def _constants(reading: Reading, type_: ObservationType, rows: Rows, given: Floa
     return np.stack(columns, axis=1) if columns else np.zeros((rows.count, 0))
 
 
-def _centring(reading: Reading, entry: Observations, place: Place) -> tuple[float, float]:
-    if entry.centring is None:
-        return 0.0, 0.0
+def _centring(reading: Reading, entry: Observations, place: Place) -> SetUp:
+    given = entry.centring
+    if given is None:
+        return SetUp()
+    texts = (given.instrument, given.target, given.instrument_height, given.target_height)
     try:
-        instrument = reading.edge.number(entry.centring.instrument, LENGTH)
-        return instrument, reading.edge.number(entry.centring.target, LENGTH)
+        return SetUp(*(reading.edge.number(text, LENGTH) for text in texts))
     except UnitError as error:
         reading.problems.append(place.problem(f"centring: {error}", "centring"))
-        return 0.0, 0.0
+        return SetUp()
 
 
 def _with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, number: int) -> IntArray:

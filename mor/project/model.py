@@ -200,10 +200,12 @@ class Instrument(Strict):
 
 
 class Centring(Strict):
-    """Centring errors of instrument and target, added to the σ of an observation."""
+    """Set-up errors of instrument and target, added to the σ of an observation as far as they act on it."""
 
-    instrument: Measure = "0"
-    target: Measure = "0"
+    instrument: Measure = Field(default="0", description="σ of its horizontal position, in either coordinate")
+    target: Measure = Field(default="0", description="The same of the target")
+    instrument_height: Measure = Field(default="0", description="σ of the measured height of the instrument")
+    target_height: Measure = Field(default="0", description="σ of the measured height of the target")
 
 
 class Observations(Table):
