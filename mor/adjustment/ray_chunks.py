@@ -45,12 +45,16 @@ class _Place(NamedTuple):
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system."""
+    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
+
+    The arrays of a chunk are overwritten by the next one: fresh memory would cost as much as the linearisation.
+    """
     place = _place(problem, plan, values)
+    work = _workspace(plan)
     columns = plan.frames.columns
     columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
     for chunk in plan.chunks:
-        yield _ray_chunk(place, chunk, columns)
+        yield _ray_chunk(place, chunk, columns, work)
 
 
 def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
@@ -82,7 +86,15 @@ def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
     return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
 
 
-def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray) -> RayChunk:
+def _workspace(plan: RayPlan) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals and Jacobians of the largest chunk."""
+    n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
+    return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
+
+
+def _ray_chunk(
+    place: _Place, chunk: Chunk, columns: IntArray, work: tuple[FloatArray, FloatArray, FloatArray]
+) -> RayChunk:
     plan = place.plan
     local = plan.frame[chunk.rays]
     frame = chunk.frames[local]

@@ -141,7 +141,8 @@ def all_frames(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup
     """Columns of the frames of all groups, and the layout of those that are compiled."""
     layout = _layout(groups, observed, index)
     picked = tuple(replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups)
-    width = max((int(pick.columns.max()) + 1 for group in picked for pick in group.picks), default=0)
+    width = max((int(pick.columns.max(initial=-1)) + 1 for group in picked for pick in group.picks), default=0)
+    width += -width % 4  # the kernels take four columns at a time
     columns = np.full((sum(group.count for group in groups), width), -1, dtype=np.int64)
     for group in picked:
         own = columns[group.first : group.first + group.count]
@@ -196,8 +197,8 @@ def frame_values(
     turned = count if tangent is not None else 0
     result = FrameValues(
         np.full(count, -1, dtype=np.int64),
+        np.zeros((count, 9)),
         np.zeros((count, 3)),
-        np.zeros((count, 3, 3)),
         np.zeros((count, 3)),
         np.zeros((count, widest)),
         np.zeros(count),
@@ -212,7 +213,7 @@ def frame_values(
         result.model[here] = group.model
         result.centre[here] = position
         result.centre[here, 2] += height[:, 0]
-        result.D[here] = rotation
+        result.D[here] = rotation.reshape(-1, 9)
         result.eccentricity[here] = eccentricity
         result.interior[here, : interior.shape[1]] = interior
         result.r0[here] = group.r0

@@ -23,6 +23,7 @@ COMMANDS = {
     "plot": "Draw a picture of results: network, residuals, camera …",
     "convert": "Write a foreign file as a project file.",
     "examples": "List the sample projects, copy one.",
+    "explain": "Say what a term, a column or a code means.",
     "schema": "Print the JSON Schema of the project file.",
 }
 

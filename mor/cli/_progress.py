@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -24,9 +25,19 @@ class Progress:
     quiet: bool
     verbose: bool
     status: Status | None = None
+    events: TextIO | None = None
+    """Where events go as JSON Lines, for programs that watch."""
+
+    def event(self, kind: str, /, **data: object) -> None:
+        """Tell a watching program what happened: one line, at once."""
+        if self.events is not None:
+            line = json.dumps({"event": kind, **data}, ensure_ascii=False, allow_nan=False)
+            self.events.write(line + "\n")
+            self.events.flush()
 
     def phase(self, name: str) -> None:
         """A new phase begins."""
+        self.event("phase", name=name)
         if self.status is not None:
             self.status.update(f"{name} …")
         elif self.verbose and not self.quiet:
@@ -35,11 +46,19 @@ class Progress:
     def notes(self, notes: Iterable[Problem]) -> None:
         """What a reader left out or decided on its own."""
         for note in notes:
+            self.event("note", message=note.message, file=note.file, line=note.line)
             if not self.quiet:
                 click.echo(f"note: {note}", err=True)
 
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""
+        self.event(
+            "iteration",
+            number=step.number,
+            objective=step.objective,
+            largest_change=step.largest_change,
+            damping=step.damping,
+        )
         words = (
             f"iteration {step.number}: vTPv {step.objective:.6g}, largest change {step.largest_change:.3g} sigma"
             + (f", damping {step.damping:.0e}" if step.damping else "")
@@ -55,12 +74,12 @@ def _to_stderr(words: str) -> None:
 
 
 @contextmanager
-def progress(quiet: bool, verbose: bool) -> Iterator[Progress]:
+def progress(quiet: bool, verbose: bool, events: TextIO | None = None) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
     if quiet or not sys.stderr.isatty():
-        yield Progress(quiet, verbose)
+        yield Progress(quiet, verbose, events=events)
         return
     from rich.console import Console
 
     with Console(stderr=True).status("starting …") as status:
-        yield Progress(quiet, verbose, status)
+        yield Progress(quiet, verbose, status, events)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 @click.option(
     "--snoop", is_flag=True, help="Take flagged observations out one by one until the rest is clean."
 )
+@click.option("--lang", type=click.Choice(["en", "de"]), default="en", help="Language of report.txt [en].")
 @click.option("--html/--no-html", default=True, help="Write report.html, the page for people [yes].")
+@click.option(
+    "--events", type=click.File("w", encoding="utf-8"), help="Write what happens as JSON Lines, for programs."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every iteration.")
 def command(
@@ -35,7 +39,9 @@ def command(
     as_json: bool,
     strict: bool,
     snoop: bool,
+    lang: str,
     html: bool,
+    events: TextIO | None,
     quiet: bool,
     verbose: bool,
 ) -> int:
@@ -46,6 +52,7 @@ def command(
       mor adjust project.yaml
       mor adjust project.yaml -o results --force
       mor adjust project.yaml --snoop
+      mor adjust project.yaml --lang de
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
 
     \b
@@ -56,10 +63,11 @@ def command(
     from mor.report.folder import check_free, check_inputs
     from mor.report.text.head import verdict
     from mor.report.text.undetermined import section as undetermined
+    from mor.report.words.language import words_of
     from mor.report.write import results_text, write_results
 
     writes = output is not None or not as_json
-    with progress(quiet, verbose) as say:
+    with progress(quiet, verbose, events) as say:
         say.phase("reading")
         document = read_document(project)
         folder = output or project.with_suffix(".results")
@@ -73,16 +81,19 @@ def command(
         solved = solve_network(network, say.iteration)
         say.phase("writing")
         if writes:
-            write_results(solved, document, project.parent, folder, force, html and has_library(say))
+            write_results(solved, document, project.parent, folder, force, html and has_library(say), lang)
+        code = exit_code(solved, strict)
+        written = str(folder) if writes else None
+        say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
     if as_json:
         click.echo(results_text(solved), nl=False)
     if not quiet or solved.quality is None:
-        click.echo("\n".join(verdict(solved)), err=True)
+        click.echo("\n".join(verdict(solved, words_of(lang))), err=True)
         if solved.quality is None:
             click.echo(undetermined(solved), err=True)
         if writes:
             click.echo(f"results in {folder}", err=True)
-    return exit_code(solved, strict)
+    return code
 
 
 def has_library(say: Progress) -> bool:

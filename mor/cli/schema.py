@@ -6,13 +6,16 @@ import click
 
 
 @click.command(name="schema")
-def command() -> None:
-    """Print the JSON Schema of the project file, for editors.
+@click.argument("what", type=click.Choice(["project", "results"]), default="project")
+def command(what: str) -> None:
+    """Print the JSON Schema of the project file (for editors), or of results.json (for programs).
 
     \b
-    Example:
+    Examples:
       mor schema > mor.schema.json
+      mor schema results > mor-results.schema.json
     """
     from mor.project.schema import project_schema
+    from mor.report.results_model import results_schema
 
-    click.echo(project_schema(), nl=False)
+    click.echo(results_schema() if what == "results" else project_schema(), nl=False)

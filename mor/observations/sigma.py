@@ -14,11 +14,11 @@ from mor.parameters.index import Values
 def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGroup:
     """The group with σ² = a² + (b·d)² + centring², d the distance between its two positions at the given values.
 
-    b·d applies to lengths. An error of the set-up is an error in the horizontal position of instrument or target, either
-    coordinate, or in its height; the instrument stands at the first reference of the type. How it acts on an observation
-    is what its derivatives by these positions say, for every type: a horizontal error e acts with e on a distance, with
-    e/s on a direction, not on a height difference, and with √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) on an angle with legs
-    a, b and targets c apart.
+    b·d applies to lengths. An error of the set-up is an error in the horizontal position of instrument or target,
+    either way, or in its height; the instrument stands at the first reference of the type. How it acts on an
+    observation is what its derivatives by these positions say, for every type: a horizontal error e acts with e on a
+    distance, with e/s on a direction, not on a height difference, and with √(e_t²(1/a² + 1/b²) + e_i² c²/(ab)²) on an
+    angle with legs a, b and targets c apart.
     """
     if group.ppm == 0.0 and not any(group.centring):
         return group

@@ -14,22 +14,29 @@ from mor.report.json import results, to_json
 from mor.report.observation_table import observation_table
 from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
+from mor.report.words.language import words_of
 
 TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "images.csv"}
 
 
 def write_results(
-    solved: Solved, document: Document, source: Path, folder: Path, force: bool, html: bool = True
+    solved: Solved,
+    document: Document,
+    source: Path,
+    folder: Path,
+    force: bool,
+    html: bool = True,
+    language: str = "en",
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
-    With ``html``, also the page for people, ``report.html``.
+    The text report is written in ``language`` (en, de). With ``html``, also the page for people, ``report.html``.
     """
     residuals = observation_table(solved)
     converged = solved.quality is not None
     writers: dict[str, Writer] = {
         "results.json": _text(to_json(results(solved, residuals, TABLES if converged else {}))),
-        "report.txt": _text(text_report(solved, residuals)),
+        "report.txt": _text(text_report(solved, residuals, words_of(language))),
     }
     if converged:
         text, starts = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())

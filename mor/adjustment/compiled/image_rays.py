@@ -16,8 +16,8 @@ class FrameValues(NamedTuple):
 
     Attributes:
         model: (f,) number of the camera model, −1 where it has no compiled form: such rays are passed over.
+        D: (f, 9) rotation, row by row.
         centre: (f, 3) rotation centre.
-        D: (f, 3, 3) rotation.
         eccentricity: (f, 3).
         interior: (f, k) interior orientation, filled up with zeros.
         r0: (f,) second zero crossing of the radial distortion.
@@ -25,8 +25,8 @@ class FrameValues(NamedTuple):
     """
 
     model: IntArray
-    centre: FloatArray
     D: FloatArray
+    centre: FloatArray
     eccentricity: FloatArray
     interior: FloatArray
     r0: FloatArray
@@ -68,67 +68,74 @@ def linearise(
     by_others: FloatArray,
 ) -> None:
     """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
-    interior = np.empty((2, values.interior.shape[1]))
-    star, turn = np.empty((2, 3)), np.empty((2, 3))
-    position, rotation, height = layout.position, layout.rotation, layout.height
-    eccentricity, components = layout.eccentricity, layout.components
+    model, all_D, centre, e, interiors, r0, tangent = values
+    position, rotation, height, eccentricity, at_interior, components = layout
+    observed, weight, measured = rays
+    chosen, turned = components.size, tangent.shape[0] > 0
+    used = at_interior + chosen
+    interior, D, i = np.zeros((2, interiors.shape[1])), np.empty(9), np.empty(interiors.shape[1])
+    star = np.empty((2, 3))
     for p in range(pointers.size - 1):
-        for i in range(pointers[p], pointers[p + 1]):
-            f = frame[i]
-            if values.model[f] < 0:
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
                 continue
-            D, centre, e = values.D[f], values.centre[f], values.eccentricity[f]
-            X, Y, Z = points[p, 0] - centre[0], points[p, 1] - centre[1], points[p, 2] - centre[2]
-            a = D[0, 0] * X + D[0, 1] * Y + D[0, 2] * Z
-            b = D[1, 0] * X + D[1, 1] * Y + D[1, 2] * Z
-            c = D[2, 0] * X + D[2, 1] * Y + D[2, 2] * Z
-            u, v = rays.measured[i, 0], rays.measured[i, 1]
-            x, y = project(
-                values.model[f],
-                a + e[0],
-                b + e[1],
-                c + e[2],
-                values.interior[f],
-                values.r0[f],
-                u,
-                v,
-                star,
-                interior,
-            )
+            for k in range(9):
+                D[k] = all_D[f, k]
+            for k in range(i.size):
+                i[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
+            a = D[0] * X + D[1] * Y + D[2] * Z
+            b = D[3] * X + D[4] * Y + D[5] * Z
+            c = D[6] * X + D[7] * Y + D[8] * Z
+            u, v = measured[n, 0], measured[n, 1]
+            x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], i, r0[f], u, v, star, interior)
             for m in range(2):
-                w = rays.weight[i, m]
-                out, own = by_others[i, m], by_point[i, m]
+                w = weight[n, m]
+                found = x if m == 0 else y
                 if w == 0.0:
-                    residual[i, m] = 0.0
-                    for k in range(3):
-                        own[k] = 0.0
-                    for k in range(out.size):
-                        out[k] = 0.0
+                    residual[n, m] = 0.0
+                    clear_row(by_point, by_others, n, m)
                     continue
-                residual[i, m] = ((x if m == 0 else y) - rays.observed[i, m]) * w
+                residual[n, m] = (found - observed[n, m]) * w
                 s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
-                for k in range(3):
-                    own[k] = s * D[0, k] + t * D[1, k] + d * D[2, k]
+                g, h, o = s * D[0] + t * D[3] + d * D[6], s * D[1] + t * D[4] + d * D[7], s * D[2] + t * D[5] + d * D[8]
+                by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
                 if position >= 0:
-                    for k in range(3):
-                        out[position + k] = -own[k]
+                    by_others[n, m, position] = -g
+                    by_others[n, m, position + 1] = -h
+                    by_others[n, m, position + 2] = -o
                 if rotation >= 0:
-                    turn[m, 0], turn[m, 1], turn[m, 2] = t * c - d * b, d * a - s * c, s * b - t * a
-                    if values.tangent.shape[0] == 0:
-                        for k in range(3):
-                            out[rotation + k] = turn[m, k]
-                    else:
-                        T = values.tangent[f]
-                        for k in range(3):
-                            out[rotation + k] = (
-                                turn[m, 0] * T[0, k] + turn[m, 1] * T[1, k] + turn[m, 2] * T[2, k]
-                            )
+                    g, h, q = t * c - d * b, d * a - s * c, s * b - t * a
+                    if turned:
+                        T = tangent[f]
+                        g, h, q = (
+                            g * T[0, 0] + h * T[1, 0] + q * T[2, 0],
+                            g * T[0, 1] + h * T[1, 1] + q * T[2, 1],
+                            g * T[0, 2] + h * T[1, 2] + q * T[2, 2],
+                        )
+                    by_others[n, m, rotation] = g
+                    by_others[n, m, rotation + 1] = h
+                    by_others[n, m, rotation + 2] = q
                 if height >= 0:
-                    out[height] = -own[2]
+                    by_others[n, m, height] = -o
                 if eccentricity >= 0:
-                    out[eccentricity], out[eccentricity + 1], out[eccentricity + 2] = s, t, d
-                for k in range(components.size):
-                    out[layout.interior + k] = w * interior[m, components[k]]
+                    by_others[n, m, eccentricity] = s
+                    by_others[n, m, eccentricity + 1] = t
+                    by_others[n, m, eccentricity + 2] = d
+                for k in range(chosen):
+                    by_others[n, m, at_interior + k] = w * interior[m, components[k]]
+                for k in range(used, by_others.shape[2]):
+                    by_others[n, m, k] = 0.0
+
+
+@compile_kernel
+def clear_row(by_point: FloatArray, by_others: FloatArray, n: int, m: int) -> None:
+    """Set the Jacobian of a component that was not observed to zero."""
+    for k in range(3):
+        by_point[n, m, k] = 0.0
+    for k in range(by_others.shape[2]):
+        by_others[n, m, k] = 0.0
 
 
 @compile_kernel
@@ -141,23 +148,27 @@ def residuals(
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) divided by σ, and nothing else."""
+    model, D, centre, e, interiors, r0, _ = values
+    observed, weight, measured = rays
+    interior = np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
-        for i in range(pointers[p], pointers[p + 1]):
-            f = frame[i]
-            if values.model[f] < 0:
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
                 continue
-            D, centre, e = values.D[f], values.centre[f], values.eccentricity[f]
-            X, Y, Z = points[p, 0] - centre[0], points[p, 1] - centre[1], points[p, 2] - centre[2]
+            for k in range(interior.size):
+                interior[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
             x, y = image_point(
-                values.model[f],
-                D[0, 0] * X + D[0, 1] * Y + D[0, 2] * Z + e[0],
-                D[1, 0] * X + D[1, 1] * Y + D[1, 2] * Z + e[1],
-                D[2, 0] * X + D[2, 1] * Y + D[2, 2] * Z + e[2],
-                values.interior[f],
-                values.r0[f],
-                rays.measured[i, 0],
-                rays.measured[i, 1],
+                model[f],
+                D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z + e[f, 0],
+                D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z + e[f, 1],
+                D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z + e[f, 2],
+                interior,
+                r0[f],
+                measured[n, 0],
+                measured[n, 1],
             )
-            w = rays.weight[i]
-            residual[i, 0] = (x - rays.observed[i, 0]) * w[0] if w[0] != 0.0 else 0.0
-            residual[i, 1] = (y - rays.observed[i, 1]) * w[1] if w[1] != 0.0 else 0.0
+            w, z = weight[n, 0], weight[n, 1]
+            residual[n, 0] = (x - observed[n, 0]) * w if w != 0.0 else 0.0
+            residual[n, 1] = (y - observed[n, 1]) * z if z != 0.0 else 0.0

@@ -19,22 +19,23 @@ from mor.report.text import (
     stations,
     undetermined,
 )
+from mor.report.words.language import ENGLISH, Words
 
 
-def text_report(solved: Solved, table: pl.DataFrame) -> str:
-    """The whole report. Sections without content are left out."""
+def text_report(solved: Solved, table: pl.DataFrame, words: Words = ENGLISH) -> str:
+    """The whole report in a language. Sections without content are left out."""
     sections = [
-        head.section(solved),
-        undetermined.section(solved),
-        checks.section(solved),
-        reliability.section(solved),
-        groups.section(solved),
-        cameras.section(solved),
-        images.section(solved),
-        stations.section(solved),
-        features.section(solved),
-        others.section(solved),
-        points.section(solved),
-        residuals.section(solved, table),
+        head.section(solved, words),
+        undetermined.section(solved, words),
+        checks.section(solved, words),
+        reliability.section(solved, words),
+        groups.section(solved, words),
+        cameras.section(solved, words),
+        images.section(solved, words),
+        stations.section(solved, words),
+        features.section(solved, words),
+        others.section(solved, words),
+        points.section(solved, words),
+        residuals.section(solved, table, words),
     ]
     return "\n\n".join(section for section in sections if section) + "\n"

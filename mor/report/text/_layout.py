@@ -7,17 +7,33 @@ from collections.abc import Sequence
 import numpy as np
 from tabulate import tabulate
 
+from mor.report.words.language import ENGLISH, Words
+
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
 ANGLE_DIGITS = {"gon": 5, "deg": 6, "rad": 8, "mrad": 5, "mgon": 3}
 
 
 def heading(title: str) -> str:
-    """A section heading."""
+    """A section heading, in the words of its language."""
     return f"{title}\n{'-' * len(title)}"
 
 
-def table(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+LISTED = ("status", "flag", "action")
+"""Columns that hold words of the program, not names of the user."""
+
+
+def table(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1, words: Words = ENGLISH
+) -> str:
     """A table of texts, the first ``left`` columns to the left, numbers to the right."""
+    rows = [
+        [
+            words.listed(cell) if header in LISTED else cell if k < left else words.number(cell)
+            for k, (header, cell) in enumerate(zip(headers, row, strict=True))
+        ]
+        for row in rows
+    ]
+    headers = [words.header(header) for header in headers]
     align = ["left"] * left + ["right"] * (len(headers) - left)
     return tabulate(rows, headers=headers, tablefmt="simple", colalign=align, disable_numparse=True)
 

@@ -8,15 +8,16 @@ from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.tables import interior_rows
 from mor.report.text._layout import fixed, heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """One part for each camera."""
-    parts = [_camera(row) for row in interior_rows(solved)]
+    parts = [_camera(row, words) for row in interior_rows(solved)]
     return "\n\n".join(parts)
 
 
-def _camera(row: dict[str, Any]) -> str:
+def _camera(row: dict[str, Any], words: Words) -> str:
     unit = row["unit"]
     quantities = {c.name: c.quantity for c in INTERIORS[row["model"]].components}
     rows = [
@@ -30,13 +31,13 @@ def _camera(row: dict[str, Any]) -> str:
         ]
         for name, c in row["components"].items()
     ]
-    title = heading(f"Camera {row['id']} (model {row['model']})")
-    lines = [title, table(["component", "unit", "value", "sigma", "value/sigma", "status"], rows, left=2)]
+    title = heading(words("Camera {id} (model {model})", id=row["id"], model=row["model"]))
+    lines = [title, table(["component", "unit", "value", "sigma", "value/sigma", "status"], rows, 2, words)]
     if row["r0"] is not None:
-        lines.append(f"r0 = {row['r0']} {unit}")
+        lines.append(f"r0 = {words.number(row['r0'])} {unit}")
     names, matrix = row["correlations"]["components"], row["correlations"]["matrix"]
     if matrix is not None and len(names) > 1:
         body = [[name, *(fixed(matrix[i][j], 3) for j in range(i + 1))] for i, name in enumerate(names)]
         padded = [line + [""] * (len(names) + 1 - len(line)) for line in body]
-        lines += ["", "Correlations [1]", table(["", *names], padded)]
+        lines += ["", words("Correlations [1]"), table(["", *names], padded, words=words)]
     return "\n".join(lines)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from mor.quality.solved import Solved
 from mor.report.checks import check_rows, largest_length_error
 from mor.report.text._layout import heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Deviations of what was kept out, by group and component."""
     rows = [
         [
@@ -23,11 +24,18 @@ def section(solved: Solved) -> str:
     if not rows:
         return ""
     headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
-    lines = [heading("Checks, kept out of the adjustment (adjusted - known)"), table(headers, rows, left=3)]
+    lines = [
+        heading(words("Checks, kept out of the adjustment (adjusted - known)")),
+        table(headers, rows, 3, words),
+    ]
     error = largest_length_error(solved)
     if error is not None:
         unit = solved.network.project.units.length
         lines.append(
-            f"Largest length measurement error (in the manner of VDI/VDE 2634): {short(error, 4)} {unit}"
+            words(
+                "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}",
+                error=short(error, 4),
+                unit=unit,
+            )
         )
     return "\n".join(lines)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from mor.quality.solved import Solved
 from mor.report.tables import group_table
 from mor.report.text._layout import fixed, heading, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each group."""
     if solved.quality is None:
         return ""
@@ -24,4 +25,4 @@ def section(solved: Solved) -> str:
         for row in group_table(solved).to_dicts()
     ]
     headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
-    return f"{heading('Observation groups')}\n{table(headers, rows, left=2)}"
+    return f"{heading(words('Observation groups'))}\n{table(headers, rows, 2, words)}"

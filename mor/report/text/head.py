@@ -6,21 +6,23 @@ from mor.adjustment.solve import Outcome
 from mor.quality.solved import Solved
 from mor.report.summary import summary
 from mor.report.text._layout import fixed, short
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Verdict and key figures."""
     data = summary(solved)
-    title = data["title"] or "Adjustment"
-    lines = [title, "=" * len(title), "", *verdict(solved), ""]
+    title = data["title"] or words("Adjustment")
+    lines = [title, "=" * len(title), "", *verdict(solved, words), ""]
+    movements = ", ".join(words.listed(name) for name in data["movements"])
     rows = [
         ("observations n", str(data["observations"])),
         ("unknowns u", str(data["unknowns"])),
         (
             "datum defect d",
-            f"{data['defect']}" + (f" ({', '.join(data['movements'])})" if data["movements"] else ""),
+            f"{data['defect']}" + (f" ({movements})" if movements else ""),
         ),
-        ("datum", data["datum"]),
+        ("datum", words.listed(data["datum"])),
         ("iterations", str(data["iterations"])),
     ]
     if solved.quality is not None:
@@ -28,68 +30,90 @@ def section(solved: Solved) -> str:
         rows += [
             (
                 "redundancy n - u + d",
-                f"{data['redundancy']} (sum of redundancy numbers {data['redundancy_sum']:.6f})",
+                words(
+                    "{redundancy} (sum of redundancy numbers {total})",
+                    redundancy=data["redundancy"],
+                    total=f"{data['redundancy_sum']:.6f}",
+                ),
             ),
-            ("sigma0 a priori", short(sigma0["apriori"])),
-            ("sigma0 a posteriori", short(sigma0["aposteriori"], 7)),
-            ("vTPv", f"{test['statistic']:.3f}, {_limits(test)}"),
-            ("standard deviations", _multiplied(solved)),
-            ("units", f"lengths {data['units']['length']}, angles {data['units']['angle']}"),
-            ("residuals", "v = adjusted - observed"),
+            ("sigma0 a priori", words.number(short(sigma0["apriori"]))),
+            ("sigma0 a posteriori", words.number(short(sigma0["aposteriori"], 7))),
+            ("vTPv", f"{words.number(fixed(test['statistic'], 3))}, {_limits(test, words)}"),
+            ("standard deviations", _multiplied(solved, words)),
+            ("units", words("lengths {length}, angles {angle}", **data["units"])),
+            ("residuals", words("v = adjusted - observed")),
         ]
+    rows = [(words(name), value) for name, value in rows]
     width = max(len(name) for name, _ in rows)
     lines += [f"{name.ljust(width)}  {value}" for name, value in rows]
     return "\n".join(lines)
 
 
-def verdict(solved: Solved) -> list[str]:
+def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     """What to think of it, in plain words."""
     adjustment, quality = solved.adjustment, solved.quality
     if quality is None:
         reason = f", {adjustment.reason}" if adjustment.reason else ""
-        return [f"NO SOLUTION: {adjustment.outcome.value}{reason}.", *_advice(solved)]
-    lines = [f"Converged after {len(adjustment.iterations)} iterations."]
+        outcome = words.listed(adjustment.outcome.value) + reason
+        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
+    lines = [words("Converged after {count} iterations.", count=len(adjustment.iterations))]
     test = quality.global_test
     if test.redundancy == 0:
-        lines.append("Nothing is controlled: the redundancy is 0, there is no test.")
+        lines.append(words("Nothing is controlled: the redundancy is 0, there is no test."))
     elif test.accepted:
-        lines.append(f"Global test accepted at the level {test.level:g}.")
+        lines.append(words("Global test accepted at the level {level}.", level=f"{test.level:g}"))
     else:
-        size = "larger" if test.statistic > test.upper else "smaller"
+        size = words("larger") if test.statistic > test.upper else words("smaller")
         lines.append(
-            f"Global test REJECTED at the level {test.level:g}: residuals are {size} than the a-priori sigmas say "
-            f"(sigma0 ratio {fixed(quality.sigma0, 3)})."
+            words(
+                "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say "
+                "(sigma0 ratio {ratio}).",
+                level=f"{test.level:g}",
+                size=size,
+                ratio=fixed(quality.sigma0, 3),
+            )
         )
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
-        f"{flagged} observations with |w| > {quality.critical:.2f}."
+        words("{count} observations with |w| > {limit}.", count=flagged, limit=fixed(quality.critical, 2))
         if flagged
-        else "No observation is flagged."
+        else words("No observation is flagged.")
     )
     return lines
 
 
-def _advice(solved: Solved) -> list[str]:
+def _advice(solved: Solved, words: Words) -> list[str]:
     """What to do where the iteration led nowhere."""
     count = len(solved.adjustment.iterations)
     if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
-        more = f"{count} iterations were not enough; settings: {{max_iterations: …}} allows more"
-        return [f"{more}, better start values need fewer."]
+        return [
+            words(
+                "{count} iterations were not enough; settings: {{max_iterations: …}} allows more, "
+                "better start values need fewer.",
+                count=count,
+            )
+        ]
     if solved.adjustment.outcome is Outcome.DIVERGED:
         return [
-            "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
+            words(
+                "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
+            )
         ]
     return []
 
 
-def _limits(test: dict[str, float]) -> str:
-    return (
-        f"accepted between {test['lower']:.3f} and {test['upper']:.3f} (chi-squared, level {test['level']:g})"
+def _limits(test: dict[str, float], words: Words) -> str:
+    return words(
+        "accepted between {lower} and {upper} (chi-squared, level {level})",
+        lower=fixed(test["lower"], 3),
+        upper=fixed(test["upper"], 3),
+        level=f"{test['level']:g}",
     )
 
 
-def _multiplied(solved: Solved) -> str:
+def _multiplied(solved: Solved, words: Words) -> str:
     quality = solved.quality
     posterior = quality is not None and quality.sigma_factor != 1.0
     which = "a posteriori" if posterior else "a priori"
-    return f"with sigma0 {which}, in the datum: {solved.adjustment.problem.datum.name}"
+    datum = words.listed(solved.adjustment.problem.datum.name)
+    return words("with sigma0 {which}, in the datum: {datum}", which=words(which), datum=datum)

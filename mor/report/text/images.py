@@ -6,9 +6,10 @@ from mor.quality.solved import Solved
 from mor.report.outward import angle_unit
 from mor.report.tables import image_table
 from mor.report.text._layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Two tables: positions and attitudes."""
     frame = image_table(solved)
     if frame.height == 0:
@@ -33,9 +34,9 @@ def section(solved: Solved) -> str:
     angle_headers = ["omega", "phi", "kappa", "somega", "sphi", "skappa"]
     return "\n".join(
         [
-            heading("Images"),
-            table([*headers, "rms v [image unit]"], positions, left=2),
+            heading(words("Images")),
+            table([*headers, "rms v [image unit]"], positions, 2, words),
             "",
-            table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes),
+            table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
         ]
     )

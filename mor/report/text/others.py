@@ -7,9 +7,10 @@ from mor.quality.solved import Solved
 from mor.report.outward import angle_unit
 from mor.report.tables import other_rows
 from mor.report.text._layout import heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each component."""
     units = solved.network.project.units
     image_unit = next((scale.unit for scale in solved.network.scales.values()), "mm")
@@ -31,4 +32,4 @@ def section(solved: Solved) -> str:
     if not rows:
         return ""
     headers = ["kind", "block", "component", "unit", "value", "sigma"]
-    return f"{heading('Other parameters')}\n{table(headers, rows, left=4)}"
+    return f"{heading(words('Other parameters'))}\n{table(headers, rows, 4, words)}"

@@ -7,12 +7,13 @@ import numpy as np
 from mor.quality.solved import Solved
 from mor.report.tables import point_table
 from mor.report.text._layout import DIGITS, fixed, heading, table
+from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 2000
 """Points a text report lists; the full table stands beside it."""
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each point."""
     frame = point_table(solved)
     if frame.height == 0:
@@ -25,15 +26,19 @@ def section(solved: Solved) -> str:
         rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
-    lines = [heading(f"Points (datum: {solved.adjustment.problem.datum.name})"), table(headers, rows)]
+    datum = words.listed(solved.adjustment.problem.datum.name)
+    lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
     if frame.height > SHOWN:
-        lines.append(f"{frame.height - SHOWN} more points are in the table of points.")
+        lines.append(words("{count} more points are in the table of points.", count=frame.height - SHOWN))
     if solved.quality is not None:
         free = frame.filter(frame["status"] != "fixed")
         if free.height:
             rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
             lines.append(
-                f"Root mean square sigma [{unit}]: "
-                + ", ".join(f"{n.upper()} {fixed(value, d)}" for n, value in zip("xyz", rms, strict=True))
+                words("Root mean square sigma [{unit}]: ", unit=unit)
+                + ", ".join(
+                    f"{n.upper()} {words.number(fixed(value, d))}"
+                    for n, value in zip("xyz", rms, strict=True)
+                )
             )
     return "\n".join(lines)

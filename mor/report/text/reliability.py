@@ -7,52 +7,72 @@ from typing import Any
 from mor.quality.solved import Solved
 from mor.report.reliability import fixed_point_rows, gross_errors
 from mor.report.text._layout import DIGITS, fixed, heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Levels first, then each suspicious observation in one sentence."""
     data = gross_errors(solved)
     if not data:
         return ""
     unit = solved.network.project.units.length
-    level = f"alpha0 = {data['alpha0']:.3g}, beta0 = {data['beta0']:.3g}"
     lines = [
-        heading("Gross errors"),
-        f"Tests of single observations with {level} (delta0 squared = {data['noncentrality']:.4f}).",
+        heading(words("Gross errors")),
+        words(
+            "Tests of single observations with alpha0 = {alpha}, beta0 = {beta} (delta0 squared = {delta}).",
+            alpha=f"{data['alpha0']:.3g}",
+            beta=f"{data['beta0']:.3g}",
+            delta=f"{data['noncentrality']:.4f}",
+        ),
     ]
     if data["familywise_level"] is not None:
-        lines.append(f"All of them together reject by mistake with {data['familywise_level']:g} (Sidak).")
+        together = f"{data['familywise_level']:g}"
+        lines.append(words("All of them together reject by mistake with {level} (Sidak).", level=together))
     flagged = [row for row in data["suspicious"] if row["flagged"]]
     if data["suspicious"]:
-        lines.append("Flagged:" if flagged else "Nothing is flagged. The largest test values:")
-    lines += [f"  {_sentence(row, unit)}" for row in (flagged or data["suspicious"])[:SHOWN]]
-    parts = (_fixed_points(solved, unit), _snooping(data["snooping"]), _robust(data["robust"], unit))
+        lines.append(words("Flagged:") if flagged else words("Nothing is flagged. The largest test values:"))
+    lines += [f"  {_sentence(row, unit, words)}" for row in (flagged or data["suspicious"])[:SHOWN]]
+    parts = (
+        _fixed_points(solved, unit, words),
+        _snooping(data["snooping"], words),
+        _robust(data["robust"], unit, words),
+    )
     for part in parts:
         lines += ["", *part] if part else []
     return "\n".join(lines)
 
 
-def _sentence(row: dict[str, Any], unit: str) -> str:
-    words = (
-        f"{_place(row)}: w = {fixed(row['w'], 2)}, r = {fixed(row['r'], 2)}, "
-        f"estimated error {short(row['error'], 3)} {row['unit']}, smallest detectable {short(row['nabla'], 3)}"
+def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
+    said = words(
+        "{place}: w = {w}, r = {r}, estimated error {error} {unit}, smallest detectable {nabla}",
+        place=_place(row, words),
+        w=fixed(row["w"], 2),
+        r=fixed(row["r"], 2),
+        error=short(row["error"], 3),
+        unit=row["unit"],
+        nabla=short(row["nabla"], 3),
     )
     if row["point"] is None:
-        return f"{words}; it moves no free point"
+        return said + words("; it moves no free point")
     size = [abs(x) for x in row["movement"]]
     axis = size.index(max(size))
-    amount = f"{row['movement'][axis]:.{DIGITS[unit]}f} {unit} in {'XYZ'[axis]}"
-    return f"{words}; would move {row['point']} by {amount}"
+    return said + words(
+        "; would move {point} by {amount} {unit} in {axis}",
+        point=row["point"],
+        amount=fixed(row["movement"][axis], DIGITS[unit]),
+        unit=unit,
+        axis="XYZ"[axis],
+    )
 
 
-def _place(row: dict[str, Any]) -> str:
-    names = ", ".join(f"{key} {name}" for key, name in row["names"].items())
+def _place(row: dict[str, Any], words: Words) -> str:
+    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
     return f"{row['type']} {names}, {row['component']}"
 
 
-def _fixed_points(solved: Solved, unit: str) -> list[str]:
+def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
     """Fixed points that the observations would rather have elsewhere."""
     tests = fixed_point_rows(solved)
     alpha = solved.quality.levels.snooping if solved.quality is not None else 0.0
@@ -60,44 +80,61 @@ def _fixed_points(solved: Solved, unit: str) -> list[str]:
     if not moved:
         return []
     d = DIGITS[unit]
-    lines = [f"The observations contradict these fixed coordinates (level {alpha:.3g}):"]
+    lines = [
+        words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")
+    ]
     for row in moved[:SHOWN]:
-        where = ", ".join(f"{name} {fixed(x, d)}" for name, x in zip("XYZ", row["movement"], strict=True))
+        where = ", ".join(
+            f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True)
+        )
         lines.append(
-            f"  {row['id']}: moved by {where} {unit}? T = {short(row['test'], 4)}, p = {row['p']:.2g}"
+            words(
+                "  {id}: moved by {where} {unit}? T = {test}, p = {p}",
+                id=row["id"],
+                where=where,
+                unit=unit,
+                test=short(row["test"], 4),
+                p=f"{row['p']:.2g}",
+            )
         )
     return lines
 
 
-def _snooping(data: dict[str, Any] | None) -> list[str]:
+def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
     if data is None:
         return []
     out = sum(step["action"] == "excluded" for step in data["steps"])
     back = len(data["steps"]) - out
-    lines = [heading(f"Data snooping: {out} excluded, {back} put back")]
+    lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
-        lines.append("NOT CLEAN: something that is still flagged could not be excluded.")
+        lines.append(words("NOT CLEAN: something that is still flagged could not be excluded."))
     rows = [
-        [str(step["round"]), step["action"], _place(step), fixed(step["w"], 2)]
+        [str(step["round"]), step["action"], _place(step, words), fixed(step["w"], 2)]
         for step in data["steps"][: 5 * SHOWN]
     ]
     if rows:
-        lines.append(table(["round", "action", "observation", "w [1]"], rows, left=3))
+        lines.append(table(["round", "action", "observation", "w [1]"], rows, 3, words))
     if len(data["steps"]) > len(rows):
-        lines.append(f"and {len(data['steps']) - len(rows)} more in results.json")
+        lines.append(words("and {count} more in results.json", count=len(data["steps"]) - len(rows)))
     return lines
 
 
-def _robust(data: dict[str, Any] | None, unit: str) -> list[str]:
+def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
     if data is None:
         return []
     d = DIGITS[unit]
     lines = [
-        heading(f"Robust estimation ({data['method']}) beside least squares"),
-        f"{len(data['rejected'])} observations hardly count; points differ by {fixed(data['rms_shift'], d)} {unit} "
-        f"(root mean square), {fixed(data['largest_shift'], d)} {unit} at most.",
+        heading(words("Robust estimation ({method}) beside least squares", method=data["method"])),
+        words(
+            "{count} observations hardly count; points differ by {rms} {unit} (root mean square), "
+            "{largest} {unit} at most.",
+            count=len(data["rejected"]),
+            rms=fixed(data["rms_shift"], d),
+            unit=unit,
+            largest=fixed(data["largest_shift"], d),
+        ),
     ]
-    lines += [f"  {_place(row)}" for row in data["rejected"][:SHOWN]]
+    lines += [f"  {_place(row, words)}" for row in data["rejected"][:SHOWN]]
     if len(data["rejected"]) > SHOWN:
-        lines.append(f"  and {len(data['rejected']) - SHOWN} more")
+        lines.append(words("  and {count} more", count=len(data["rejected"]) - SHOWN))
     return lines

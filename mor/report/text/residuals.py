@@ -6,11 +6,12 @@ import polars as pl
 
 from mor.quality.solved import Solved
 from mor.report.text._layout import fixed, heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40
 
 
-def section(solved: Solved, residuals: pl.DataFrame) -> str:
+def section(solved: Solved, residuals: pl.DataFrame, words: Words = ENGLISH) -> str:
     """The observations with the largest |w|, and those that nothing controls."""
     if solved.quality is None:
         return ""
@@ -21,22 +22,24 @@ def section(solved: Solved, residuals: pl.DataFrame) -> str:
         .head(SHOWN)
     )
     parts = [
-        heading(f"Worst residuals first (|w| > {solved.quality.critical:.2f} is flagged)"),
-        _table(worst),
+        heading(
+            words("Worst residuals first (|w| > {limit} is flagged)", limit=fixed(solved.quality.critical, 2))
+        ),
+        _table(worst, words),
     ]
     loose = residuals.filter(pl.col("flag") == "uncontrolled")
     if loose.height:
         parts += [
             "",
-            heading("Observations that nothing controls (r = 0: no test is possible)"),
-            _table(loose.head(SHOWN)),
+            heading(words("Observations that nothing controls (r = 0: no test is possible)")),
+            _table(loose.head(SHOWN), words),
         ]
         if loose.height > SHOWN:
-            parts.append(f"and {loose.height - SHOWN} more in the table of residuals")
+            parts.append(words("and {count} more in the table of residuals", count=loose.height - SHOWN))
     return "\n".join(parts)
 
 
-def _table(frame: pl.DataFrame) -> str:
+def _table(frame: pl.DataFrame, words: Words) -> str:
     rows = [
         [
             row["type"],
@@ -53,4 +56,4 @@ def _table(frame: pl.DataFrame) -> str:
         for row in frame.to_dicts()
     ]
     headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "r [1]", "w [1]", "flag"]
-    return table(headers, rows, left=4)
+    return table(headers, rows, 4, words)

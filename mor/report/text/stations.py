@@ -8,23 +8,34 @@ from mor.quality.solved import Solved
 from mor.report.outward import angle_unit
 from mor.report.tables import pair_table, station_table, system_table
 from mor.report.text._layout import ANGLE_DIGITS, DIGITS, fixed, heading, short, table
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """One table for each kind that occurs."""
     parts = [
         _frames(
-            solved, "Theodolite stations", station_table(solved), ("x", "y", "z", "orientation", "height")
+            words,
+            solved,
+            "Theodolite stations",
+            station_table(solved),
+            ("x", "y", "z", "orientation", "height"),
         ),
         _frames(
-            solved, "Local systems", system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")
+            words,
+            solved,
+            "Local systems",
+            system_table(solved),
+            ("x", "y", "z", "omega", "phi", "kappa", "scale"),
         ),
-        _frames(solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
+        _frames(
+            words, solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")
+        ),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _frames(solved: Solved, title: str, frame: pl.DataFrame, names: tuple[str, ...]) -> str:
+def _frames(words: Words, solved: Solved, title: str, frame: pl.DataFrame, names: tuple[str, ...]) -> str:
     if frame.height == 0:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
@@ -42,4 +53,4 @@ def _frames(solved: Solved, title: str, frame: pl.DataFrame, names: tuple[str, .
                     if name == "scale"
                     else fixed(value, ANGLE_DIGITS[angle] if name in angles else DIGITS[unit])
                 )
-    return f"{heading(title)}\n{table(headers, rows)}"
+    return f"{heading(words(title))}\n{table(headers, rows, words=words)}"

@@ -6,13 +6,14 @@ from mor.adjustment.solve import Outcome
 from mor.quality.explain import explain_singularity, weakness
 from mor.quality.solved import Solved
 from mor.report.text._layout import heading
+from mor.report.words.language import ENGLISH, Words
 
 
-def section(solved: Solved) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Explanation of a singular system, or of directions that are hardly determined; nothing otherwise."""
     weak = weakness(solved)
     if weak:
-        return "\n".join([heading("What is hardly determined"), *weak])
+        return "\n".join([heading(words("What is hardly determined")), *weak])
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         return ""
-    return "\n".join([heading("What is not determined"), *explain_singularity(solved)])
+    return "\n".join([heading(words("What is not determined")), *explain_singularity(solved)])
