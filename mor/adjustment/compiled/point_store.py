@@ -16,8 +16,8 @@ from mor.adjustment.compiled.cliques import Clique
 from mor.geometry.arrays import FloatArray, IntArray
 
 # Numbers in a store (8 MB) and in a strip of columns of the reduced system (1 MB).
-STORE = 1_500_000
-STRIP = 260_000
+STORE = 1_000_000
+STRIP = 130_000
 
 
 class Store(NamedTuple):

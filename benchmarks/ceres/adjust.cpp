@@ -1,0 +1,270 @@
+// The same block adjusted by Ceres Solver, with analytic or automatic derivatives, and its covariances.
+//
+//   adjust FILE analytic|automatic sparse|dense [covariance]
+//
+// Rotations are omega, phi, kappa. With analytic derivatives the rotation matrices and what turns small rotations into
+// these angles are worked out once per image and evaluation, by an EvaluationCallback. Prints one JSON object.
+
+#include <ceres/ceres.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace {
+
+struct Block {
+  int64_t images, points, rays;
+  double sigma_image, sigma_centre;
+  std::vector<double> pose;  // centre, omega phi kappa
+  std::vector<double> interior, point, observed_centre, xy;
+  std::vector<int64_t> image, of_point;
+};
+
+template <typename T>
+void read(std::FILE* file, std::vector<T>& into, size_t count) {
+  into.resize(count);
+  if (std::fread(into.data(), sizeof(T), count, file) != count) std::exit(2);
+}
+
+Block read_block(const char* name) {
+  Block b;
+  std::FILE* file = std::fopen(name, "rb");
+  if (!file) std::exit(2);
+  std::vector<int64_t> counts;
+  std::vector<double> sigmas;
+  read(file, counts, 3);
+  read(file, sigmas, 2);
+  b.images = counts[0], b.points = counts[1], b.rays = counts[2];
+  b.sigma_image = sigmas[0], b.sigma_centre = sigmas[1];
+  read(file, b.pose, 6 * b.images);
+  read(file, b.interior, 10);
+  read(file, b.point, 3 * b.points);
+  read(file, b.observed_centre, 3 * b.images);
+  read(file, b.xy, 2 * b.rays);
+  read(file, b.image, b.rays);
+  read(file, b.of_point, b.rays);
+  std::fclose(file);
+  return b;
+}
+
+template <typename T>
+void rotation(const T* angles, T* D) {
+  using std::cos, std::sin;
+  const T so = sin(angles[0]), co = cos(angles[0]), sp = sin(angles[1]), cp = cos(angles[1]);
+  const T sk = sin(angles[2]), ck = cos(angles[2]);
+  D[0] = cp * ck, D[1] = co * sk + so * sp * ck, D[2] = so * sk - co * sp * ck;
+  D[3] = -cp * sk, D[4] = co * ck - so * sp * sk, D[5] = so * ck + co * sp * sk;
+  D[6] = sp, D[7] = -so * cp, D[8] = co * cp;
+}
+
+template <typename T>
+struct Image {
+  T x, y;
+};
+
+template <typename T>
+Image<T> project(const T* q, const T* i) {
+  const T x = -i[0] * q[0] / q[2], y = -i[0] * q[1] / q[2];
+  const T r2 = x * x + y * y;
+  const T radial = r2 * (i[3] + r2 * (i[4] + r2 * i[5]));
+  return {i[1] + x + x * radial + i[6] * (r2 + 2.0 * x * x) + 2.0 * i[7] * x * y + i[8] * x + i[9] * y,
+          i[2] + y + y * radial + i[7] * (r2 + 2.0 * y * y) + 2.0 * i[6] * x * y};
+}
+
+struct Automatic {
+  double x, y, weight;
+  template <typename T>
+  bool operator()(const T* pose, const T* interior, const T* point, T* residual) const {
+    T D[9], q[3];
+    rotation(pose + 3, D);
+    const T d[3] = {point[0] - pose[0], point[1] - pose[1], point[2] - pose[2]};
+    for (int k = 0; k < 3; ++k) q[k] = D[3 * k] * d[0] + D[3 * k + 1] * d[1] + D[3 * k + 2] * d[2];
+    const Image<T> image = project(q, interior);
+    residual[0] = (image.x - x) * weight;
+    residual[1] = (image.y - y) * weight;
+    return true;
+  }
+};
+
+struct Frame {
+  double D[9];
+  double T[9];  // small rotation by omega, phi, kappa
+};
+
+class Frames : public ceres::EvaluationCallback {
+ public:
+  explicit Frames(const Block& block) : block_(block), frames(block.images) {}
+  void PrepareForEvaluation(bool, bool new_point) override {
+    if (!new_point) return;
+    for (int64_t k = 0; k < block_.images; ++k) {
+      const double* angles = &block_.pose[6 * k + 3];
+      Frame& f = frames[k];
+      rotation(angles, f.D);
+      const double sp = std::sin(angles[1]), cp = std::cos(angles[1]);
+      const double sk = std::sin(angles[2]), ck = std::cos(angles[2]);
+      const double T[9] = {cp * ck, sk, 0.0, -cp * sk, ck, 0.0, sp, 0.0, 1.0};
+      std::memcpy(f.T, T, sizeof(T));
+    }
+  }
+
+ private:
+  const Block& block_;
+
+ public:
+  std::vector<Frame> frames;
+};
+
+class Analytic : public ceres::SizedCostFunction<2, 6, 10, 3> {
+ public:
+  Analytic(const Frame& frame, double x, double y, double weight) : f_(frame), x_(x), y_(y), w_(weight) {}
+
+  bool Evaluate(double const* const* values, double* residual, double** jacobians) const override {
+    const double *X0 = values[0], *i = values[1], *X = values[2], *D = f_.D;
+    const double d[3] = {X[0] - X0[0], X[1] - X0[1], X[2] - X0[2]};
+    double q[3];
+    for (int k = 0; k < 3; ++k) q[k] = D[3 * k] * d[0] + D[3 * k + 1] * d[1] + D[3 * k + 2] * d[2];
+    const double inv = -1.0 / q[2], xc = q[0] * inv, yc = q[1] * inv;
+    const double x = i[0] * xc, y = i[0] * yc;
+    const double xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy, r4 = r2 * r2, r6 = r4 * r2;
+    const double radial = i[3] * r2 + i[4] * r4 + i[5] * r6;
+    const double slope = 2.0 * (i[3] + 2.0 * i[4] * r2 + 3.0 * i[5] * r4);
+    residual[0] = w_ * (i[1] + x + x * radial + i[6] * (r2 + 2 * xx) + 2 * i[7] * xy + i[8] * x + i[9] * y - x_);
+    residual[1] = w_ * (i[2] + y + y * radial + i[7] * (r2 + 2 * yy) + 2 * i[6] * xy - y_);
+    if (!jacobians) return true;
+    const double cross = slope * xy + 2.0 * (i[6] * y + i[7] * x);
+    const double a = w_ * (1.0 + radial + slope * xx + 6.0 * i[6] * x + 2.0 * i[7] * y + i[8]);
+    const double b = w_ * (cross + i[9]), c = w_ * cross;
+    const double e = w_ * (1.0 + radial + slope * yy + 6.0 * i[7] * y + 2.0 * i[6] * x);
+    const double s = i[0] * inv, xz = x * inv, yz = y * inv;
+    const double star[2][3] = {{a * s, b * s, a * xz + b * yz}, {c * s, e * s, c * xz + e * yz}};
+    for (int m = 0; m < 2; ++m) {
+      const double* t = star[m];
+      double own[3];
+      for (int k = 0; k < 3; ++k) own[k] = t[0] * D[k] + t[1] * D[3 + k] + t[2] * D[6 + k];
+      if (jacobians[0]) {
+        double* J = jacobians[0] + 6 * m;
+        const double turn[3] = {t[1] * q[2] - t[2] * q[1], t[2] * q[0] - t[0] * q[2], t[0] * q[1] - t[1] * q[0]};
+        for (int k = 0; k < 3; ++k) {
+          J[k] = -own[k];
+          J[3 + k] = turn[0] * f_.T[k] + turn[1] * f_.T[3 + k] + turn[2] * f_.T[6 + k];
+        }
+      }
+      if (jacobians[2])
+        for (int k = 0; k < 3; ++k) jacobians[2][3 * m + k] = own[k];
+    }
+    if (jacobians[1]) {
+      double* J = jacobians[1];
+      const double w = w_;
+      const double rows[20] = {a * xc + b * yc, w,   0.0, w * x * r2, w * x * r4, w * x * r6, w * (r2 + 2 * xx),
+                               w * 2 * xy,      w * x, w * y,
+                               c * xc + e * yc, 0.0, w,   w * y * r2, w * y * r4, w * y * r6, w * 2 * xy,
+                               w * (r2 + 2 * yy), 0.0, 0.0};
+      std::memcpy(J, rows, sizeof(rows));
+    }
+    return true;
+  }
+
+ private:
+  const Frame& f_;
+  double x_, y_, w_;
+};
+
+class Centre : public ceres::SizedCostFunction<3, 6> {
+ public:
+  Centre(const double* observed, double weight) : observed_(observed), w_(weight) {}
+  bool Evaluate(double const* const* values, double* residual, double** jacobians) const override {
+    for (int k = 0; k < 3; ++k) residual[k] = w_ * (values[0][k] - observed_[k]);
+    if (jacobians && jacobians[0]) {
+      std::memset(jacobians[0], 0, 18 * sizeof(double));
+      for (int k = 0; k < 3; ++k) jacobians[0][7 * k] = w_;
+    }
+    return true;
+  }
+
+ private:
+  const double* observed_;
+  double w_;
+};
+
+double cpu() { return double(std::clock()) / CLOCKS_PER_SEC; }
+
+class Watch : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    times.push_back(cpu());
+    costs.push_back(2.0 * step.cost);
+    return ceres::SOLVER_CONTINUE;
+  }
+  std::vector<double> times, costs;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 4) return 2;
+  Block block = read_block(argv[1]);
+  const bool analytic = std::string(argv[2]) == "analytic", dense = std::string(argv[3]) == "dense";
+  const double weight = 1.0 / block.sigma_image;
+  Frames frames(block);
+  frames.PrepareForEvaluation(true, true);
+  ceres::Problem::Options ownership;
+  if (analytic) ownership.evaluation_callback = &frames;
+  ceres::Problem problem(ownership);
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (int64_t n = 0; n < block.rays; ++n) {
+    const int64_t k = block.image[n];
+    const double *xy = &block.xy[2 * n];
+    ceres::CostFunction* cost =
+        analytic ? static_cast<ceres::CostFunction*>(new Analytic(frames.frames[k], xy[0], xy[1], weight))
+                 : new ceres::AutoDiffCostFunction<Automatic, 2, 6, 10, 3>(new Automatic{xy[0], xy[1], weight});
+    problem.AddResidualBlock(cost, nullptr, &block.pose[6 * k], block.interior.data(),
+                             &block.point[3 * block.of_point[n]]);
+  }
+  for (int64_t k = 0; k < block.images; ++k) {
+    problem.AddResidualBlock(new Centre(&block.observed_centre[3 * k], 1.0 / block.sigma_centre), nullptr,
+                             &block.pose[6 * k]);
+    ordering->AddElementToGroup(&block.pose[6 * k], 1);
+  }
+  ordering->AddElementToGroup(block.interior.data(), 1);
+  for (int64_t p = 0; p < block.points; ++p) ordering->AddElementToGroup(&block.point[3 * p], 0);
+
+  Watch watch;
+  ceres::Solver::Options options;
+  options.linear_solver_type = dense ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  options.linear_solver_ordering = ordering;
+  options.num_threads = 1;
+  options.max_num_iterations = 50;
+  options.logging_type = ceres::SILENT;
+  options.callbacks.push_back(&watch);
+  ceres::Solver::Summary summary;
+  const double before = cpu();
+  ceres::Solve(options, &problem, &summary);
+  const double solve = cpu() - before;
+  const size_t steps = watch.times.size() - 1;
+  double iteration = 1e300;
+  for (size_t k = 1; k <= steps; ++k) iteration = std::min(iteration, watch.times[k] - watch.times[k - 1]);
+  double covariance = -1.0;
+  if (argc > 4) {
+    std::vector<std::pair<const double*, const double*>> blocks;
+    for (int64_t k = 0; k < block.images; ++k) blocks.emplace_back(&block.pose[6 * k], &block.pose[6 * k]);
+    for (int64_t p = 0; p < block.points; ++p) blocks.emplace_back(&block.point[3 * p], &block.point[3 * p]);
+    blocks.emplace_back(block.interior.data(), block.interior.data());
+    ceres::Covariance::Options wanted;
+    wanted.num_threads = 1;
+    ceres::Covariance found(wanted);
+    const double start = cpu();
+    if (!found.Compute(blocks, &problem)) return 3;
+    covariance = cpu() - start;
+  }
+  std::printf(
+      "{\"iteration\": %.6f, \"iterations\": %zu, \"solve\": %.6f, \"wall\": %.6f, \"objective\": %.9g, "
+      "\"covariance\": %.6f, \"converged\": %s}\n",
+      iteration, steps, solve, summary.total_time_in_seconds, watch.costs.back(), covariance,
+      summary.termination_type == ceres::CONVERGENCE ? "true" : "false");
+  return 0;
+}

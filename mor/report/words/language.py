@@ -1,0 +1,61 @@
+"""The language of a text report: its sentences and headings, and how it writes numbers.
+
+The English text is the key; a catalogue has the other language's. What a catalogue lacks stays English.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+
+import yaml
+
+LANGUAGES = ("en", "de")
+_NAMES = frozenset({"id", "point", "place"})
+"""Places of a sentence that hold names of the user: 1.5 is a name there, not a number."""
+_NUMBER = re.compile(r"^-?\d+\.\d+(e[-+]?\d+)?$")
+_UNIT = re.compile(r"^(.*?)( \[[^\]]*\])$")
+
+
+@dataclass(frozen=True)
+class Words:
+    """Sentences of one language. ``catalogue`` maps the English ones to its own."""
+
+    language: str
+    catalogue: Mapping[str, str] = field(default_factory=dict)
+    decimal: str = "."
+
+    def __call__(self, english: str, /, **values: object) -> str:
+        """A sentence with its values; texts that are numbers get the decimal sign of the language."""
+        said = {
+            key: str(value) if key in _NAMES else self.number(str(value)) for key, value in values.items()
+        }
+        return self.catalogue.get(english, english).format(**said)
+
+    def number(self, text: str) -> str:
+        """A number as the language writes it; anything else as it is."""
+        return text.replace(".", self.decimal) if _NUMBER.match(text) else text
+
+    def header(self, english: str) -> str:
+        """A heading of a column; the unit in brackets stays."""
+        match = _UNIT.match(english)
+        name, unit = (match[1], match[2]) if match else (english, "")
+        return self.catalogue.get(name, name) + unit
+
+    def listed(self, english: str) -> str:
+        """One of the words a column may hold (free, gross …), or texts that stay."""
+        return self.catalogue.get(english, english)
+
+
+ENGLISH = Words("en")
+
+
+def words_of(language: str) -> Words:
+    """Words of a language, ``en`` or ``de``. Raises ``KeyError`` for another."""
+    if language == "en":
+        return ENGLISH
+    decimal = {"de": ","}[language]
+    text = files("mor.report.words").joinpath(f"{language}.yaml").read_text(encoding="utf-8")
+    return Words(language, yaml.safe_load(text), decimal)

@@ -1,0 +1,85 @@
+"""The German catalogue is complete, and numbers are written in the manner of the language, names are not touched."""
+
+from __future__ import annotations
+
+import ast
+import string
+from pathlib import Path
+
+import pytest
+
+import mor.report.text
+from mor.report.text._layout import table
+from mor.report.words.language import ENGLISH, words_of
+
+SECTIONS = sorted(Path(mor.report.text.__file__).parent.glob("*.py"))
+
+
+def sentences(path: Path) -> set[str]:
+    """Texts that a section says in the language of the report."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        is_call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "words"
+        if is_call and isinstance(node.args[0], ast.Constant):  # type: ignore[attr-defined]
+            found.add(node.args[0].value)  # type: ignore[attr-defined]
+    return found
+
+
+def headers(path: Path) -> set[str]:
+    """Texts of lists that are called headers, without their units."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "headers":
+            constants = [part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)]
+            found |= {str(text).partition(" [")[0] for text in constants} - {"", "]"}
+    return found
+
+
+@pytest.mark.parametrize("path", SECTIONS, ids=lambda path: path.stem)
+def test_every_sentence_and_heading_is_there_in_german(path: Path) -> None:
+    german = words_of("de").catalogue
+    assert sorted((sentences(path) | headers(path)) - set(german)) == []
+
+
+def test_the_sections_were_really_looked_at() -> None:
+    assert len(set().union(*map(sentences, SECTIONS))) > 40
+
+
+def test_sentences_keep_their_places() -> None:
+    """Both languages have the same {places}."""
+    for english, german in words_of("de").catalogue.items():
+        places = [
+            {name for _, name, _, _ in string.Formatter().parse(text) if name} for text in (english, german)
+        ]
+        assert places[0] == places[1], english
+
+
+@pytest.mark.parametrize(
+    ("text", "german"),
+    [
+        ("1.5", "1,5"),
+        ("-0.30", "-0,30"),
+        ("1.2e-05", "1,2e-05"),
+        ("17", "17"),
+        ("a.b", "a.b"),
+        ("-", "-"),
+        ("1.2.3", "1.2.3"),
+    ],
+)
+def test_numbers(text: str, german: str) -> None:
+    assert words_of("de").number(text) == german
+    assert ENGLISH.number(text) == text
+
+
+def test_names_stay_names() -> None:
+    words = words_of("de")
+    said = words(
+        "; would move {point} by {amount} {unit} in {axis}", point="1.5", amount="2.5", unit="mm", axis="X"
+    )
+    assert said == "; würde 1.5 um 2,5 mm in X verschieben"
+    lines = table(
+        ["point", "X [m]", "status"], [["1.5", "2.5", "fixed"], ["free", "1.0", "free"]], words=words
+    )
+    cells = [line.split() for line in lines.splitlines()]
+    assert cells[0] == ["Punkt", "X", "[m]", "Status"]
+    assert cells[2:] == [["1.5", "2,5", "fest"], ["free", "1,0", "frei"]]
