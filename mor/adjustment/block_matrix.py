@@ -103,6 +103,9 @@ class BlockMatrix:
 
     def scaled(self, factors: FloatArray) -> BlockMatrix:
         """Return D N D with D = diag(factors), factors (n,)."""
+        if compiled.available:
+            s = self.structure
+            return BlockMatrix(s, patterns.scale_blocks(s.offsets, s.indptr, s.indices, self.values, factors))
         values = np.empty_like(self.values)
         for rows, columns, blocks in _scalar_unknowns(self.structure):
             entries = _entries(self.structure, rows.shape[1], columns.shape[1], blocks)

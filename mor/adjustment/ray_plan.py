@@ -15,8 +15,8 @@ from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_fra
 from mor.geometry.arrays import IntArray
 from mor.observations import ObservationGroup
 
-RAYS_AT_A_TIME = 8192
-"""Rays of a chunk, about: small enough for the Jacobians to stay in the cache."""
+POINTS_AT_A_TIME, RAYS_AT_A_TIME = 2048, 65_536
+"""Points and rays of a chunk at most: so few that their Jacobians stay in the cache, so many that they share blocks."""
 
 
 class Chunk(NamedTuple):
@@ -106,7 +106,7 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[IntArray,
     bounds = [0]
     while bounds[-1] < len(pointers) - 1:
         last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
-        bounds.append(max(last, bounds[-1] + 1))
+        bounds.append(max(min(last, bounds[-1] + POINTS_AT_A_TIME), bounds[-1] + 1))
     first_ray = pointers[bounds]
     local = np.empty(len(frame), dtype=np.int64)
     of_chunk, found = sorting.local_numbers(frame, first_ray, frames, local)

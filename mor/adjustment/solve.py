@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from mor.parameters.index import Values, move
 
 TINY_STEP = 1e-7
 """Largest change in units of σ at which the iteration is over."""
+SAME_PLACE = 1e-6
+"""Largest change in units of σ that leaves the normal equations as they are, to ten digits."""
 ROUND_OFF_STEP = 1e-3
 """Changes below this that no longer shrink are round-off of the data, not progress."""
 
@@ -138,15 +141,31 @@ def _advance(state: Adjustment) -> Adjustment:
     step = state.inverse.step(state.normals)
     shift = _into_datum(state, step)
     change = float(np.sqrt(max(step @ state.normals.rhs, 0.0)))
-    values, damping, share = _accept(state, step, shift)
-    if values is None:
+    number = len(state.iterations) + 1
+    still = change <= TINY_STEP or _stalled(state, change) or _next_is_tiny(state, change)
+    if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):
+        return _last_step(state, step + shift, Iteration(number, state.normals.objective, change, 0.0))
+    taken = _accept(state, step, shift)
+    if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
-    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, damping)
-    moved = _at(state, values, (*state.iterations, iteration))
-    still = change <= TINY_STEP or _stalled(state, change)
-    if moved.outcome is Outcome.NOT_CONVERGED and still and damping == 0.0 and _in_datum(state, shift, share):
+    iteration = Iteration(number, state.normals.objective, change, taken.damping)
+    moved = _at(state, taken, (*state.iterations, iteration))
+    still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share)
+    if moved.outcome is Outcome.NOT_CONVERGED and still:
         return replace(moved, outcome=Outcome.CONVERGED)
     return moved
+
+
+def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:
+    """The solution, a step away that is so small that the system stays the same there."""
+    objective_there = max(state.normals.objective - iteration.largest_change**2, 0.0)
+    return replace(
+        state,
+        outcome=Outcome.CONVERGED,
+        values=move(state.problem.index, state.values, step),
+        normals=state.normals._replace(objective=objective_there),
+        iterations=(*state.iterations, iteration),
+    )
 
 
 def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
@@ -171,12 +190,27 @@ def _stalled(state: Adjustment, change: float) -> bool:
     return last.damping == 0.0 and last.largest_change < ROUND_OFF_STEP and change > 0.5 * last.largest_change
 
 
-def _accept(
-    state: Adjustment, step: FloatArray, shift: FloatArray
-) -> tuple[Mapping[str, FloatArray] | None, float, float]:
-    """Values after the first step that does not make the objective larger, its damping, and the share of the shift.
+def _next_is_tiny(state: Adjustment, change: float) -> bool:
+    """True where the steps shrink so fast that the next one would be tiny, with a margin of ten."""
+    if change > ROUND_OFF_STEP or not state.iterations or state.iterations[-1].damping:
+        return False
+    return 10.0 * change * change <= TINY_STEP * state.iterations[-1].largest_change
+
+
+class _Taken(NamedTuple):
+    """A step that was taken: where it leads, its damping, the share of the shift, the system there if known."""
+
+    values: Mapping[str, FloatArray]
+    damping: float
+    share: float
+    normals: Normals | None = None
+
+
+def _accept(state: Adjustment, step: FloatArray, shift: FloatArray) -> _Taken | None:
+    """The first step that does not make the objective larger.
 
     The shift into the datum is a movement of the whole network only for small angles; a large one is taken in parts.
+    The whole step nearly always does, so the system is built there at once.
     """
     index = state.problem.index
     limit = state.normals.objective * (1.0 + 1e-6) + 1e-6
@@ -185,31 +219,32 @@ def _accept(
         values = move(index, state.values, step + share * shift)
         return values if objective(state.plan, values) <= limit else None
 
-    whole = tried(1.0)
-    if whole is not None:
-        return whole, 0.0, 1.0
-    if shift.any() and (values := tried(0.0)) is not None:
+    values = move(index, state.values, step + shift)
+    normals = build_normals(state.plan, values)
+    if normals.objective <= limit:
+        return _Taken(values, 0.0, 1.0, normals)
+    if shift.any() and (without := tried(0.0)) is not None:
         for share in 0.5 ** np.arange(1, 12):
             if (part := tried(float(share))) is not None:
-                return part, 0.0, float(share)
-        return values, 0.0, 0.0
-    values, damping = _damped(state)
-    return values, damping, 1.0
+                return _Taken(part, 0.0, float(share))
+        return _Taken(without, 0.0, 0.0)
+    return _damped(state)
 
 
-def _damped(state: Adjustment) -> tuple[Mapping[str, FloatArray] | None, float]:
-    """Values after the least damped step that makes the objective smaller, and its damping."""
+def _damped(state: Adjustment) -> _Taken | None:
+    """The least damped step that makes the objective smaller."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
     while damping < 1e6:
         values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
         if objective(state.plan, values) < state.normals.objective:
-            return values, damping
+            return _Taken(values, damping, 1.0)
         damping *= 10.0
-    return None, damping
+    return None
 
 
-def _at(state: Adjustment, values: Mapping[str, FloatArray], iterations: tuple[Iteration, ...]) -> Adjustment:
-    normals = build_normals(state.plan, values)
+def _at(state: Adjustment, taken: _Taken, iterations: tuple[Iteration, ...]) -> Adjustment:
+    values = taken.values
+    normals = build_normals(state.plan, values) if taken.normals is None else taken.normals
     inverse = invert(state.plan, normals, values, state.anchors)
     defect = explain_defect(inverse.null, state.problem, values)
     moved = replace(

@@ -78,7 +78,10 @@ def test_semi_axes_of_the_table_follow_from_its_sigmas_and_correlations(results:
     ("arguments", "words"),
     [
         (["network", "{results}", "-o", "{new}/x.bmp"], "unknown format '.bmp'"),
-        (["residuals", "{results}", "--of", "B0l", "-o", "{new}/x.svg"], "unknown image 'B0l'; did you mean 'B"),
+        (
+            ["residuals", "{results}", "--of", "B0l", "-o", "{new}/x.svg"],
+            "unknown image 'B0l'; did you mean 'B",
+        ),
         (["camera", "{results}", "--of", "D7", "-o", "{new}/x.svg"], "unknown camera 'D7'"),
         (["network", "{new}", "-o", "{new}/x.svg"], ""),
         (["network", "{results}", "--of", "B01", "-o", "{new}/x.svg"], "shows everything"),

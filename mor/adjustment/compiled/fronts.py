@@ -73,22 +73,47 @@ def extract(
 
 
 @compile_kernel
+def runs_of_places(places: IntArray, split: int) -> IntArray:
+    """Return the bounds of runs of consecutive places; none reaches across ``split``."""
+    bounds = np.empty(places.size + 1, dtype=np.int64)
+    count = 0
+    for i in range(places.size):
+        if i == 0 or i == split or places[i] != places[i - 1] + 1:
+            bounds[count] = i
+            count += 1
+    bounds[count] = places.size
+    return bounds[: count + 1]
+
+
+@compile_kernel
+def add_to_column(
+    update: FloatArray, places: IntArray, bounds: IntArray, first: int, shift: int, target: FloatArray
+) -> None:
+    """Add the entries of a column from ``first`` on to the rows ``places`` − ``shift`` of another one."""
+    for r in range(bounds.size - 1):
+        low, high = max(bounds[r], first), bounds[r + 1]
+        if low < high:
+            to = places[bounds[r]] - bounds[r] - shift
+            one, other = update[low:high], target[to + low : to + high]
+            for i in range(one.size):
+                other[i] += one[i]
+
+
+@compile_kernel
 def extend_add(
     update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
 ) -> None:
     """Add the lower triangle of a child's update to the parent's rows ``places`` (ascending)."""
     k = pivots.shape[0]
     split = np.searchsorted(places, k)
+    bounds = runs_of_places(places, split)
+    upper = bounds[: np.searchsorted(bounds, split) + 1]
+    lower = bounds[upper.size - 1 :]
     for j in range(split):
-        column = places[j]
-        for i in range(j, split):
-            pivots[places[i], column] += update[i, j]
-        for i in range(split, places.size):
-            below[places[i] - k, column] += update[i, j]
+        add_to_column(update[:, j], places, upper, j, 0, pivots[:, places[j]])
+        add_to_column(update[:, j], places, lower, split, k, below[:, places[j]])
     for j in range(split, places.size):
-        column = places[j] - k
-        for i in range(j, places.size):
-            rest[places[i] - k, column] += update[i, j]
+        add_to_column(update[:, j], places, lower, j, k, rest[:, places[j] - k])
 
 
 @compile_kernel

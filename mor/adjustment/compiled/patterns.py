@@ -77,3 +77,20 @@ def union_of_cliques(blocks: int, pointers: IntArray, members: IntArray) -> tupl
                     count += 1
         indptr[j + 1] = count
     return indptr, indices[:count].copy()
+
+
+@compile_kernel
+def scale_blocks(
+    offsets: IntArray, indptr: IntArray, indices: IntArray, values: FloatArray, factors: FloatArray
+) -> FloatArray:
+    """Return the values of D N D with D = diag(factors)."""
+    scaled = np.empty_like(values)
+    place = 0
+    for column in range(indptr.size - 1):
+        first, end = offsets[column], offsets[column + 1]
+        for number in range(indptr[column], indptr[column + 1]):
+            for i in range(offsets[indices[number]], offsets[indices[number] + 1]):
+                for j in range(first, end):
+                    scaled[place] = values[place] * factors[i] * factors[j]
+                    place += 1
+    return scaled
