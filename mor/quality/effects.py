@@ -33,6 +33,10 @@ class Effect(NamedTuple):
     """(3,) its movement by the estimated error, in the datum of the adjustment, internal axes."""
 
 
+TIE = 6
+"""Decimals to which tests are compared in sorting: the two rays of one point often have equal ones."""
+
+
 def effects(quality: Quality) -> list[Effect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
@@ -62,11 +66,11 @@ def _chosen(quality: Quality) -> list[Entry]:
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
         size = np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test)))
-        order = np.argsort(-size.ravel(), kind="stable")[:wanted]
+        order = np.argsort(-np.round(size.ravel(), TIE), kind="stable")[:wanted]
         for place in order[size.ravel()[order] > 0.0]:
             row, component = divmod(int(place), size.shape[1])
             best.append((float(size[row, component]), Entry(number, row, component)))
-    best.sort(key=lambda pair: (-pair[0], pair[1]))
+    best.sort(key=lambda pair: (-round(pair[0], TIE), pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 

@@ -43,6 +43,13 @@ def fixed(value: float | None, digits: int) -> str:
     return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 
+def digits_worth(value: float, sigma: float | None) -> int:
+    """Significant digits of a value that its σ makes worth printing: to about a hundredth of it."""
+    if sigma is None or not sigma > 0.0 or value == 0.0:
+        return 10
+    return int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(sigma)) + 3, 3, 10))
+
+
 def short(value: float | None, digits: int = 6) -> str:
     """A number with significant digits; a dash where there is none."""
     return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}g}"

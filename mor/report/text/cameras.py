@@ -7,7 +7,7 @@ from typing import Any
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.tables import interior_rows
-from mor.report.text._layout import fixed, heading, short, table
+from mor.report.text._layout import digits_worth, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 
@@ -24,7 +24,7 @@ def _camera(row: dict[str, Any], words: Words) -> str:
         [
             name,
             quantities[name].unit("m", "rad", unit),
-            short(c["value"], 10),
+            short(c["value"], digits_worth(c["value"], c["sigma"])),
             short(c["sigma"], 4),
             fixed(c.get("t"), 1) if name != "c" else "-",
             c["status"],

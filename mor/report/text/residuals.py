@@ -18,7 +18,7 @@ def section(solved: Solved, residuals: pl.DataFrame, words: Words = ENGLISH) -> 
     worst = (
         residuals.with_row_index("row")
         .filter(pl.col("w").is_not_null())
-        .sort([pl.col("w").abs(), pl.col("row")], descending=[True, False])
+        .sort([pl.col("w").abs().round(6), pl.col("row")], descending=[True, False])
         .head(SHOWN)
     )
     parts = [

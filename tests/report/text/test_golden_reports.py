@@ -1,6 +1,7 @@
 """Text reports of two sample projects, in both languages, against the files they were read and approved as.
 
-Layout and words must be the same, numbers up to one unit of their last digit (round-off differs between machines).
+Layout and words must be the same, numbers up to one unit of their last digit (round-off differs between machines), the number
+of iterations not at all.
 ``MOR_WRITE_GOLDEN=1 pytest tests/report/text`` writes the files anew: then read what changed.
 """
 
@@ -51,7 +52,7 @@ def differences(found: str, expected: str) -> list[str]:
         result.append(f"{len(lines[0])} lines, expected {len(lines[1])}")
     for a, b in zip(*lines, strict=False):
         words = [re.sub(r"[\s-]+", " ", NUMBER.sub("#", line)) for line in (a, b)]
-        numbers = NUMBER.findall(a), NUMBER.findall(b)
+        numbers = ([], []) if "terat" in a else (NUMBER.findall(a), NUMBER.findall(b))
         if words[0] != words[1] or not all(map(same_number, *numbers)):
             result.append(f"found    {a}\nexpected {b}")
     return result
