@@ -45,7 +45,11 @@ def write_block(block: Block, path: Path) -> None:
 
 
 def run_ceres(
-    program: Path, block: Block, derivatives: str = "analytic", solver: str = "sparse", covariance: bool = False
+    program: Path,
+    block: Block,
+    derivatives: str = "analytic",
+    solver: str = "sparse",
+    covariance: bool = False,
 ) -> dict[str, Any]:
     """CPU seconds of an iteration, of the whole solution and of the covariances; objective at the end."""
     with tempfile.TemporaryDirectory() as folder:

@@ -110,7 +110,7 @@ def into_datum(step: FloatArray, null: FloatArray, constraint: Constraint, total
 
 def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:
     """S-transformation from the minimal datum with U = Q B (u, d) into the datum of the constraint."""
-    binding: FloatArray = np.linalg.inv(constraint.normals.T @ null)
+    binding = np.asarray(np.linalg.inv(constraint.normals.T @ null), dtype=np.float64)
     return STransformation(null, binding, through, constraint.normals.T @ through)
 
 

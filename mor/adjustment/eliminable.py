@@ -81,9 +81,11 @@ def _well_determined(normal: FloatArray) -> BoolArray:
     that does not decide, it is worked out.
     """
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
-    good = (diagonal > 0.0).all(axis=1) & np.isfinite(normal).all(axis=(1, 2))
+    good: BoolArray = np.asarray((diagonal > 0.0).all(axis=1) & np.isfinite(normal).all(axis=(1, 2)))
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    a, b, c = (np.where(good, normal[:, i, j] * scale[:, i] * scale[:, j], 0.0) for i, j in ((1, 0), (2, 0), (2, 1)))
+    a, b, c = (
+        np.where(good, normal[:, i, j] * scale[:, i] * scale[:, j], 0.0) for i, j in ((1, 0), (2, 0), (2, 1))
+    )
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     doubtful = np.flatnonzero(good & (determinant < 1e-4))
     if len(doubtful):

@@ -161,7 +161,9 @@ def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> 
 
 def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
     """Points (k,) such that every combination of frames that sees a point occurs, seldom more than once."""
-    mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (frame.astype(np.uint64) << np.uint64(31))
+    mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (
+        frame.astype(np.uint64) << np.uint64(31)
+    )
     keys = np.add.reduceat(mixed * (mixed | np.uint64(1)), pointers[:-1])
     # Two combinations with the same sum of 64-bit keys and the same number of rays, first and last frame: never seen.
     table = np.stack([keys.view(np.int64), np.diff(pointers), frame[pointers[:-1]], frame[pointers[1:] - 1]])
@@ -201,7 +203,9 @@ def _joined(index: Index, kept: IntArray, numbers: IntArray, rays: RayPlan) -> I
     number_of = np.full(index.count, -1, dtype=np.int64)
     number_of[kept] = numbers
     pairs = np.unique(np.concatenate(rays.poses(), axis=1), axis=1)
-    columns = [index.columns[kind][pairs[k]].max(axis=1, initial=-1) for k, kind in enumerate(("point", "rotation"))]
+    columns = [
+        index.columns[kind][pairs[k]].max(axis=1, initial=-1) for k, kind in enumerate(("point", "rotation"))
+    ]
     free = (columns[0] >= 0) & (columns[1] >= 0)
     position, rotation = (number_of[column[free]] for column in columns)
     kept_both = (position >= 0) & (rotation >= 0)

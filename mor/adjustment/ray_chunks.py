@@ -75,9 +75,7 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
 
 def ray_objective(problem: Problem, plan: RayPlan, values: Values) -> float:
     """Σ (v/σ)² of the rays; infinite where an equation cannot be evaluated."""
-    total = sum(
-        float(np.vdot(residual, residual)) for _, residual in ray_residuals(problem, plan, values)
-    )
+    total = sum(float(np.vdot(residual, residual)) for _, residual in ray_residuals(problem, plan, values))
     return total if np.isfinite(total) else np.inf
 
 

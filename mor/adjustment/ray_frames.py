@@ -137,11 +137,17 @@ def _compiled_model(
     return -1, r0
 
 
-def all_frames(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index) -> Frames:
+def all_frames(
+    groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index
+) -> Frames:
     """Columns of the frames of all groups, and the layout of those that are compiled."""
     layout = _layout(groups, observed, index)
-    picked = tuple(replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups)
-    width = max((int(pick.columns.max(initial=-1)) + 1 for group in picked for pick in group.picks), default=0)
+    picked = tuple(
+        replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups
+    )
+    width = max(
+        (int(pick.columns.max(initial=-1)) + 1 for group in picked for pick in group.picks), default=0
+    )
     width += -width % 4  # the kernels take four columns at a time
     columns = np.full((sum(group.count for group in groups), width), -1, dtype=np.int64)
     for group in picked:
@@ -162,16 +168,16 @@ def _picks(group: GroupFrames, observed: ObservationGroup, index: Index, layout:
             for (k, size), end in zip(sizes.items(), ends, strict=True)
         )
     starts = (layout.position, layout.rotation, layout.height, layout.eccentricity)
-    picks = [Pick(k, np.arange(sizes[k]), starts[k] + np.arange(sizes[k])) for k in group.slots if k != _INTERIOR]
+    picks = [
+        Pick(k, np.arange(sizes[k]), starts[k] + np.arange(sizes[k])) for k in group.slots if k != _INTERIOR
+    ]
     if _INTERIOR in sizes:
         known = layout.components < sizes[_INTERIOR]
         picks.append(Pick(_INTERIOR, layout.components[known], layout.interior + np.flatnonzero(known)))
     return tuple(picks)
 
 
-def _layout(
-    groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index
-) -> Layout:
+def _layout(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index) -> Layout:
     """Layout of the compiled derivatives."""
     compiled = [group for group in groups if group.model >= 0]
     used: set[int] = {slot for group in compiled for slot in group.slots}
@@ -185,7 +191,8 @@ def _layout(
         kind = observed[group.group].type.slots[_INTERIOR].kind
         free |= set(np.flatnonzero((index.columns[kind][group.blocks[_INTERIOR]] >= 0).any(axis=0)).tolist())
     components = np.array(sorted(free), dtype=np.int64)
-    return Layout(*starts, at, components)
+    position, rotation, height, eccentricity = starts
+    return Layout(position, rotation, height, eccentricity, at, components)
 
 
 def frame_values(
@@ -228,4 +235,3 @@ def _compiled(frames: Frames) -> list[GroupFrames]:
 
 def _interior_kind(group: ObservationGroup) -> str:
     return group.type.slots[_INTERIOR].kind
-

@@ -77,12 +77,14 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         rows = np.flatnonzero(place[group.blocks[-1]] >= 0) if is_ray(group) and len(points) else points[:0]
         if len(rows) == 0:
             continue
-        frame, frames = group_frames(number, first, group, index, rows)
-        found.append(frames)
+        frame, of_group = group_frames(number, first, group, index, rows)
+        found.append(of_group)
         parts.append((rows, place[group.blocks[-1][rows]], frame + first))
-        first += frames.count
+        first += of_group.count
     none = np.zeros(0, dtype=np.int64)
-    row, point, frame = (parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True)))
+    row, point, frame = (
+        parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
+    )
     pointers, order = _order(point, frame, len(points))
     row, frame = row[order], frame[order]
     frames = all_frames(tuple(found), groups, index)

@@ -140,7 +140,7 @@ def _advance(state: Adjustment) -> Adjustment:
     """One accepted step, or the end."""
     step = state.inverse.step(state.normals)
     shift = _into_datum(state, step)
-    change = float(np.sqrt(max(step @ state.normals.rhs, 0.0)))
+    change = float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
     still = change <= TINY_STEP or _stalled(state, change) or _next_is_tiny(state, change)
     if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):

@@ -37,7 +37,7 @@ else:
     available = True
     if "NUMBA_SLP_VECTORIZE" not in os.environ:
         # Blocks of six by six are written out entry by entry. Packed into vector registers that takes half the time.
-        numba.config.SLP_VECTORIZE = 1
+        numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
     def compile_kernel(function: Function) -> Function:
         """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""

@@ -16,7 +16,6 @@ import numpy as np
 from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.geometry.arrays import IntArray
 
-
 UNKNOWN = -2
 
 
@@ -37,7 +36,8 @@ class Met(NamedTuple):
         first: (b,) first unknown of each block.
         size: (b,) number of unknowns.
         column: (b,) block number in the pattern.
-        starts: (b, b), by columns, where the blocks (row, column), row >= column, start in the flat values, -1 where not stored,
+        starts: (b, b), by columns, where the blocks (row, column), row >= column, start in the flat
+            values, -1 where not stored,
             and ``UNKNOWN`` as long as nobody asked.
     """
 

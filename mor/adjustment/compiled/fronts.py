@@ -105,7 +105,7 @@ def extend_add(
 ) -> None:
     """Add the lower triangle of a child's update to the parent's rows ``places`` (ascending)."""
     k = pivots.shape[0]
-    split = np.searchsorted(places, k)
+    split = int(np.searchsorted(places, k))
     bounds = runs_of_places(places, split)
     upper = bounds[: np.searchsorted(bounds, split) + 1]
     lower = bounds[upper.size - 1 :]

@@ -99,7 +99,11 @@ def linearise(
                     continue
                 residual[n, m] = (found - observed[n, m]) * w
                 s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
-                g, h, o = s * D[0] + t * D[3] + d * D[6], s * D[1] + t * D[4] + d * D[7], s * D[2] + t * D[5] + d * D[8]
+                g, h, o = (
+                    s * D[0] + t * D[3] + d * D[6],
+                    s * D[1] + t * D[4] + d * D[7],
+                    s * D[2] + t * D[5] + d * D[8],
+                )
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
                 if position >= 0:
                     by_others[n, m, position] = -g

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import IntArray
+from mor.geometry.arrays import FloatArray, IntArray
 
 
 @compile_kernel

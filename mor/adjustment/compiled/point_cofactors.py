@@ -23,6 +23,7 @@ from mor.adjustment.compiled.cliques import (
     same_frames,
     survey,
 )
+from mor.adjustment.compiled.point_products import FEW_POINTS
 from mor.adjustment.compiled.point_store import (
     Store,
     append_point,
@@ -31,7 +32,6 @@ from mor.adjustment.compiled.point_store import (
     open_group,
     slots_in_strip,
 )
-from mor.adjustment.compiled.point_products import FEW_POINTS
 from mor.adjustment.compiled.points import clear, couple, factor_point
 from mor.adjustment.compiled.strips import multiply_column_of_point
 from mor.geometry.arrays import FloatArray, IntArray

@@ -33,7 +33,9 @@ def by_point_and_frame(point: IntArray, frame: IntArray, points: int) -> tuple[I
 
 
 @compile_kernel
-def local_numbers(frame: IntArray, first: IntArray, frames: int, local: IntArray) -> tuple[IntArray, IntArray]:
+def local_numbers(
+    frame: IntArray, first: IntArray, frames: int, local: IntArray
+) -> tuple[IntArray, IntArray]:
     """Number the frames of each chunk from 0, in order of first appearance.
 
     ``first`` (c+1,) are the chunks' first rays; sets ``local`` (n,). Returns pointers (c+1,) and the frames of each

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.adjustment.compiled import compile_inline, compile_kernel
+from mor.adjustment.compiled import compile_inline
 from mor.geometry.arrays import FloatArray, IntArray
 
 _ONE, _TWO, _THREE, _FOUR, _FIVE = (np.uint64(k) for k in range(1, 6))

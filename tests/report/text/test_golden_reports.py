@@ -1,7 +1,7 @@
 """Text reports of two sample projects, in both languages, against the files they were read and approved as.
 
-Layout and words must be the same, numbers up to one unit of their last digit (round-off differs between machines), the number
-of iterations not at all.
+Layout and words must be the same, numbers up to one unit of their last digit (round-off
+differs between machines), the number of iterations not at all.
 ``MOR_WRITE_GOLDEN=1 pytest tests/report/text`` writes the files anew: then read what changed.
 """
 
