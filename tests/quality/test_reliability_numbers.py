@@ -165,7 +165,7 @@ def test_nothing_of_it_depends_on_the_datum(scale_bar):
             np.testing.assert_allclose(a.r, b.r, atol=1e-9)
         for a, b in zip(first.reliability, other.reliability, strict=True):
             for one, same in zip(a, b, strict=True):
-                np.testing.assert_allclose(one, same, rtol=1e-7, atol=1e-9)
+                np.testing.assert_allclose(one, same, rtol=1e-9, atol=1e-9)
     # what does depend on it, so that the test above is not empty
     assert np.abs(first.cofactors["point"] - results[1].cofactors["point"]).max() > 1e-9
 
