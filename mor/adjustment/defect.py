@@ -52,14 +52,19 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     span, sizes, _ = np.linalg.svd(generators, full_matrices=False)
     span = span[:, sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)]
     deformation = on_points - span @ (span.T @ on_points)
-    _, stretches, right = np.linalg.svd(deformation, full_matrices=True)
-    stretches = np.concatenate([stretches, np.zeros(len(right) - len(stretches))])
+    stretches, right = _stretches(deformation)
     rigid = right[stretches <= _SMALL].T
-    _, motion, inner = np.linalg.svd(on_points @ rigid, full_matrices=True)
-    motion = np.concatenate([motion, np.zeros(len(inner) - len(motion))])
+    motion, inner = _stretches(on_points @ rigid)
     datum = basis @ rigid @ inner[motion > _SMALL].T
     undetermined = loose_directions(basis, datum, problem.index)
     return Defect(_name(np.where(free, datum[columns[used]], 0.0), generators), datum, undetermined)
+
+
+def _stretches(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values (k,) and all right singular vectors (k, k), row by row, of a matrix (n, k) that may be long."""
+    short = np.linalg.qr(matrix, mode="r")
+    _, sizes, right = np.linalg.svd(short, full_matrices=True)
+    return np.concatenate([sizes, np.zeros(len(right) - len(sizes))]), right
 
 
 def similarities(coordinates: FloatArray, centre: FloatArray) -> FloatArray:

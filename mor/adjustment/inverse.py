@@ -50,6 +50,8 @@ class Inverse:
     def solve(self, rhs: FloatArray) -> FloatArray:
         """A solution x of N x = rhs, (u,) or (u, k), for a right-hand side in the range of N."""
         columns = rhs.reshape(len(rhs), -1)
+        if columns.shape[1] == 0:
+            return rhs.copy()
         if len(self.plan.rays.columns) == 0:
             x = self._reduced(columns)
         else:
@@ -88,6 +90,22 @@ def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> I
     directions = full @ vectors
     weak = directions[:, ~is_null] * np.sqrt(share[~is_null] / eigenvalues[~is_null])
     return Inverse(plan, values, factor, scale, directions[:, is_null], weak)
+
+
+def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
+    """Factorise where the anchors are known to hold null vectors and nothing else, as they did near by."""
+    scale = _unit_diagonal(normals)
+    matrix = normals.matrix.scaled(scale)
+    factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
+    held = scale[:, None] * factor.solve(_unit_vectors(matrix, anchors))
+    return Inverse(
+        plan,
+        values,
+        factor,
+        scale,
+        full_directions(plan, values, held),
+        np.zeros((plan.problem.index.count, 0)),
+    )
 
 
 def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:

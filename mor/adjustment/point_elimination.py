@@ -10,7 +10,7 @@ Every function has a plain numpy form in ``point_reference`` and a compiled one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -89,6 +89,32 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
     return noted
 
 
+def solve_points(
+    residual: FloatArray, by_point: FloatArray, point_pointers: IntArray, damping: float = 0.0
+) -> FloatArray:
+    """Return the steps (p, 3) of points all else known: N_pp⁻¹ b_p of rays (n, 2) and (n, 2, 3), whole points."""
+    if not compiled.available:
+        none = np.zeros((1, 0), dtype=np.int64)
+        frame = np.zeros(len(residual), dtype=np.int64)
+        rays = Rays(residual, by_point, np.zeros((len(residual), 2, 0)), none, point_pointers, frame)
+        return point_reference.back_substitute(rays, np.zeros(0), damping)
+    steps = np.empty((point_pointers.size - 1, 3))
+    points.solve_points(residual, by_point, point_pointers, damping, steps)
+    return steps
+
+
+def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
+    """Return how the points of a chunk follow (p, 3, k) directions (n, k) of the reduced unknowns: −N_pp⁻¹ Wᵀ g."""
+    if not compiled.available:
+        still = replace(rays, residual=np.zeros_like(rays.residual))
+        followed = [point_reference.back_substitute(still, g, 0.0) for g in directions.T]
+        return np.stack(followed, axis=2) if followed else np.zeros((rays.points, 3, 0))
+    _refuse_columns_beyond(rays, len(directions))
+    of_points = np.empty((rays.points, 3, directions.shape[1]))
+    points.follow_directions(*_arrays(rays)[1:], np.ascontiguousarray(directions), of_points)
+    return of_points
+
+
 def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) -> FloatArray:
     """Return the steps (p, 3) of the points of a chunk.
 
@@ -100,14 +126,10 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
     _refuse_columns_beyond(rays, reduced_step.size)
     if not compiled.available:
         return point_reference.back_substitute(rays, reduced_step, damping)
-    steps = np.empty((rays.points, 3))
-    points.back_substitute(
-        *_arrays(rays),
-        damping,
-        np.ascontiguousarray(reduced_step, dtype=np.float64),
-        steps,
-    )
-    return steps
+    moved = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)[rays.frame]
+    residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
+    by_point = np.ascontiguousarray(rays.by_point, dtype=np.float64)
+    return solve_points(residual, by_point, rays.point_pointers, damping)
 
 
 def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:

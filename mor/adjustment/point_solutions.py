@@ -8,13 +8,11 @@ With the rows of the rays split into A_p (their points) and A_r (all else), N_pp
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mor.adjustment.plan import Plan
-from mor.adjustment.point_elimination import back_substitute
-from mor.adjustment.ray_chunks import RayChunk, ray_chunks
+from mor.adjustment.point_elimination import follow_directions, solve_points
+from mor.adjustment.ray_chunks import RayChunk, followed_chunks, ray_chunks
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray
 from mor.parameters.index import Values
@@ -27,9 +25,7 @@ def full_directions(plan: Plan, values: Values, reduced: FloatArray) -> FloatArr
     if reduced.shape[1] == 0:
         return full
     for chunk in plan_chunks(plan, values):
-        still = replace(chunk.rays, residual=np.zeros_like(chunk.rays.residual))
-        for k in range(reduced.shape[1]):
-            full[plan.rays.columns[chunk.points], k] = back_substitute(still, reduced[:, k])
+        full[plan.rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced)
     return full
 
 
@@ -37,8 +33,10 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
     """Step (u,) of all unknowns from that of the reduced ones (n,)."""
     full = np.zeros(plan.problem.index.count)
     full[plan.kept] = reduced
-    for chunk in plan_chunks(plan, values):
-        full[plan.rays.columns[chunk.points]] = back_substitute(chunk.rays, reduced, damping)
+    steps = np.empty((len(plan.rays.columns), 3))
+    for chunk in followed_chunks(plan.problem, plan.rays, values, full):
+        steps[chunk.points] = solve_points(chunk.residual, chunk.by_point, chunk.pointers, damping)
+    full[plan.rays.columns] = steps
     return full
 
 

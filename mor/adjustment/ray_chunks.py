@@ -16,7 +16,7 @@ from mor.adjustment.compiled import image_rays
 from mor.adjustment.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.linearise import rotation_tangents
 from mor.adjustment.problem import Problem
-from mor.adjustment.ray_frames import GroupFrames, frame_values
+from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.ray_plan import Chunk, RayPlan
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray, IntArray
@@ -31,6 +31,8 @@ class RayChunk(NamedTuple):
     """Its eliminated points."""
     group: IntArray
     row: IntArray
+    weight: FloatArray
+    """(n, 2) 1/σ, 0 where not observed."""
     rays: Rays
 
 
@@ -55,6 +57,42 @@ def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Value
     columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
     for chunk in plan.chunks:
         yield _ray_chunk(place, chunk, columns, work)
+
+
+class Followed(NamedTuple):
+    """Rays of a chunk after a step of everything but the points."""
+
+    points: slice
+    pointers: IntArray
+    residual: FloatArray
+    """(n, 2) to first order, divided by σ."""
+    by_point: FloatArray
+
+
+def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: FloatArray) -> Iterator[Followed]:
+    """What the points have to make up for after a step (u,) of all unknowns but theirs.
+
+    The arrays of a chunk are overwritten by the next one.
+    """
+    place = _place(problem, plan, values)
+    residuals, by_points, _ = work = _workspace(plan)
+    widest = place.frames.interior.shape[1]
+    change = frame_change(plan.frames, problem.groups, problem.index, step, place.tangent, widest)
+    columns = plan.frames.columns
+    for chunk in plan.chunks:
+        n = chunk.rays.stop - chunk.rays.start
+        pointers = _pointers(plan, chunk)
+        if _fits(place, chunk) and (place.frames.model[chunk.frames] >= 0).all():
+            frame = chunk.frames[plan.frame[chunk.rays]]
+            points, measured = values["point"][plan.points[chunk.points]], _measured(plan, chunk)
+            arrays = residuals[:n], by_points[:n]
+            image_rays.follow(place.frames, change, frame, pointers, points, measured, *arrays)
+            yield Followed(chunk.points, pointers, *arrays)
+            continue
+        rays = _ray_chunk(place, chunk, columns, work).rays
+        moved = np.where(rays.columns >= 0, step[rays.columns], 0.0)[rays.frame]
+        residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
+        yield Followed(chunk.points, pointers, residual, rays.by_point)
 
 
 def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
@@ -116,7 +154,8 @@ def _ray_chunk(
             for array in (residual, by_point, by_others):
                 array[here] = np.where(seen.reshape(*seen.shape, *(1,) * (array.ndim - 2)), array[here], 0.0)
     rays = Rays(residual, by_point, by_others, columns[chunk.frames], pointers, local)
-    return RayChunk(chunk.points, plan.group_of_frame[frame], plan.row[chunk.rays], rays)
+    group_of_ray = plan.group_of_frame[frame]
+    return RayChunk(chunk.points, group_of_ray, plan.row[chunk.rays], measured.weight, rays)
 
 
 def _fits(place: _Place, chunk: Chunk) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.compiled.cameras import MODELS
-from mor.adjustment.compiled.image_rays import FrameValues, Layout
+from mor.adjustment.compiled.image_rays import FrameChange, FrameValues, Layout
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
 from mor.parameters.index import Index, Values
@@ -181,17 +181,16 @@ def _layout(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, .
     """Layout of the compiled derivatives."""
     compiled = [group for group in groups if group.model >= 0]
     used: set[int] = {slot for group in compiled for slot in group.slots}
-    at, starts = 0, [-1, -1, -1, -1]
-    for slot, width in enumerate(_WIDTHS):
-        if slot in used:
-            starts[slot] = at
-            at += width
+    widths = [width if slot in used else 0 for slot, width in enumerate(_WIDTHS)]
+    at = sum(widths)
+    position, rotation, height, eccentricity = (
+        sum(widths[:slot]) if width else -1 for slot, width in enumerate(widths)
+    )
     free: set[int] = set()
     for group in compiled:
         kind = observed[group.group].type.slots[_INTERIOR].kind
         free |= set(np.flatnonzero((index.columns[kind][group.blocks[_INTERIOR]] >= 0).any(axis=0)).tolist())
     components = np.array(sorted(free), dtype=np.int64)
-    position, rotation, height, eccentricity = starts
     return Layout(position, rotation, height, eccentricity, at, components)
 
 
@@ -227,6 +226,38 @@ def frame_values(
         if tangent is not None:
             result.tangent[here] = tangent[group.blocks[_ROTATION]]
     return result
+
+
+def frame_change(
+    frames: Frames,
+    observed: tuple[ObservationGroup, ...],
+    index: Index,
+    step: FloatArray,
+    tangent: FloatArray | None,
+    widest: int,
+) -> FrameChange:
+    """Changes of the compiled frames by a step (u,) of all unknowns; ``widest`` interior components."""
+    count = sum(group.count for group in frames.groups)
+    result = FrameChange(*(np.zeros((count, size)) for size in (3, 3, 3, widest)))
+    for group in _compiled(frames):
+        here = slice(group.first, group.first + group.count)
+        slots = observed[group.group].type.slots
+        position, turn, height, eccentricity, interior = (
+            _of_blocks(step, index.columns[slot.kind][blocks])
+            for slot, blocks in zip(slots, group.blocks, strict=False)
+        )
+        if tangent is not None:
+            turn = np.einsum("fij,fj->fi", tangent[group.blocks[_ROTATION]], turn)
+        result.centre[here] = position
+        result.centre[here, 2] += height[:, 0]
+        result.turn[here] = turn
+        result.eccentricity[here] = eccentricity
+        result.interior[here, : interior.shape[1]] = interior
+    return result
+
+
+def _of_blocks(step: FloatArray, columns: IntArray) -> FloatArray:
+    return np.where(columns >= 0, step[columns], 0.0)
 
 
 def _compiled(frames: Frames) -> list[GroupFrames]:

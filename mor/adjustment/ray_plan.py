@@ -77,10 +77,10 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         rows = np.flatnonzero(place[group.blocks[-1]] >= 0) if is_ray(group) and len(points) else points[:0]
         if len(rows) == 0:
             continue
-        frame, of_group = group_frames(number, first, group, index, rows)
-        found.append(of_group)
+        frame, own = group_frames(number, first, group, index, rows)
+        found.append(own)
         parts.append((rows, place[group.blocks[-1][rows]], frame + first))
-        first += of_group.count
+        first += own.count
     none = np.zeros(0, dtype=np.int64)
     row, point, frame = (
         parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))

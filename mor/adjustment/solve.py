@@ -17,7 +17,7 @@ import numpy as np
 from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
 from mor.adjustment.defect import Defect, explain_defect
 from mor.adjustment.eliminable import eliminable_rays
-from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert
+from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert, invert_alike
 from mor.adjustment.normals import Normals, build_normals, objective
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
@@ -149,7 +149,7 @@ def _advance(state: Adjustment) -> Adjustment:
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(number, state.normals.objective, change, taken.damping)
-    moved = _at(state, taken, (*state.iterations, iteration))
+    moved = _at(state, taken, (*state.iterations, iteration), last=still)
     still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share)
     if moved.outcome is Outcome.NOT_CONVERGED and still:
         return replace(moved, outcome=Outcome.CONVERGED)
@@ -159,8 +159,11 @@ def _advance(state: Adjustment) -> Adjustment:
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:
     """The solution, a step away that is so small that the system stays the same there."""
     objective_there = max(state.normals.objective - iteration.largest_change**2, 0.0)
+    checked = _with_checked_defect(state)
+    if checked.outcome is not Outcome.NOT_CONVERGED:
+        return checked
     return replace(
-        state,
+        checked,
         outcome=Outcome.CONVERGED,
         values=move(state.problem.index, state.values, step),
         normals=state.normals._replace(objective=objective_there),
@@ -242,18 +245,25 @@ def _damped(state: Adjustment) -> _Taken | None:
     return None
 
 
-def _at(state: Adjustment, taken: _Taken, iterations: tuple[Iteration, ...]) -> Adjustment:
+def _at(state: Adjustment, taken: _Taken, iterations: tuple[Iteration, ...], last: bool) -> Adjustment:
+    """The state after a step. Only the last one checks once more what the anchors hold."""
     values = taken.values
     normals = build_normals(state.plan, values) if taken.normals is None else taken.normals
-    inverse = invert(state.plan, normals, values, state.anchors)
-    defect = explain_defect(inverse.null, state.problem, values)
-    moved = replace(
-        state,
-        values=values,
-        normals=normals,
-        inverse=inverse,
-        defect=defect,
-        constraint=constraint(defect.datum, state.problem, values),
-        iterations=iterations,
-    )
-    return _judge_defect(moved)
+    moved = replace(state, values=values, normals=normals, iterations=iterations)
+    if last or state.inverse.weak.shape[1]:
+        return _with_checked_defect(moved)
+    inverse = invert_alike(state.plan, normals, values, state.anchors)
+    return _with_defect(moved, inverse, replace(state.defect, datum=inverse.null))
+
+
+def _with_checked_defect(state: Adjustment) -> Adjustment:
+    """The state with its null and weak directions worked out, where that has not been done at its values."""
+    if len(state.anchors) == 0 and state.inverse.values is state.values:
+        return state
+    inverse = invert(state.plan, state.normals, state.values, state.anchors)
+    return _with_defect(state, inverse, explain_defect(inverse.null, state.problem, state.values))
+
+
+def _with_defect(state: Adjustment, inverse: Inverse, defect: Defect) -> Adjustment:
+    bound = constraint(defect.datum, state.problem, state.values)
+    return _judge_defect(replace(state, inverse=inverse, defect=defect, constraint=bound))

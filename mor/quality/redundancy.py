@@ -10,17 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment import compiled
 from mor.adjustment.block_matrix import BlockMatrix
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.normals import cluster_rows, image_of_rays
 from mor.adjustment.plan import ClusterRows, reduced_columns
 from mor.adjustment.point_elimination import cofactors as ray_cofactors
-from mor.adjustment.ray_chunks import RayChunk, ray_chunks
+from mor.adjustment.ray_chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
+from mor.quality import compiled_rays
 from mor.quality.joint import joint_statistic
+from mor.quality.tests import CONTROLLED
 
 
 class ObservationQuality(NamedTuple):
@@ -52,13 +55,17 @@ def observation_quality(
     """Residuals, redundancy numbers and cofactors of all groups, from the selected inverse of the reduced system.
 
     Also the cofactors (p, 3, 3) of the eliminated points, which come out of the same pass (without weak directions).
+    Residuals are those of the solution; Jacobians are taken where the system was factorised, a tiny last step before,
+    so that Σ r comes out right to the last digits.
     """
-    plan, values = adjustment.plan, adjustment.values
+    plan, values = adjustment.plan, adjustment.inverse.values
     groups = adjustment.problem.groups
-    quality = tuple(_empty(misclosures(group, values)) for group in groups)
+    quality = _residuals(adjustment)
     tangent = rotation_tangents(adjustment.problem.index, values)
     weak = adjustment.inverse.weak
     for row_set in plan.row_sets:
+        if len(row_set.rows) == 0:
+            continue
         rows = linearise(groups[row_set.group], adjustment.problem.index, values, tangent, row_set.rows)
         q = row_cofactors(
             cofactors, plan.target.block_of, rows.jacobian, reduced_columns(rows.columns, plan.reduced)
@@ -88,16 +95,43 @@ def _fill_rays(
     adjustment: Adjustment, quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray
 ) -> None:
     for number in np.unique(chunk.group):
-        group = adjustment.problem.groups[number]
-        here = chunk.group == number
-        rows = chunk.row[here]
-        weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
-        _fill(quality[number], rows, group.mask[rows], white[here], weight)
+        place = np.flatnonzero(chunk.group == number)
+        if compiled.available:
+            compiled_rays.fill(
+                chunk.row[place],
+                place,
+                chunk.weight,
+                white,
+                CONTROLLED,
+                *quality[number],
+            )
+            continue
+        rows, weight = chunk.row[place], chunk.weight[place]
+        _fill(quality[number], rows, weight > 0.0, white[place], weight)
 
 
-def _empty(misclosure: FloatArray) -> ObservationQuality:
-    fields = len(ObservationQuality._fields) - 1
-    return ObservationQuality(-misclosure, *(np.full(misclosure.shape, np.nan) for _ in range(fields)))
+def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
+    """Residuals of all groups, and nothing else yet."""
+    rays, values = adjustment.plan.rays, adjustment.values
+    groups = adjustment.problem.groups
+    result = tuple(
+        ObservationQuality(*(np.full(group.observed.shape, np.nan) for _ in ObservationQuality._fields))
+        for group in groups
+    )
+    for number, (group, one) in enumerate(zip(groups, result, strict=True)):
+        others = np.ones(group.count, dtype=bool)
+        others[rays.rows_of_group(number)] = False
+        rows = np.flatnonzero(others)
+        if len(rows):
+            one.v[rows] = -misclosures(group, values, rows)
+    for chunk, residual in ray_residuals(adjustment.problem, rays, values):
+        weight = rays.measured.weight[chunk.rays]
+        v = np.where(weight > 0.0, residual / np.where(weight > 0.0, weight, 1.0), np.nan)
+        group_of_ray = rays.group_of_frame[chunk.frames][rays.frame[chunk.rays]]
+        for number in np.unique(group_of_ray):
+            here = group_of_ray == number
+            result[number].v[rays.row[chunk.rays][here]] = v[here]
+    return result
 
 
 def _fill(
@@ -144,7 +178,7 @@ def _cluster_quality(
     tangent: FloatArray | None,
 ) -> None:
     plan = adjustment.plan
-    _, jacobian, columns = cluster_rows(plan, cluster, adjustment.values, tangent)
+    _, jacobian, columns = cluster_rows(plan, cluster, adjustment.inverse.values, tangent)
     q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
     weak = adjustment.inverse.weak[columns]
     adjusted = jacobian @ (q + weak @ weak.T) @ jacobian.T

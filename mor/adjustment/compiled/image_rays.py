@@ -33,6 +33,22 @@ class FrameValues(NamedTuple):
     tangent: FloatArray
 
 
+class FrameChange(NamedTuple):
+    """Changes of the blocks of f frames; all arrays are zero where nothing changes.
+
+    Attributes:
+        centre: (f, 3) of the rotation centre.
+        turn: (f, 3) small rotation.
+        eccentricity: (f, 3).
+        interior: (f, k).
+    """
+
+    centre: FloatArray
+    turn: FloatArray
+    eccentricity: FloatArray
+    interior: FloatArray
+
+
 class Layout(NamedTuple):
     """First column of the derivatives by each block of a frame, −1 where they are not wanted.
 
@@ -176,3 +192,57 @@ def residuals(
             w, z = weight[n, 0], weight[n, 1]
             residual[n, 0] = (x - observed[n, 0]) * w if w != 0.0 else 0.0
             residual[n, 1] = (y - observed[n, 1]) * z if z != 0.0 else 0.0
+
+
+@compile_kernel
+def follow(
+    values: FrameValues,
+    change: FrameChange,
+    frame: IntArray,
+    pointers: IntArray,
+    points: FloatArray,
+    rays: Measured,
+    residual: FloatArray,
+    by_point: FloatArray,
+) -> None:
+    """Set residuals (n, 2) after a small change of the frames, to first order, and the Jacobian by the point.
+
+    With q = D (X − X0) the point moves in the image system by q × δ − D ΔX0 + Δr0*.
+    """
+    model, D, centre, e, interiors, r0, _ = values
+    moved, turn, shift, altered = change
+    observed, weight, measured = rays
+    interior, by_interior = np.empty(interiors.shape[1]), np.zeros((2, interiors.shape[1]))
+    star = np.empty((2, 3))
+    for p in range(pointers.size - 1):
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
+                continue
+            for k in range(interior.size):
+                interior[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
+            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
+            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
+            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
+            u, v = measured[n, 0], measured[n, 1]
+            x, y = project(
+                model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v, star, by_interior
+            )
+            s, t, o = moved[f, 0], moved[f, 1], moved[f, 2]
+            g, h, q = turn[f, 0], turn[f, 1], turn[f, 2]
+            da = b * q - c * h - D[f, 0] * s - D[f, 1] * t - D[f, 2] * o + shift[f, 0]
+            db = c * g - a * q - D[f, 3] * s - D[f, 4] * t - D[f, 5] * o + shift[f, 1]
+            dc = a * h - b * g - D[f, 6] * s - D[f, 7] * t - D[f, 8] * o + shift[f, 2]
+            x += star[0, 0] * da + star[0, 1] * db + star[0, 2] * dc
+            y += star[1, 0] * da + star[1, 1] * db + star[1, 2] * dc
+            for k in range(interior.size):
+                x += by_interior[0, k] * altered[f, k]
+                y += by_interior[1, k] * altered[f, k]
+            for m in range(2):
+                w = weight[n, m]
+                found = x if m == 0 else y
+                residual[n, m] = (found - observed[n, m]) * w if w != 0.0 else 0.0
+                s, t, o = w * star[m, 0], w * star[m, 1], w * star[m, 2]
+                for k in range(3):
+                    by_point[n, m, k] = s * D[f, k] + t * D[f, 3 + k] + o * D[f, 6 + k] if w != 0.0 else 0.0

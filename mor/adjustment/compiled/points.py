@@ -121,38 +121,59 @@ def couple(
 
 
 @compile_kernel
-def back_substitute(
-    residual: FloatArray,
-    by_point: FloatArray,
-    by_others: FloatArray,
-    frame: IntArray,
-    columns: IntArray,
-    pointers: IntArray,
-    damping: float,
-    step: FloatArray,
-    point_steps: FloatArray,
+def solve_points(
+    residual: FloatArray, by_point: FloatArray, pointers: IntArray, damping: float, point_steps: FloatArray
 ) -> None:
-    """Set the steps (p, 3) of the points, whose residuals are those after the step of the others."""
-    L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
-    of_frame = np.zeros(columns.shape)
-    for f in range(columns.shape[0]):
-        for k in range(columns.shape[1]):
-            if columns[f, k] >= 0:
-                of_frame[f, k] = step[columns[f, k]]
-    widest = np.diff(pointers).max() if pointers.size > 1 else 0
-    moved, gradient = np.empty((widest, 2)), np.empty(3)
+    """Set the steps (p, 3) of the points, all else known."""
+    L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     for p in range(pointers.size - 1):
-        first, end = pointers[p], pointers[p + 1]
-        for i in range(first, end):
-            x, y = residual[i, 0], residual[i, 1]
-            own, one, two = of_frame[frame[i]], by_others[i, 0], by_others[i, 1]
-            for k in range(own.size):
-                x += one[k] * own[k]
-                y += two[k] * own[k]
-            moved[i - first, 0], moved[i - first, 1] = x, y
-        factor_point(by_point[first:end], moved, 0, end - first, damping, L, inverse, u, gradient)
+        factor_point(by_point, residual, pointers[p], pointers[p + 1], damping, L, inverse, u, gradient)
         for j in range(2, -1, -1):
             for k in range(j + 1, 3):
                 u[j] -= L[k, j] * u[k]
             u[j] *= inverse[j]
             point_steps[p, j] = u[j]
+
+
+@compile_kernel
+def follow_directions(
+    by_point: FloatArray,
+    by_others: FloatArray,
+    frame: IntArray,
+    columns: IntArray,
+    pointers: IntArray,
+    directions: FloatArray,
+    of_points: FloatArray,
+) -> None:
+    """Set how the points follow (p, 3, k) directions (n, k) of the others: −N_pp⁻¹ Wᵀ g."""
+    count, width = directions.shape[1], columns.shape[1]
+    L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    nothing = np.zeros((by_point.shape[0], 2))
+    of_frame = np.zeros((columns.shape[0], width, count))
+    for f in range(columns.shape[0]):
+        for k in range(width):
+            if columns[f, k] >= 0:
+                for d in range(count):
+                    of_frame[f, k, d] = directions[columns[f, k], d]
+    moved, right = np.empty((2, count)), np.empty((3, count))
+    for p in range(pointers.size - 1):
+        clear(right)
+        for i in range(pointers[p], pointers[p + 1]):
+            clear(moved)
+            for k in range(width):
+                x, y = by_others[i, 0, k], by_others[i, 1, k]
+                for d in range(count):
+                    moved[0, d] += x * of_frame[frame[i], k, d]
+                    moved[1, d] += y * of_frame[frame[i], k, d]
+            for j in range(3):
+                x, y = by_point[i, 0, j], by_point[i, 1, j]
+                for d in range(count):
+                    right[j, d] -= x * moved[0, d] + y * moved[1, d]
+        factor_point(by_point, nothing, pointers[p], pointers[p + 1], 0.0, L, inverse, u, gradient)
+        for d in range(count):
+            a = right[0, d] * inverse[0]
+            b = (right[1, d] - L[1, 0] * a) * inverse[1]
+            c = (right[2, d] - L[2, 0] * a - L[2, 1] * b) * inverse[2] * inverse[2]
+            b = (b - L[2, 1] * c) * inverse[1]
+            of_points[p, 0, d] = (a - L[1, 0] * b - L[2, 0] * c) * inverse[0]
+            of_points[p, 1, d], of_points[p, 2, d] = b, c
