@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.block_matrix import BlockMatrix
+from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
+from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
 from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
 from mor.adjustment.point_elimination import ReducedSystem, accumulate
 from mor.adjustment.ray_chunks import ray_chunks, ray_objective
+from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rays import Rays
 from mor.adjustment.rows import accumulate_rows
 from mor.geometry.arrays import FloatArray, IntArray
@@ -53,13 +55,31 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
         accumulate_rows(plan.target, block_values, reduced_rhs, rows.jacobian, rows.misclosure, rows.columns)
     matrix = BlockMatrix(structure, block_values)
     system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal(), reduced_rhs.copy())
-    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
-        rhs[plan.rays.columns[chunk.points]] = accumulate(chunk.rays, system, damping).gradient
-        total += float(np.vdot(chunk.rays.residual, chunk.rays.residual))
+
+    def of_lane(rays: RayPlan) -> tuple[ReducedSystem, float]:
+        own, squares = _empty_system(structure), 0.0
+        for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+            rhs[rays.columns[chunk.points]] = accumulate(chunk.rays, own, damping).gradient
+            squares += float(np.vdot(chunk.rays.residual, chunk.rays.residual))
+        return own, squares
+
+    for own, squares in in_lanes(plan.rays, block_values.size, of_lane):
+        for whole, part in zip(_arrays(system), _arrays(own), strict=True):
+            whole += part
+        total += squares
     rhs[plan.kept] = system.gradient
     if damping:
         add_to_diagonal(matrix, damping * system.diagonal)
     return Normals(matrix, reduced_rhs, system.diagonal, rhs, total)
+
+
+def _empty_system(structure: BlockStructure) -> ReducedSystem:
+    matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
+    return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
+
+
+def _arrays(system: ReducedSystem) -> tuple[FloatArray, ...]:
+    return system.matrix.values, system.right_hand_side, system.diagonal, system.gradient
 
 
 def add_to_diagonal(matrix: BlockMatrix, amounts: FloatArray) -> None:
@@ -128,7 +148,7 @@ def _spread(
 def objective(plan: Plan, values: Values) -> float:
     """lᵀPl at the given values, without derivatives; infinite where an equation cannot be evaluated."""
     groups = plan.problem.groups
-    total = ray_objective(plan.problem, plan.rays, values)
+    total = sum(in_lanes(plan.rays, 0, lambda rays: ray_objective(plan.problem, rays, values)))
     for row_set in plan.row_sets:
         misclosure = misclosures(groups[row_set.group], values, row_set.rows)
         total += float(np.sum(np.where(row_set.weight > 0.0, row_set.weight * misclosure, 0.0) ** 2))
@@ -152,10 +172,16 @@ def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
         moved = np.where((rows.columns >= 0)[:, :, None], reduced[rows.columns], 0.0)
         image = np.einsum("nmk,nkd->nmd", rows.jacobian, moved)
         gram += np.einsum("nmd,nme->de", image, image)
-    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
-        image = image_of_rays(chunk.rays, reduced, directions[plan.rays.columns[chunk.points]])
-        gram += np.einsum("nmd,nme->de", image, image)
-    return gram
+
+    def of_lane(rays: RayPlan) -> FloatArray:
+        own = np.zeros_like(gram)
+        for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+            image = image_of_rays(chunk.rays, reduced, directions[rays.columns[chunk.points]])
+            flat = image.reshape(-1, image.shape[2])
+            own += flat.T @ flat
+        return own
+
+    return sum(in_lanes(plan.rays, gram.size, of_lane), gram)
 
 
 def image_of_rays(rays: Rays, reduced: FloatArray, of_points: FloatArray) -> FloatArray:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.adjustment.lanes import in_lanes
 from mor.adjustment.plan import Plan
 from mor.adjustment.point_elimination import follow_directions, solve_points
 from mor.adjustment.ray_chunks import RayChunk, followed_chunks, ray_chunks
+from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray
 from mor.parameters.index import Values
@@ -24,8 +26,12 @@ def full_directions(plan: Plan, values: Values, reduced: FloatArray) -> FloatArr
     full[plan.kept] = reduced
     if reduced.shape[1] == 0:
         return full
-    for chunk in plan_chunks(plan, values):
-        full[plan.rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced)
+
+    def of_lane(rays: RayPlan) -> None:
+        for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+            full[rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced)
+
+    in_lanes(plan.rays, 0, of_lane)
     return full
 
 
@@ -34,8 +40,12 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
     full = np.zeros(plan.problem.index.count)
     full[plan.kept] = reduced
     steps = np.empty((len(plan.rays.columns), 3))
-    for chunk in followed_chunks(plan.problem, plan.rays, values, full):
-        steps[chunk.points] = solve_points(chunk.residual, chunk.by_point, chunk.pointers, damping)
+
+    def of_lane(rays: RayPlan) -> None:
+        for chunk in followed_chunks(plan.problem, rays, values, full):
+            steps[chunk.points] = solve_points(chunk.residual, chunk.by_point, chunk.pointers, damping)
+
+    in_lanes(plan.rays, 0, of_lane)
     full[plan.rays.columns] = steps
     return full
 

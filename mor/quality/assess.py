@@ -11,9 +11,10 @@ from mor.adjustment.datum import STransformation
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.quality.levels import noncentrality, sidak
+from mor.quality.observation_quality import ObservationQuality
 from mor.quality.precision import datum_transformation, parameter_cofactors
-from mor.quality.redundancy import ObservationQuality, observation_quality
-from mor.quality.reliability import Reliability, reliability
+from mor.quality.redundancy import observation_quality
+from mor.quality.reliability import Reliability
 from mor.quality.tests import GlobalTest, critical_value, global_test, normalised_residuals
 
 
@@ -47,8 +48,6 @@ class Quality:
     noncentrality: float
     """δ0² of α0 and β0."""
     groups: tuple[ObservationQuality, ...]
-    w: tuple[FloatArray, ...]
-    """Normalised residuals v/σ_v of each group (n, m)."""
     reliability: tuple[Reliability, ...]
     """Test values, detectable errors and external reliability of each group."""
     cofactors: Mapping[str, FloatArray]
@@ -63,6 +62,11 @@ class Quality:
             (np.abs(np.nan_to_num(one.test)) > self.critical) & ~group.left_out
             for one, group in zip(self.reliability, groups, strict=True)
         )
+
+    @property
+    def w(self) -> tuple[FloatArray, ...]:
+        """Normalised residuals v/σ_v of each group (n, m)."""
+        return tuple(normalised_residuals(one) for one in self.groups)
 
     @property
     def omega(self) -> float:
@@ -98,10 +102,7 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
         critical=critical_value(levels.snooping),
         noncentrality=ncp,
         groups=groups,
-        w=tuple(normalised_residuals(group.v, group.q_residual, group.r) for group in groups),
-        reliability=tuple(
-            reliability(group, one, ncp) for group, one in zip(problem.groups, groups, strict=True)
-        ),
+        reliability=tuple(Reliability(one, ncp) for one in groups),
         cofactors=blocks,
         datum=datum,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 @compile_kernel
@@ -16,16 +16,12 @@ def fill(
     white: FloatArray,
     controlled: float,
     v: FloatArray,
-    r: FloatArray,
-    q_adjusted: FloatArray,
-    q_residual: FloatArray,
-    weighted: FloatArray,
-    precision: FloatArray,
-    q_weighted: FloatArray,
+    out: BoolArray,
+    absorbed: FloatArray,
     joint: FloatArray,
     freedom: FloatArray,
 ) -> None:
-    """Set the rest of the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows.
+    """Set the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows of their group.
 
     ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``weight`` (n, 2) is 1/σ; the residuals v are
     there already. Eigenvalues of the joint test below ``controlled`` are left out.
@@ -33,18 +29,6 @@ def fill(
     for k in range(rows.size):
         row, i = rows[k], place[k]
         w, z = weight[i, 0], weight[i, 1]
-        for m in range(2):
-            s = weight[i, m]
-            if s == 0.0:
-                continue
-            p = s * s
-            share = min(max(1.0 - white[i, m, m], 0.0), 1.0)
-            r[row, m] = share
-            q_adjusted[row, m] = white[i, m, m] / p
-            q_residual[row, m] = share / p
-            weighted[row, m] = v[row, m] * p
-            precision[row, m] = p
-            q_weighted[row, m] = share * p
         a = 1.0 - white[i, 0, 0] if w != 0.0 else 0.0
         c = 1.0 - white[i, 1, 1] if z != 0.0 else 0.0
         b = -white[i, 0, 1] if w != 0.0 and z != 0.0 else 0.0
@@ -62,5 +46,7 @@ def fill(
             count += 1.0
         for m in range(2):
             if weight[i, m] != 0.0:
-                joint[row, m] = total
-                freedom[row, m] = count
+                absorbed[row, m] = white[i, m, m]
+                if not out[row, m]:
+                    joint[row, m] = total
+                    freedom[row, m] = count

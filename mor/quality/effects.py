@@ -40,7 +40,9 @@ TIE = 6
 def effects(quality: Quality) -> list[Effect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
-    errors = np.array([quality.reliability[e.group].error[e.row, e.component] for e in entries])
+    errors = np.array(
+        [quality.reliability[e.group].at(np.array([e.row])).error[0, e.component] for e in entries]
+    )
     points = [_points_of(quality, entry) for entry in entries]
     moved = point_movements(quality, entries, errors, points)
     return [_effect(quality, *each) for each in zip(entries, points, moved, strict=True)]
@@ -75,12 +77,12 @@ def _chosen(quality: Quality) -> list[Entry]:
 
 
 def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:
-    tests, place = quality.reliability[entry.group], (entry.row, entry.component)
+    tests, place = quality.reliability[entry.group].at(np.array([entry.row])), (0, entry.component)
     most = int(np.argmax(np.linalg.norm(moved, axis=1))) if points else -1
     return Effect(
         entry,
         float(tests.test[place]),
-        float(quality.groups[entry.group].r[place]),
+        float(tests.quality.r[place]),
         float(tests.error[place]),
         float(tests.smallest[place]),
         points[most] if points else -1,

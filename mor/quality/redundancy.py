@@ -6,47 +6,27 @@ and for the components of one observation row the statistic of the joint test, (
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from mor.adjustment import compiled
 from mor.adjustment.block_matrix import BlockMatrix
+from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.normals import cluster_rows, image_of_rays
 from mor.adjustment.plan import ClusterRows, reduced_columns
 from mor.adjustment.point_elimination import cofactors as ray_cofactors
 from mor.adjustment.ray_chunks import RayChunk, ray_chunks, ray_residuals
+from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rows import gather, row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.quality import compiled_rays
 from mor.quality.joint import joint_statistic
+from mor.quality.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests import CONTROLLED
-
-
-class ObservationQuality(NamedTuple):
-    """Quality of one observation group, (n, m) each; NaN where not observed. Cofactors hold for σ0 = 1."""
-
-    v: FloatArray
-    """Residuals, adjusted − observed."""
-    r: FloatArray
-    """Redundancy numbers."""
-    q_adjusted: FloatArray
-    """Cofactors (variances for σ0 = 1) of the adjusted observations."""
-    q_residual: FloatArray
-    """Cofactors of the residuals; 0 where an observation is not controlled at all."""
-    weighted: FloatArray
-    """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not; 0 where excluded."""
-    precision: FloatArray
-    """Diagonal of P."""
-    q_weighted: FloatArray
-    """Diagonal of P Q_vv P, the cofactors of P v."""
-    joint: FloatArray
-    """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
-    freedom: FloatArray
-    """Number of components of a row that are controlled independently of each other."""
 
 
 def observation_quality(
@@ -77,97 +57,83 @@ def observation_quality(
         here = row_set.weight > 0.0
         white = q * row_set.weight[:, :, None] * row_set.weight[:, None, :]
         _fill(quality[row_set.group], row_set.rows, here, white, row_set.weight)
-    for cluster in plan.clusters:
-        _cluster_quality(adjustment, cofactors, cluster, quality, tangent)
+    correlated = [
+        _cluster_quality(adjustment, cofactors, cluster, quality, tangent) for cluster in plan.clusters
+    ]
     of_points = np.zeros((len(plan.rays.columns), 3, 3))
-    for chunk in ray_chunks(adjustment.problem, plan.rays, plan.reduced, values):
-        of_points[chunk.points], white = ray_cofactors(chunk.rays, cofactors)
-        if weak.shape[1]:
-            image = image_of_rays(chunk.rays, weak[plan.kept], weak[plan.rays.columns[chunk.points]])
-            white = white + image @ np.swapaxes(image, 1, 2)
-        _fill_rays(adjustment, quality, chunk, white)
-    for group, one in zip(groups, quality, strict=True):
-        _leave_out(group, one)
-    return quality, of_points
+
+    def of_lane(rays: RayPlan) -> None:
+        for chunk in ray_chunks(adjustment.problem, rays, plan.reduced, values):
+            of_points[chunk.points], white = ray_cofactors(chunk.rays, cofactors)
+            if weak.shape[1]:
+                image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
+                white = white + image @ np.swapaxes(image, 1, 2)
+            _fill_rays(quality, chunk, white)
+
+    in_lanes(plan.rays, 0, of_lane)
+    return tuple(_with_correlated(number, one, correlated) for number, one in enumerate(quality)), of_points
 
 
-def _fill_rays(
-    adjustment: Adjustment, quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray
-) -> None:
+def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray) -> None:
     for number in np.unique(chunk.group):
         place = np.flatnonzero(chunk.group == number)
+        one = quality[number]
+        rows = chunk.row[place]
         if compiled.available:
-            compiled_rays.fill(
-                chunk.row[place],
-                place,
-                chunk.weight,
-                white,
-                CONTROLLED,
-                *quality[number],
-            )
-            continue
-        rows, weight = chunk.row[place], chunk.weight[place]
-        _fill(quality[number], rows, weight > 0.0, white[place], weight)
+            arrays = one.v, one.out, one.absorbed, one.joint, one.freedom
+            compiled_rays.fill(rows, place, chunk.weight, white, CONTROLLED, *arrays)
+        else:
+            _fill(one, rows, chunk.weight[place] > 0.0, white[place], chunk.weight[place])
 
 
 def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
     """Residuals of all groups, and nothing else yet."""
     rays, values = adjustment.plan.rays, adjustment.values
     groups = adjustment.problem.groups
-    result = tuple(
-        ObservationQuality(*(np.full(group.observed.shape, np.nan) for _ in ObservationQuality._fields))
-        for group in groups
-    )
+    result = tuple(_empty(group) for group in groups)
     for number, (group, one) in enumerate(zip(groups, result, strict=True)):
         others = np.ones(group.count, dtype=bool)
         others[rays.rows_of_group(number)] = False
         rows = np.flatnonzero(others)
         if len(rows):
             one.v[rows] = -misclosures(group, values, rows)
-    for chunk, residual in ray_residuals(adjustment.problem, rays, values):
-        weight = rays.measured.weight[chunk.rays]
-        v = np.where(weight > 0.0, residual / np.where(weight > 0.0, weight, 1.0), np.nan)
-        group_of_ray = rays.group_of_frame[chunk.frames][rays.frame[chunk.rays]]
-        for number in np.unique(group_of_ray):
-            here = group_of_ray == number
-            result[number].v[rays.row[chunk.rays][here]] = v[here]
+
+    def of_lane(lane: RayPlan) -> None:
+        for chunk, residual in ray_residuals(adjustment.problem, lane, values):
+            weight = lane.measured.weight[chunk.rays]
+            v = np.where(weight > 0.0, residual / np.where(weight > 0.0, weight, 1.0), np.nan)
+            group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
+            for number in np.unique(group_of_ray):
+                here = group_of_ray == number
+                result[number].v[lane.row[chunk.rays][here]] = v[here]
+
+    in_lanes(rays, 0, of_lane)
     return result
+
+
+def _empty(group: ObservationGroup) -> ObservationQuality:
+    v, absorbed, joint, freedom = (np.full(group.observed.shape, np.nan) for _ in range(4))
+    return ObservationQuality(v, absorbed, joint, freedom, group.sigma, group.left_out)
 
 
 def _fill(
     quality: ObservationQuality, rows: IntArray, here: BoolArray, white: FloatArray, weight: FloatArray
 ) -> None:
     """Rows of uncorrelated observations with W J Q Jᵀ W (n, m, m), W their weights (n, m) to the power ½."""
-    variance = 1.0 / np.where(here, weight, 1.0) ** 2
-    adjusted = np.diagonal(white, axis1=1, axis2=2)
-    r = np.clip(1.0 - adjusted, 0.0, 1.0)
     joint, freedom = joint_statistic(quality.v[rows] * weight, np.eye(white.shape[1]) - white, here)
-    for array, new in (
-        (quality.r, r),
-        (quality.q_adjusted, adjusted * variance),
-        (quality.q_residual, r * variance),
-        (quality.weighted, quality.v[rows] / variance),
-        (quality.precision, 1.0 / variance),
-        (quality.q_weighted, r / variance),
-        (quality.joint, joint[:, None]),
-        (quality.freedom, freedom[:, None]),
-    ):
-        array[rows] = np.where(here, new, array[rows])
+    tested = here & ~quality.out[rows]
+    quality.absorbed[rows] = np.where(here, np.diagonal(white, axis1=1, axis2=2), quality.absorbed[rows])
+    quality.joint[rows] = np.where(tested, joint[:, None], quality.joint[rows])
+    quality.freedom[rows] = np.where(tested, freedom[:, None], quality.freedom[rows])
 
 
-def _leave_out(group: ObservationGroup, quality: ObservationQuality) -> None:
-    """Excluded entries take no part in sums, and are tested by their own means."""
-    out = group.left_out
-    for array in (
-        quality.r,
-        quality.q_residual,
-        quality.precision,
-        quality.q_weighted,
-        quality.joint,
-        quality.freedom,
-    ):
-        array[out] = np.nan
-    quality.weighted[out] = 0.0
+def _with_correlated(
+    number: int, quality: ObservationQuality, found: list[dict[int, Correlated]]
+) -> ObservationQuality:
+    parts = [cluster[number] for cluster in found if number in cluster]
+    if not parts:
+        return quality
+    return replace(quality, correlated=Correlated(*map(np.concatenate, zip(*parts, strict=True))))
 
 
 def _cluster_quality(
@@ -176,7 +142,8 @@ def _cluster_quality(
     cluster: ClusterRows,
     quality: tuple[ObservationQuality, ...],
     tangent: FloatArray | None,
-) -> None:
+) -> dict[int, Correlated]:
+    """Quality of the entries of a cluster, by group; the joint tests are set in ``quality``."""
     plan = adjustment.plan
     _, jacobian, columns = cluster_rows(plan, cluster, adjustment.inverse.values, tangent)
     q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
@@ -187,19 +154,24 @@ def _cluster_quality(
     misclosure = quality_at(cluster, [group.v for group in quality])
     weighted_cofactors = precision - precision @ adjusted @ precision
     joint, freedom = _joint_of_cluster(cluster, precision @ misclosure, weighted_cofactors)
-    for name, new in (
-        ("r", 1.0 - np.diagonal(adjusted @ precision)),
-        ("q_adjusted", np.diagonal(adjusted)),
-        ("q_residual", np.maximum(np.diagonal(covariance - adjusted), 0.0)),
-        ("weighted", precision @ misclosure),
-        ("precision", np.diagonal(precision)),
-        ("q_weighted", np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))),
-        ("joint", joint),
-        ("freedom", freedom),
-    ):
-        for number in np.unique(cluster.groups):
-            here = cluster.groups == number
-            getattr(quality[number], name)[cluster.rows[here], cluster.components[here]] = new[here]
+    found = {}
+    for number in np.unique(cluster.groups):
+        here = cluster.groups == number
+        rows, components = place = cluster.rows[here], cluster.components[here]
+        inside = ~quality[number].out[place]
+        quality[number].joint[place] = np.where(inside, joint[here], np.nan)
+        quality[number].freedom[place] = np.where(inside, freedom[here], np.nan)
+        found[int(number)] = Correlated(
+            rows,
+            components,
+            r=1.0 - np.diagonal(adjusted @ precision)[here],
+            q_adjusted=np.diagonal(adjusted)[here],
+            q_residual=np.maximum(np.diagonal(covariance - adjusted), 0.0)[here],
+            weighted=(precision @ misclosure)[here],
+            precision=np.diagonal(precision)[here],
+            q_weighted=np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))[here],
+        )
+    return found
 
 
 def quality_at(cluster: ClusterRows, arrays: list[FloatArray]) -> FloatArray:

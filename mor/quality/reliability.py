@@ -13,56 +13,68 @@ None of them depends on the datum. Without correlations w_B is the normalised re
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
-from mor.observations import ObservationGroup
-from mor.quality.redundancy import ObservationQuality
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.observations._contract import OUT
+from mor.quality.observation_quality import ObservationQuality
 from mor.quality.tests import CONTROLLED
 
 
-class Reliability(NamedTuple):
+@dataclass(frozen=True)
+class Reliability:
     """Reliability of one observation group, (n, m) each; NaN where there is no test. For σ0 = 1."""
 
-    test: FloatArray
-    """w_B; for excluded observations that of the test whether they fit."""
-    error: FloatArray
-    """Estimated gross error, in the sense observed − true."""
-    smallest: FloatArray
-    """∇, the smallest detectable gross error."""
-    external: FloatArray
-    """δ̄0."""
+    quality: ObservationQuality
+    ncp: float
+    """Non-centrality δ0²."""
 
+    def at(self, rows: IntArray | slice) -> Reliability:
+        """Reliability of some of the rows."""
+        return Reliability(self.quality.at(rows), self.ncp)
 
-def reliability(group: ObservationGroup, quality: ObservationQuality, ncp: float) -> Reliability:
-    """Reliability of a group, ``ncp`` = δ0²."""
-    controlled = np.nan_to_num(quality.q_weighted) > CONTROLLED * np.nan_to_num(quality.precision, nan=np.inf)
-    q = np.where(controlled, quality.q_weighted, np.nan)
-    root = np.sqrt(q)
-    smallest = np.sqrt(ncp) / root
-    hidden = np.maximum(quality.precision - q, 0.0)
-    result = Reliability(quality.weighted / root, -quality.weighted / q, smallest, smallest * np.sqrt(hidden))
-    return _with_excluded(group, quality, result, ncp)
+    @property
+    def test(self) -> FloatArray:
+        """w_B; for excluded observations that of the test whether they fit."""
+        return self._with_excluded(self.quality.weighted / np.sqrt(self._q), lambda v, spread: v / spread)
 
+    @property
+    def error(self) -> FloatArray:
+        """Estimated gross error, in the sense observed − true."""
+        return self._with_excluded(-self.quality.weighted / self._q, lambda v, spread: -v)
 
-def _with_excluded(
-    group: ObservationGroup, quality: ObservationQuality, result: Reliability, ncp: float
-) -> Reliability:
-    """Excluded observations against what all others say of them: v has the variance σ² + q, q that of the others."""
-    out = group.left_out
-    if not out.any():
-        return result
-    spread = np.sqrt(group.given_sigma[out] ** 2 + quality.q_adjusted[out])
-    for array, values in (
-        (result.test, quality.v[out] / spread),
-        (result.error, -quality.v[out]),
-        (result.smallest, np.sqrt(ncp) * spread),
-        (result.external, np.zeros(len(spread))),
-    ):
-        array[out] = values
-    return result
+    @property
+    def smallest(self) -> FloatArray:
+        """∇, the smallest detectable gross error."""
+        detectable = np.sqrt(self.ncp) / np.sqrt(self._q)
+        return self._with_excluded(detectable, lambda v, spread: np.sqrt(self.ncp) * spread)
+
+    @property
+    def external(self) -> FloatArray:
+        """δ̄0."""
+        q = self._q
+        external = np.sqrt(self.ncp) / np.sqrt(q) * np.sqrt(np.maximum(self.quality.precision - q, 0.0))
+        return self._with_excluded(external, lambda v, spread: np.zeros(len(v)))
+
+    @property
+    def _q(self) -> FloatArray:
+        """Diagonal of P Q_vv P; NaN where an observation is not controlled."""
+        q, precision = self.quality.q_weighted, self.quality.precision
+        controlled = np.nan_to_num(q) > CONTROLLED * np.nan_to_num(precision, nan=np.inf)
+        return np.where(controlled, q, np.nan)
+
+    def _with_excluded(
+        self, values: FloatArray, of_excluded: Callable[[FloatArray, FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Excluded observations against what all others say of them: v has the variance σ² + q, q of the others."""
+        out = self.quality.out
+        if out.any():
+            spread = np.sqrt((self.quality.sigma[out] / OUT) ** 2 + self.quality.q_adjusted[out])
+            values[out] = of_excluded(self.quality.v[out], spread)
+        return values
 
 
 def student_square(test: FloatArray, omega: float, redundancy: int) -> FloatArray:

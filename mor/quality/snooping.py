@@ -130,7 +130,7 @@ def _remember(
     steps: list[Snooped], number: int, quality: Quality, entries: Entries, out: tuple[BoolArray, ...]
 ) -> None:
     for group, row, component in entries:
-        value = float(quality.reliability[group].test[row, component])
+        value = float(quality.reliability[group].at(np.array([row])).test[0, component])
         steps.append(Snooped(number, group, row, component, value, not out[group][row, component]))
 
 

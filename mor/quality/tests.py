@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri, ndtri
 
 from mor.geometry.arrays import FloatArray
+from mor.quality.observation_quality import ObservationQuality
 
 CONTROLLED = 1e-6
 """Redundancy number below which an observation cannot be tested: nothing else would notice an error in it."""
@@ -37,11 +38,11 @@ def global_test(statistic: float, redundancy: int, level: float) -> GlobalTest:
     return GlobalTest(statistic, lower, upper, level, redundancy)
 
 
-def normalised_residuals(v: FloatArray, q_residual: FloatArray, r: FloatArray) -> FloatArray:
-    """w = v/σ_v for σ0 = 1; NaN where r is (nearly) zero, for then there is no test."""
-    testable = np.nan_to_num(r, nan=0.0) > CONTROLLED
-    safe = np.where(testable, q_residual, 1.0)
-    return np.where(testable & (safe > 0.0), v / np.sqrt(np.where(safe > 0.0, safe, 1.0)), np.nan)
+def normalised_residuals(quality: ObservationQuality) -> FloatArray:
+    """w = v/σ_v (n, m) for σ0 = 1; NaN where r is (nearly) zero, for then there is no test."""
+    testable = np.nan_to_num(quality.r) > CONTROLLED
+    q = np.where(testable, quality.q_residual, 0.0)
+    return np.where(q > 0.0, quality.v / np.sqrt(np.where(q > 0.0, q, 1.0)), np.nan)
 
 
 def critical_value(level: float) -> float:

@@ -164,8 +164,8 @@ def test_nothing_of_it_depends_on_the_datum(scale_bar):
             np.testing.assert_allclose(a.v, b.v, atol=1e-9 * scale)
             np.testing.assert_allclose(a.r, b.r, atol=1e-9)
         for a, b in zip(first.reliability, other.reliability, strict=True):
-            for one, same in zip(a, b, strict=True):
-                np.testing.assert_allclose(one, same, rtol=1e-9, atol=1e-9)
+            for name in ("test", "error", "smallest", "external"):
+                np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-9, atol=1e-9)
     # what does depend on it, so that the test above is not empty
     assert np.abs(first.cofactors["point"] - results[1].cofactors["point"]).max() > 1e-9
 
@@ -277,9 +277,18 @@ def test_student_form_leaves_the_tested_observation_out():
 def test_observations_that_nothing_controls_have_no_test():
     scene, points = photo_block(scale_bar=True)
     quality = assess(solve(scene, np.random.default_rng(6), points))
-    for values in quality.reliability[1]:
-        assert np.isnan(values).all()
+    for name in ("test", "error", "smallest", "external"):
+        assert np.isnan(getattr(quality.reliability[1], name)).all()
     assert quality.groups[1].freedom[0, 0] == 0.0
+
+
+def test_quality_of_some_rows_is_that_of_the_whole():
+    scene, points = photo_block(scale_bar=True)
+    quality = assess(solve(scene, np.random.default_rng(6), points))
+    whole, rows = quality.reliability[0], np.array([7, 2, 11])
+    for name in ("test", "error", "smallest", "external"):
+        np.testing.assert_array_equal(getattr(whole.at(rows), name), getattr(whole, name)[rows])
+        np.testing.assert_array_equal(getattr(whole.at(slice(3, 6)), name), getattr(whole, name)[3:6])
 
 
 def test_an_observation_controlled_by_very_many_others():

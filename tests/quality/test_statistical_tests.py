@@ -9,6 +9,7 @@ from scenes import Scene, mixed_network
 
 from mor.adjustment.solve import Outcome, adjust
 from mor.quality.assess import assess
+from mor.quality.observation_quality import ObservationQuality
 from mor.quality.tests import critical_value, global_test, normalised_residuals
 
 
@@ -33,9 +34,10 @@ def test_without_redundancy_there_is_nothing_to_test():
 
 def test_normalised_residuals_only_where_something_controls():
     v = np.array([[3e-3, 1.0, np.nan]])
-    q = np.array([[1e-6, 0.0, np.nan]])
-    r = np.array([[0.25, 1e-9, np.nan]])
-    w = normalised_residuals(v, q, r)
+    absorbed = np.array([[0.75, 1.0 - 1e-9, np.nan]])
+    nothing = np.full((1, 3), np.nan)
+    sigma, out = np.array([[2e-3, 1.0, 1.0]]), np.zeros((1, 3), bool)
+    w = normalised_residuals(ObservationQuality(v, absorbed, nothing, nothing, sigma, out))
     assert w[0, 0] == pytest.approx(3.0)
     assert np.isnan(w[0, 1:]).all()
 

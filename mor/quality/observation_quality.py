@@ -1,0 +1,122 @@
+"""Quality of the observations of one group: what is kept of it, and what follows from that.
+
+For ten million rays every array counts. Of an uncorrelated observation only the residual v and the part 1 − r of an
+error that the adjusted value absorbs are kept; cofactors and weighted residuals follow from these and σ. Correlated
+observations, which are few, keep theirs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+
+
+class Correlated(NamedTuple):
+    """Quality of the k correlated entries of a group, (k,) each; the properties of ``ObservationQuality``."""
+
+    rows: IntArray
+    components: IntArray
+    r: FloatArray
+    q_adjusted: FloatArray
+    q_residual: FloatArray
+    weighted: FloatArray
+    precision: FloatArray
+    q_weighted: FloatArray
+
+
+@dataclass(frozen=True)
+class ObservationQuality:
+    """Quality of one observation group, (n, m) each; NaN where there is no observation.
+
+    Excluded entries have residuals and cofactors of their adjusted values, but no r, and no part in any sum.
+    """
+
+    v: FloatArray
+    """Residuals, adjusted − observed."""
+    absorbed: FloatArray
+    """1 − r: part of an error that goes into the adjusted value; for uncorrelated entries."""
+    joint: FloatArray
+    """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
+    freedom: FloatArray
+    """Number of components of a row that are controlled independently of each other."""
+    sigma: FloatArray
+    """Standard deviations the adjustment worked with."""
+    out: BoolArray
+    """Excluded entries."""
+    correlated: Correlated | None = None
+
+    def at(self, rows: IntArray | slice) -> ObservationQuality:
+        """Quality of some of the rows."""
+        return ObservationQuality(
+            self.v[rows],
+            self.absorbed[rows],
+            self.joint[rows],
+            self.freedom[rows],
+            self.sigma[rows],
+            self.out[rows],
+            _at(self.correlated, np.arange(len(self.v))[rows]) if self.correlated else None,
+        )
+
+    @property
+    def r(self) -> FloatArray:
+        """Redundancy numbers."""
+        r: FloatArray = np.clip(1.0 - self.absorbed, 0.0, 1.0)
+        return self._active("r", r)
+
+    @property
+    def q_adjusted(self) -> FloatArray:
+        """Cofactors (variances for σ0 = 1) of the adjusted observations."""
+        return self._corrected("q_adjusted", self.absorbed * self.sigma**2)
+
+    @property
+    def q_residual(self) -> FloatArray:
+        """Cofactors of the residuals; 0 where an observation is not controlled at all."""
+        return self._active("q_residual", np.clip(1.0 - self.absorbed, 0.0, 1.0) * self.sigma**2)
+
+    @property
+    def weighted(self) -> FloatArray:
+        """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not; 0 where excluded."""
+        weighted = self._corrected("weighted", self.v * self._weight)
+        weighted[self.out] = 0.0
+        return weighted
+
+    @property
+    def precision(self) -> FloatArray:
+        """Diagonal of P."""
+        return self._active("precision", self._weight)
+
+    @property
+    def q_weighted(self) -> FloatArray:
+        """Diagonal of P Q_vv P, the cofactors of P v."""
+        return self._active("q_weighted", np.clip(1.0 - self.absorbed, 0.0, 1.0) * self._weight)
+
+    @property
+    def _weight(self) -> FloatArray:
+        return 1.0 / np.where(np.isfinite(self.v), self.sigma, np.nan) ** 2
+
+    def _active(self, name: str, values: FloatArray) -> FloatArray:
+        values = self._corrected(name, values)
+        values[self.out] = np.nan
+        return values
+
+    def _corrected(self, name: str, values: FloatArray) -> FloatArray:
+        if self.correlated is not None:
+            values[self.correlated.rows, self.correlated.components] = getattr(self.correlated, name)
+        return values
+
+
+def _at(correlated: Correlated, rows: IntArray) -> Correlated | None:
+    """The entries that stand in these rows, which may come in any order, each once."""
+    order = np.argsort(rows, kind="stable")
+    place = np.minimum(np.searchsorted(rows, correlated.rows, sorter=order), len(rows) - 1)
+    if len(rows) == 0:
+        return None
+    here = rows[order[place]] == correlated.rows
+    if not here.any():
+        return None
+    kept = Correlated(*(array[here] for array in correlated))
+    return kept._replace(rows=order[place[here]])
