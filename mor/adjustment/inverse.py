@@ -114,10 +114,13 @@ def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
     matrix = normals.matrix.scaled(scale)
     anchors = np.zeros(0, dtype=np.int64)
     for _ in range(matrix.structure.unknowns):
-        anchored = _with_diagonal(matrix, anchors, 1.0)
-        factor = factorise(anchored, plan.elimination)
+        factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
         directions = factor.solve(_unit_vectors(matrix, anchors))
-        loose = _released(matrix, factor) if len(factor.set_aside) else _hardly_determined(anchored, factor)
+        loose = (
+            _released(matrix, factor)
+            if len(factor.set_aside)
+            else _hardly_determined(matrix.structure.unknowns, factor)
+        )
         if loose.shape[1] == 0:
             return anchors
         anchors = _spread_out(np.concatenate([directions, loose], axis=1))
@@ -147,16 +150,19 @@ def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[Floa
     return eigenvalues, vectors
 
 
-def _hardly_determined(anchored: BlockMatrix, factor: Factor) -> FloatArray:
+def _hardly_determined(unknowns: int, factor: Factor) -> FloatArray:
     """Directions (n, k) with gᵀN'g small against ‖g‖², by block inverse iteration from seeded random probes.
 
-    N' contains the anchors there are: what they hold already must not be found again.
+    The factor is that of N', with the anchors there are: what they hold already must not be found again.
     """
-    unknowns = anchored.structure.unknowns
     probes = np.random.default_rng(1984).standard_normal((unknowns, min(_PROBES, unknowns)))
     for _ in range(2):
-        probes, _ = np.linalg.qr(factor.solve(probes))
-    eigenvalues, vectors = scipy.linalg.eigh(probes.T @ anchored.multiply(probes))
+        before = probes
+        probes, triangle = np.linalg.qr(factor.solve(before))
+    gram = scipy.linalg.solve_triangular(
+        triangle, before.T @ probes, trans="T"
+    )  # N' probes = before · triangle⁻¹
+    eigenvalues, vectors = scipy.linalg.eigh(0.5 * (gram + gram.T))
     return probes @ vectors[:, eigenvalues < HARDLY_DETERMINED]
 
 

@@ -84,13 +84,16 @@ def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntA
 def _row_set(
     number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan
 ) -> RowSet:
-    weight = np.where(group.mask, 1.0 / np.where(group.mask, group.sigma, 1.0), 0.0)
-    weight[rays.rows_of_group(number)] = 0.0
+    uncorrelated = np.ones(group.observed.shape, dtype=bool)
+    uncorrelated[rays.rows_of_group(number)] = False
     for cluster in clusters:
         here = cluster.groups == number
-        weight[cluster.rows[here], cluster.components[here]] = 0.0
-    rows = np.flatnonzero((weight > 0.0).any(axis=1))
-    return RowSet(number, rows, weight[rows])
+        uncorrelated[cluster.rows[here], cluster.components[here]] = False
+    rows = np.flatnonzero(uncorrelated.any(axis=1))
+    seen = uncorrelated[rows] & np.isfinite(group.observed[rows])
+    weight = np.where(seen, 1.0 / np.where(seen, group.sigma[rows], 1.0), 0.0)
+    used = seen.any(axis=1)
+    return RowSet(number, rows[used], weight[used])
 
 
 def _cluster_rows(problem: Problem, cluster: Cluster) -> ClusterRows:

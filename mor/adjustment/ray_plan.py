@@ -12,8 +12,8 @@ from mor.adjustment.compiled import sorting
 from mor.adjustment.compiled.image_rays import Measured
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_frames, is_ray
-from mor.geometry.arrays import IntArray
-from mor.observations import ObservationGroup
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.observations import IMAGE_TYPES, ObservationGroup
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 2048, 65_536
 """Points and rays of a chunk at most: so few that their Jacobians stay in the cache, so many that they share blocks."""
@@ -91,7 +91,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
     columns = index.columns["point"][points] if len(points) else np.zeros((0, 3), dtype=np.int64)
-    measured = _measured(groups, group_of_frame[frame], row)
+    measured = _measured(groups, found, frame, row)
     return RayPlan(points, columns, pointers, row, local, frames, group_of_frame, measured, chunks)
 
 
@@ -123,16 +123,26 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[IntArray,
     return local, chunks
 
 
-def _measured(groups: tuple[ObservationGroup, ...], group: IntArray, row: IntArray) -> Measured:
+def _measured(
+    groups: tuple[ObservationGroup, ...], frames: list[GroupFrames], frame: IntArray, row: IntArray
+) -> Measured:
     """Measurements in the order of the rays."""
-    observed, weight, measured = (np.zeros((len(row), 2)) for _ in range(3))
-    for number in np.unique(group):
-        one = groups[number]
-        here = slice(None) if (group == number).all() else np.flatnonzero(group == number)
-        rows = row[here]
-        given, sigma = one.observed[rows], one.sigma[rows]
-        seen = np.isfinite(given)
-        observed[here] = np.where(seen, given, 0.0)
-        weight[here] = np.where(seen, 1.0 / np.where(seen, sigma, 1.0), 0.0)
-        measured[here] = np.nan_to_num(one.constants[rows, :2]) if one.constants.shape[1] >= 2 else 0.0
-    return Measured(observed, weight, observed if np.array_equal(observed, measured) else measured)
+    if len(frames) == 1:
+        return Measured(*_of_rows(groups[frames[0].group], row))
+    parts = tuple(np.empty((len(row), 2)) for _ in range(3))
+    for own in frames:
+        here = np.flatnonzero((frame >= own.first) & (frame < own.first + own.count))
+        for part, values in zip(parts, _of_rows(groups[own.group], row[here]), strict=True):
+            part[here] = values
+    return Measured(*parts)
+
+
+def _of_rows(group: ObservationGroup, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Observed values, weights, and the measured coordinates that a camera model may correct, (n, 2) each."""
+    observed, weight = group.observed[rows], 1.0 / group.sigma[rows]
+    unseen = ~np.isfinite(observed)
+    if unseen.any():
+        observed[unseen] = weight[unseen] = 0.0
+    if group.type is not IMAGE_TYPES["brown"]:
+        return observed, weight, observed  # all other models compute forward, and never look at it
+    return observed, weight, np.nan_to_num(group.constants[rows, :2])

@@ -194,10 +194,10 @@ def _stalled(state: Adjustment, change: float) -> bool:
 
 
 def _next_is_tiny(state: Adjustment, change: float) -> bool:
-    """True where the steps shrink so fast that the next one would be tiny, with a margin of ten."""
+    """True where the steps shrink so fast that the next one would be tiny, with a margin of four."""
     if change > ROUND_OFF_STEP or not state.iterations or state.iterations[-1].damping:
         return False
-    return 10.0 * change * change <= TINY_STEP * state.iterations[-1].largest_change
+    return 4.0 * change * change <= TINY_STEP * state.iterations[-1].largest_change
 
 
 class _Taken(NamedTuple):
