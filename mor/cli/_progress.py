@@ -50,6 +50,12 @@ class Progress:
             if not self.quiet:
                 click.echo(f"note: {note}", err=True)
 
+    def note(self, words: str) -> None:
+        """Something the user should know."""
+        self.event("note", message=words, file="", line=0)
+        if not self.quiet:
+            click.echo(f"note: {words}", err=True)
+
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""
         self.event(

@@ -58,6 +58,7 @@ def command(
     \b
     Exit codes: 0 done; 1 rejected (with --strict); 2 input; 3 not converged; 4 singular; 70 internal.
     """
+    from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.pipeline import read_document, read_network, snooped, solve_network
     from mor.report.folder import check_free, check_inputs
@@ -67,7 +68,7 @@ def command(
     from mor.report.write import results_text, write_results
 
     writes = output is not None or not as_json
-    with progress(quiet, verbose, events) as say:
+    with progress(quiet, verbose, events) as say, compiler_announced(say.note):
         say.phase("reading")
         document = read_document(project)
         folder = output or project.with_suffix(".results")

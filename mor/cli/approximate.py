@@ -26,6 +26,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
       mor approximate project.yaml -o started --force
     """
     from mor.approximate.strategy import approximate
+    from mor.cli._compiler import compiler_announced
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.adjusted_project import Placed
@@ -37,7 +38,8 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     check_free(folder, force)
     document = read_document(project)
     network = read_network(document, project.parent)
-    approximation = approximate(network)
+    with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
+        approximation = approximate(network)
     click.echo(protocol(network, approximation), nl=False)
     if approximation.missing:
         return ExitCode.INPUT

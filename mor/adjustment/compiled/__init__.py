@@ -11,7 +11,8 @@ After such a change touch the files of the callers, or remove ``compiled/__pycac
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -33,7 +34,14 @@ except ImportError:
         """Return the function as it is: there is no compiler."""
         return function
 
+    @contextmanager
+    def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
+        """Nothing is ever compiled."""
+        yield
+
 else:
+    from numba.core.event import Event, Listener, install_listener
+
     available = True
     if "NUMBA_SLP_VECTORIZE" not in os.environ:
         # Blocks of six by six are written out entry by entry. Packed into vector registers that takes half the time.
@@ -54,3 +62,23 @@ else:
         """
         inlined: Function = numba.njit(function, inline="always", nogil=True, fastmath=_FAST_SUMS)
         return inlined
+
+    class _First(Listener):  # type: ignore[misc]
+        """Listens until something is compiled that was not on disk."""
+
+        def __init__(self, announce: Callable[[], None]) -> None:
+            self._announce: Callable[[], None] | None = announce
+
+        def on_start(self, event: Event) -> None:
+            announce, self._announce = self._announce, None
+            if announce is not None:
+                announce()
+
+        def on_end(self, event: Event) -> None:
+            pass
+
+    @contextmanager
+    def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
+        """Within, call ``announce`` once before the first kernel is compiled, which takes a while on the first run."""
+        with install_listener("numba:compile", _First(announce)):
+            yield

@@ -1,0 +1,28 @@
+"""The first run says that it compiles; a run without compiler says that it is slower."""
+
+from __future__ import annotations
+
+import pytest
+
+from mor.adjustment import compiled
+from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
+
+
+def test_compiling_is_announced_once_and_only_then():
+    numba = pytest.importorskip("numba")
+    one, other = numba.njit(lambda x: x + 1.0), numba.njit(lambda x: x - 1.0)
+    said: list[str] = []
+    with compiler_announced(said.append):
+        assert said == []
+        one(1.0), other(1.0)
+        assert said == [FIRST_RUN]
+    with compiler_announced(said.append):
+        one(2.0)  # compiled already
+    assert said == [FIRST_RUN]
+
+
+def test_a_machine_without_compiler_is_told(monkeypatch):
+    monkeypatch.setattr(compiled, "available", False)
+    said: list[str] = []
+    with compiler_announced(said.append):
+        assert said == [PLAIN]
