@@ -63,7 +63,7 @@ else:
         inlined: Function = numba.njit(function, inline="always", nogil=True, fastmath=_FAST_SUMS)
         return inlined
 
-    class _First(Listener):  # type: ignore[misc]
+    class _First(Listener):
         """Listens until something is compiled that was not on disk."""
 
         def __init__(self, announce: Callable[[], None]) -> None:
