@@ -162,6 +162,20 @@ def without(group: ObservationGroup, excluded: BoolArray) -> ObservationGroup:
     return replace(group, sigma=sigma, excluded=excluded if excluded.any() else None)
 
 
+def some_rows(group: ObservationGroup, rows: IntArray | slice) -> ObservationGroup:
+    """The group of some rows of a group."""
+    return replace(
+        group,
+        blocks=tuple(blocks[rows] for blocks in group.blocks),
+        observed=group.observed[rows],
+        sigma=group.sigma[rows],
+        constants=group.constants[rows],
+        references=tuple(names.take(rows) for names in group.references),
+        lines=group.lines[rows] if len(group.lines) else group.lines,
+        excluded=group.excluded[rows] if group.excluded is not None else None,
+    )
+
+
 def wrap(angle: FloatArray) -> FloatArray:
     """Angles folded into [−π, π]."""
     folded: FloatArray = np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi

@@ -71,3 +71,12 @@ def places(texts: pl.Series, known: pl.Series) -> SmallIntArray:
     found = pl.DataFrame({"name": texts}).join(table, on="name", how="left", maintain_order="left")
     numbers: SmallIntArray = found["number"].fill_null(-1).to_numpy()
     return numbers
+
+
+def places_of(names: Names, known: Sequence[str]) -> SmallIntArray:
+    """(n,) place of every name in a list that has them all."""
+    if names.known is known:
+        return names.numbers
+    there = places(pl.Series(names.known, dtype=pl.String), pl.Series(known, dtype=pl.String))
+    result: SmallIntArray = there[names.numbers]
+    return result
