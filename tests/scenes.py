@@ -20,6 +20,7 @@ from mor.geometry.rotations import (
     rotation_from_angles,
 )
 from mor.observations import ALL_TYPES, ObservationGroup
+from mor.observations.names import one_name
 from mor.parameters.index import Blocks, index_unknowns, partly_free
 from mor.parameters.kinds import KINDS
 
@@ -172,7 +173,7 @@ class Scene:
         for row, given in rows.given.items():
             observed[row] = given
         observed[~np.stack(rows.seen)] = np.nan
-        references = tuple(("?",) * len(observed) for _ in kind.references)
+        references = tuple(one_name("?", len(observed)) for _ in kind.references)
         return ObservationGroup(name, kind, numbers, observed, np.stack(rows.sigma), constants, references)
 
     def start(self, amount: float, seed: int = 0) -> dict[str, FloatArray]:

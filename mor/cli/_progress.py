@@ -43,6 +43,9 @@ class Progress:
         elif self.verbose and not self.quiet:
             click.echo(f"{name} …", err=True)
 
+    def rows_written(self, rows: int) -> None:
+        """So many more rows of the table of residuals are written."""
+
     def notes(self, notes: Iterable[Problem]) -> None:
         """What a reader left out or decided on its own."""
         for note in notes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,14 +87,17 @@ def _solved(network: Network, file: str) -> Solved:
 
 def _with_reference(network: Network, path: Path | None) -> Network:
     import numpy as np
+    import polars as pl
+
+    from mor.observations.names import places
 
     if path is None:
         return network
     reference = network.start["point"].copy()
     points = network.things["point"]
-    with path.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["id"] in points.numbers:
-                given = np.array([float(row[name] or "nan") for name in "xyz"])
-                reference[points.part(row["id"], "position")] = network.edge.matrix @ given
+    table = pl.read_csv(path, schema={"id": pl.String, **dict.fromkeys("xyz", pl.Float64)})
+    place = places(table["id"].fill_null(""), pl.Series(points.ids, dtype=pl.String))
+    known = place >= 0
+    given = table.select("x", "y", "z").fill_null(np.nan).to_numpy()[known]
+    reference[points.parts["position"][place[known]]] = given @ network.edge.matrix.T
     return replace(network, datum=replace(network.datum, reference=reference))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 @click.option("--lang", type=click.Choice(["en", "de"]), default="en", help="Language of report.txt [en].")
 @click.option("--html/--no-html", default=True, help="Write report.html, the page for people [yes].")
 @click.option(
+    "--tables",
+    type=click.Choice(["none", "worst", "all"]),
+    help="Tables to write: none, the worst observations only, or all [all up to 2 million observations, then worst].",
+)
+@click.option(
+    "--table-format", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables [csv]."
+)
+@click.option(
     "--events", type=click.File("w", encoding="utf-8"), help="Write what happens as JSON Lines, for programs."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
@@ -41,6 +49,8 @@ def command(
     snoop: bool,
     lang: str,
     html: bool,
+    tables: Literal["none", "worst", "all"] | None,
+    table_format: Literal["csv", "parquet"],
     events: TextIO | None,
     quiet: bool,
     verbose: bool,
@@ -53,6 +63,7 @@ def command(
       mor adjust project.yaml -o results --force
       mor adjust project.yaml --snoop
       mor adjust project.yaml --lang de
+      mor adjust project.yaml --tables all --table-format parquet
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
 
     \b
@@ -65,7 +76,7 @@ def command(
     from mor.report.text.head import verdict
     from mor.report.text.undetermined import section as undetermined
     from mor.report.words.language import words_of
-    from mor.report.write import results_text, write_results
+    from mor.report.write import Choice, results_text, tables_by_size, write_results
 
     writes = output is not None or not as_json
     with progress(quiet, verbose, events) as say, compiler_announced(say.note):
@@ -82,7 +93,14 @@ def command(
         solved = solve_network(network, say.iteration)
         say.phase("writing")
         if writes:
-            write_results(solved, document, project.parent, folder, force, html and has_library(say), lang)
+            choice = Choice(
+                tables or tables_by_size(solved),
+                table_format,
+                html and has_library(say),
+                lang,
+                say.rows_written,
+            )
+            write_results(solved, document, project.parent, folder, force, choice)
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)

@@ -28,14 +28,14 @@ def command(results: Path, target: str, output: Path | None, force: bool) -> Non
     from mor.cli._results import in_datum, open_results
     from mor.report.folder import check_free
     from mor.report.tables import point_table
-    from mor.report.write import write_results
+    from mor.report.write import Choice, tables_by_size, write_results
 
     if output is not None:
         check_free(output, force)
     opened = open_results(results)
     solved, document = in_datum(opened, target)
     if output is not None:
-        write_results(solved, document, opened.folder, output, force)
+        write_results(solved, document, opened.folder, output, force, Choice(tables_by_size(solved)))
         click.echo(f"results in {output}", err=True)
     else:
         click.echo(point_table(solved).write_csv(), nl=False)

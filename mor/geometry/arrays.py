@@ -10,3 +10,5 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+SmallIntArray: TypeAlias = NDArray[np.int32]
+"""Numbers of names: tables have many rows."""

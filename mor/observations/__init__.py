@@ -8,6 +8,7 @@ from mor.observations._contract import (
     Reference,
     SetUp,
     Slot,
+    some_rows,
     without,
     wrap,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "Reference",
     "SetUp",
     "Slot",
+    "some_rows",
     "without",
     "wrap",
 ]

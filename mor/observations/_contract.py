@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.observations.names import Names
 from mor.units import Component
 
 
@@ -112,8 +113,8 @@ class ObservationGroup:
     """(n, m) standard deviations, > 0 where observed."""
     constants: FloatArray
     """(n, q)."""
-    references: tuple[tuple[str, ...], ...]
-    """One tuple of n identifiers per reference of the type."""
+    references: tuple[Names, ...]
+    """The n names per reference of the type."""
     ppm: float = 0.0
     """Part b of the σ model a ⊕ b·d, in 10⁻⁶."""
     centring: SetUp = PERFECT_SET_UP
@@ -121,7 +122,8 @@ class ObservationGroup:
     external: External | None = None
     """How it was given; ``None`` where it is given in internal units and axes."""
     image_unit: str = "mm"
-    lines: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    lines: SmallIntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    """(n,) line of each row in its file, or none where the rows come from nowhere."""
     file: str = ""
     excluded: BoolArray | None = None
     """(n, m) entries kept out of the adjustment: they have next to no weight, and a residual all the same."""
@@ -158,6 +160,20 @@ def without(group: ObservationGroup, excluded: BoolArray) -> ObservationGroup:
     """The group with these entries (n, m) excluded, and no others."""
     sigma = np.where(group.mask & excluded, group.given_sigma * OUT, group.given_sigma)
     return replace(group, sigma=sigma, excluded=excluded if excluded.any() else None)
+
+
+def some_rows(group: ObservationGroup, rows: IntArray | slice) -> ObservationGroup:
+    """The group of some rows of a group."""
+    return replace(
+        group,
+        blocks=tuple(blocks[rows] for blocks in group.blocks),
+        observed=group.observed[rows],
+        sigma=group.sigma[rows],
+        constants=group.constants[rows],
+        references=tuple(names.take(rows) for names in group.references),
+        lines=group.lines[rows] if len(group.lines) else group.lines,
+        excluded=group.excluded[rows] if group.excluded is not None else None,
+    )
 
 
 def wrap(angle: FloatArray) -> FloatArray:

@@ -20,23 +20,27 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     Sets are counted by their rotation, over all observation groups. A single direction only determines its own
     orientation: it looks like an observation and is none.
     """
-    free = reading.shop.store("rotation").all_free()
-    known = {int(n) for g in groups if g.type.key in _KNOWLEDGE for blocks in g.blocks for n in blocks}
-    targets: dict[int, set[int]] = {}
-    places: dict[int, Problem] = {}
+    free = reading.shop.store("rotation").all_free()[:, 2].copy()
     for group in groups:
-        if group.type.key not in _DIRECTIONS:
-            continue
-        for i, (rotation, target) in enumerate(zip(group.blocks[1], group.blocks[3], strict=True)):
-            number = int(rotation)
-            places.setdefault(number, Problem(group.references[0][i], group.file, int(group.lines[i])))
-            seen = targets.setdefault(number, set())
-            if np.isfinite(group.observed[i, 0]):
-                seen.add(int(target))
-    for number, seen in targets.items():
-        if free[number, 2] and number not in known and len(seen) < 2:
-            at = places[number]
-            reading.problems.append(Problem(_words(at.message, len(seen)), at.file, at.line))
+        if group.type.key in _KNOWLEDGE:
+            for blocks in group.blocks:
+                free[blocks] = False
+    of_directions = [group for group in groups if group.type.key in _DIRECTIONS]
+    if not of_directions or not free.any():
+        return
+    rotation = np.concatenate([group.blocks[1] for group in of_directions])
+    target = np.concatenate([group.blocks[3] for group in of_directions])
+    horizontal = np.concatenate([np.isfinite(group.observed[:, 0]) for group in of_directions])
+    different = np.unique(np.stack([rotation[horizontal], target[horizontal]]), axis=1)
+    count = np.bincount(different[0], minlength=len(free))
+    numbers, first = np.unique(rotation, return_index=True)
+    poor = free[numbers] & (count[numbers] < 2)
+    starts = np.cumsum([0, *(group.count for group in of_directions)])
+    for place, number in sorted(zip(first[poor].tolist(), numbers[poor].tolist(), strict=True)):
+        g = int(np.searchsorted(starts, place, side="right")) - 1
+        group, row = of_directions[g], place - int(starts[g])
+        words = _words(group.references[0][row], int(count[number]))
+        reading.problems.append(Problem(words, group.file, int(group.lines[row])))
 
 
 def _words(name: str, count: int) -> str:

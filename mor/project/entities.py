@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -109,7 +110,11 @@ class Entities:
 
     ids: tuple[str, ...]
     parts: Mapping[str, IntArray]
-    numbers: Mapping[str, int]
+
+    @cached_property
+    def numbers(self) -> Mapping[str, int]:
+        """Number of each thing by its name; of things of one name the last."""
+        return {name: number for number, name in enumerate(self.ids)}
 
     def part(self, name: str, part: str) -> int:
         """Block number of a part of a named thing."""
@@ -118,8 +123,7 @@ class Entities:
 
 def entities(ids: Iterable[str], parts: Mapping[str, IntArray]) -> Entities:
     """Entities with their names looked up."""
-    names = tuple(ids)
-    return Entities(names, parts, {name: number for number, name in enumerate(names)})
+    return Entities(tuple(ids), parts)
 
 
 @dataclass

@@ -8,6 +8,7 @@ from mor.errors import Problem
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotate
 from mor.observations import PLAIN_TYPES, ObservationGroup
+from mor.observations.names import names_of, one_name
 from mor.project.edge import UnitError
 from mor.project.entities import unknown_name
 from mor.project.model import Feature
@@ -102,7 +103,7 @@ def _observed_zero(
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),
         constants=np.zeros((count, 0)),
-        references=((label,) * count, tuple(names)),
+        references=(one_name(label, count), names_of(names)),
     )
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.errors import Problem, nearest
+from mor.errors import nearest
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.observations import IMAGE_TYPES, PLAIN_TYPES, ObservationGroup, ObservationType, SetUp
 from mor.project.axes import edge_transform, external
+from mor.project.columns import tell_rows
 from mor.project.edge import UnitError, split
 from mor.project.image_groups import image_groups, raw_image, units_of_values
 from mor.project.model import Observations
@@ -100,14 +101,14 @@ def _plain_group(
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
     different = check_different(type_, rows, reading.problems)
     instrument = instrument_blocks(reading, entry, place)
-    if not different or not instrument or not all(named.values()):
+    if not different or not instrument or not all(found.blocks for found in named.values()):
         return None
     blocks = tuple(
         np.full(rows.count, instrument[slot.part], dtype=np.int64)
         if slot.of == "instrument"
-        else _with_own_height(reading, rows, slot.of, named[slot.of][slot.part], number)
+        else _with_own_height(reading, rows, slot.of, named[slot.of].blocks[slot.part], number)
         if slot.part == "height"
-        else named[slot.of][slot.part]
+        else named[slot.of].blocks[slot.part]
         for slot in type_.slots
     )
     transform, offset = edge_transform(type_, reading.edge)
@@ -120,7 +121,7 @@ def _plain_group(
         observed=_turn(given, transform) + offset,
         sigma=_turn(sigma * entry.factor, np.abs(transform)),
         constants=_constants(reading, type_, rows, given),
-        references=tuple(tuple(rows.text(reference.name)) for reference in type_.references),
+        references=tuple(named[reference.name].names for reference in type_.references),
         ppm=entry.ppm * entry.factor,
         centring=_centring(reading, entry, place),
         external=external(type_, reading.edge),
@@ -128,9 +129,7 @@ def _plain_group(
         file=rows.file,
     )
     everything = np.arange(rows.count)
-    if not group.mask.any(axis=1).all():
-        for i in np.flatnonzero(~group.mask.any(axis=1)):
-            reading.problems.append(Problem("nothing is observed in this row", rows.file, int(rows.lines[i])))
+    tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows, type_)
     if correlated:
         group = replace(group, sigma=np.where(group.mask & np.isnan(group.sigma), 1.0, group.sigma))

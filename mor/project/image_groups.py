@@ -7,11 +7,12 @@ import numpy as np
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.observations.names import Names
 from mor.project.axes import external_image
 from mor.project.edge import ImageScale, UnitError, split
 from mor.project.model import Observations
-from mor.project.names import numbers
-from mor.project.observation_rows import Group, chosen_names, group_name, own_or_common, sigma_is_good
+from mor.project.names import named_things
+from mor.project.observation_rows import Group, group_name, own_or_common, sigma_is_good
 from mor.project.reading import Reading
 from mor.project.tables import Column, Place, Rows
 from mor.units import IMAGE
@@ -48,16 +49,18 @@ def raw_image(name: str, required: bool = False) -> Column:
 def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows, place: Place) -> list[Group]:
     """One group for every camera and kind of image (single, stereo follower) of an entry."""
     images = reading.shop.things["image"]
-    image = numbers(reading, "image", rows.text("image"), rows)
-    point = numbers(reading, "point", rows.text("point"), rows)
-    if (image < 0).any() or (point < 0).any():
+    image = named_things(reading, "image", "image", rows)
+    point = named_things(reading, "point", "point", rows)
+    if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
-    follows = images.parts["relative rotation"][image] >= 0
-    keys = images.parts["camera"][image] * 2 + follows
+    kinds = images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)
+    keys = kinds.astype(np.int32)[image.numbers]
     result = []
     for key in np.unique(keys):
         chosen = np.flatnonzero(keys == key)
-        group = _image_group(reading, entry, number, rows, place, image[chosen], point[chosen], chosen)
+        group = _image_group(
+            reading, entry, number, rows, place, image.take(chosen), point.take(chosen), chosen
+        )
         result += [group] if group is not None else []
     return result
 
@@ -68,14 +71,14 @@ def _image_group(
     number: int,
     rows: Rows,
     place: Place,
-    image: IntArray,
-    point: IntArray,
+    image: Names,
+    point: Names,
     chosen: IntArray,
 ) -> Group | None:
     images, points = reading.shop.things["image"], reading.shop.things["point"]
-    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image[0]]]
+    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image.numbers[0]]]
     camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
-    follows = bool(images.parts["relative rotation"][image[0]] >= 0)
+    follows = bool(images.parts["relative rotation"][image.numbers[0]] >= 0)
     type_ = (FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
@@ -86,7 +89,9 @@ def _image_group(
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
         constants[:, 2] = reading.edge.number(camera.r0, IMAGE, "", scale)
     blocks = tuple(
-        points.parts["position"][point] if slot.of == "point" else images.parts[slot.part][image]
+        points.parts["position"][point.numbers]
+        if slot.of == "point"
+        else images.parts[slot.part][image.numbers]
         for slot in type_.slots
     )
     group = ObservationGroup(
@@ -96,7 +101,7 @@ def _image_group(
         observed=observed,
         sigma=sigma * entry.factor,
         constants=constants,
-        references=(chosen_names(rows.text("image"), chosen), chosen_names(rows.text("point"), chosen)),
+        references=(image, point),
         external=external_image(scale),
         image_unit=scale.unit,
         lines=rows.lines[chosen],

@@ -10,7 +10,7 @@ from mor.parameters.kinds import HEIGHT, POINT, ROTATION
 from mor.project.cameras import interiors, variant_columns
 from mor.project.entities import entities, unknown_name
 from mor.project.model import Images
-from mor.project.poses import check_unique, heights, positions, rotations
+from mor.project.poses import Seen, check_unique, heights, positions, rotations
 from mor.project.reading import Reading
 from mor.project.statuses import component_columns
 from mor.project.tables import Column, Place, Rows, read_table
@@ -20,10 +20,10 @@ def read_images(reading: Reading) -> None:
     """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
     collected: dict[str, list[IntArray]] = {}
     ids: list[str] = []
-    lines: dict[str, tuple[str, int]] = {}
+    seen: list[Seen] = []
     leaders: list[tuple[int, str, str, str, int]] = []
     for k, table in enumerate(reading.project.images):
-        _read_images_table(reading, table, reading.at("images", k), ids, collected, lines, leaders)
+        _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
     parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
     if not parts:
         parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
@@ -51,7 +51,7 @@ def _read_images_table(
     place: Place,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    lines: dict[str, tuple[str, int]],
+    seen: list[Seen],
     leaders: list[tuple[int, str, str, str, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
@@ -66,7 +66,7 @@ def _read_images_table(
     if rows is None:
         return
     names = rows.text("id")
-    check_unique("image", names, rows, lines, reading.problems)
+    check_unique("image", names, rows, seen, reading.problems)
     if not edge.right_handed:
         reading.problems.append(
             place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")

@@ -9,7 +9,7 @@ from mor.parameters.kinds import BASE, ROTATION
 from mor.project.entities import entities
 from mor.project.model import Instrument
 from mor.project.nodes import Path
-from mor.project.poses import check_unique
+from mor.project.poses import Seen, check_unique
 from mor.project.reading import Reading
 from mor.project.statuses import component_columns, component_rows, settings
 from mor.project.tables import Column, read_table
@@ -48,7 +48,7 @@ def read_pairs(reading: Reading) -> None:
     ids: list[str] = []
     base: list[IntArray] = []
     rotation: list[IntArray] = []
-    lines: dict[str, tuple[str, int]] = {}
+    seen: list[Seen] = []
     for k, table in enumerate(reading.project.pairs):
         columns = [
             Column("id", required=True),
@@ -58,7 +58,7 @@ def read_pairs(reading: Reading) -> None:
         if rows is None:
             continue
         names = rows.text("id")
-        check_unique("pair", names, rows, lines, reading.problems)
+        check_unique("pair", names, rows, seen, reading.problems)
         labels = [f"pair {name}" for name in names]
         base.append(
             reading.shop.store("base").add(

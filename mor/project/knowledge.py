@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
+from mor.observations.names import Names, names_of, one_name
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import UnitError
 from mor.project.entities import BlockStore
@@ -29,7 +30,7 @@ def prior_groups(reading: Reading) -> list[ObservationGroup]:
                 observed=np.where(np.isfinite(sigma[rows]), values, np.nan),
                 sigma=sigma[rows],
                 constants=np.zeros((len(rows), 0)),
-                references=(tuple(store.ids[i] for i in rows),),
+                references=(Names(rows.astype(np.int32), tuple(store.ids)),),
                 image_unit=_image_unit(reading, store),
             )
         )
@@ -72,7 +73,7 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
                 observed=np.zeros((len(rows), 2)),
                 sigma=np.full((len(rows), 2), sigma),
                 constants=np.zeros((len(rows), 0)),
-                references=(tuple(names),),
+                references=(names_of(names),),
             )
         )
     return groups
@@ -101,7 +102,10 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
                 observed=observed,
                 sigma=sigma,
                 constants=np.zeros((len(mine), 0)),
-                references=((f"camera {name}",) * len(mine), tuple(f"image {images.ids[i]}" for i in mine)),
+                references=(
+                    one_name(f"camera {name}", len(mine)),
+                    names_of([f"image {images.ids[i]}" for i in mine]),
+                ),
                 image_unit=reading.scales[name].unit,
             )
         )

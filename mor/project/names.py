@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 
 from mor.errors import Problem
-from mor.geometry.arrays import IntArray
+from mor.geometry.arrays import BoolArray, IntArray
 from mor.observations import ObservationType, Reference
-from mor.project.entities import unknown_name
+from mor.observations.names import Names, places
+from mor.project.columns import tell_rows
+from mor.project.entities import entities, unknown_name
 from mor.project.model import Observations
 from mor.project.orientations import add_set, freedom_of_set, set_name
 from mor.project.reading import Reading
@@ -29,67 +34,87 @@ def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> di
     return {part: instruments.part(entry.instrument, part) for part in instruments.parts}
 
 
-def resolve(reading: Reading, reference: Reference, rows: Rows) -> dict[str, IntArray]:
-    """Blocks behind the names of one column, by part; nothing where a name is unknown."""
-    names = rows.text(reference.name)
+class Resolved(NamedTuple):
+    """What the names of one column stand for."""
+
+    names: Names
+    blocks: dict[str, IntArray]
+    """Blocks (n,) by part; nothing where a name is unknown."""
+
+
+def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
+    """Names of one column and the blocks behind them; each unknown name is told once."""
+    names = rows.names(reference.name)
     if reference.among[0] == "station":
         names = _stations_on_points(reading, names, rows)
-    distinct = dict.fromkeys(names)
-    found: dict[str, dict[str, int]] = {}
-    for name in distinct:
-        parts = _look_up(reading, reference, name)
-        if parts is not None:
-            found[name] = parts
-        elif not reading.broken.intersection(reference.among):
-            line = int(rows.lines[names.index(name)])
-            known = [n for space in reference.among for n in reading.shop.things[space].ids]
-            reading.problems.append(Problem(unknown_name(reference.name, name, known), rows.file, line))
-    if len(found) < len(distinct):
-        return {}
-    parts_known = found[names[0]].keys()
-    return {part: np.array([found[name][part] for name in names], dtype=np.int64) for part in parts_known}
+    known = pl.Series(names.known, dtype=pl.String)
+    spaces = {space: reading.shop.things[space] for space in reference.among}
+    open_ = np.ones(len(known), dtype=bool)
+    found: dict[str, list[tuple[BoolArray, IntArray]]] = {}
+    for space, things in spaces.items():
+        place = places(known.str.strip_prefix(f"{space}:"), pl.Series(things.ids, dtype=pl.String))
+        here = open_ & (place >= 0)
+        open_ &= ~here
+        for part, numbers in things.parts.items():
+            found.setdefault(part, []).append((here, numbers[place[here]]))
+    if open_.any():
+        if not reading.broken.intersection(reference.among):
+            ids = [name for things in spaces.values() for name in things.ids]
+            _tell_unknown(reading, reference.name, rows, names, open_, ids)
+        return Resolved(names, {})
+    blocks = {}
+    for part, pieces in found.items():
+        of_name = np.full(len(known), -1, dtype=np.int64)
+        for here, numbers in pieces:
+            of_name[here] = numbers
+        blocks[part] = of_name[names.numbers]
+    return Resolved(names, blocks)
 
 
-def _look_up(reading: Reading, reference: Reference, name: str) -> dict[str, int] | None:
-    for space in reference.among:
-        things = reading.shop.things[space]
-        bare = name.removeprefix(f"{space}:")
-        if bare in things.numbers:
-            return {part: things.part(bare, part) for part in things.parts}
-    return None
+def _tell_unknown(
+    reading: Reading, what: str, rows: Rows, names: Names, unknown: BoolArray, ids: Sequence[str]
+) -> None:
+    """Tell each unknown name once, where it comes first; of very many the first ones and their number."""
+    numbers, first = np.unique(names.numbers, return_index=True)
+    wrong = np.zeros(rows.count, dtype=bool)
+    wrong[first[unknown[numbers]]] = True
+    tell_rows(reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids))
 
 
-def _stations_on_points(reading: Reading, names: list[str], rows: Rows) -> list[str]:
+def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     """Names of stations; a point becomes a levelled station, another set on a station one levelled like that."""
-    shop = reading.shop
-    sets = rows.text("set")
-    full = [set_name(name, set_) for name, set_ in zip(names, sets, strict=True)]
-    stations = shop.things["station"]
-    for name, set_ in dict.fromkeys(zip(names, sets, strict=True)):
+    sets = rows.names("set")
+    pairs = names.numbers.astype(np.int64) * len(sets.known) + sets.numbers
+    _, first, numbers = np.unique(pairs, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    places = np.empty(len(order), dtype=np.int32)
+    places[order] = np.arange(len(order), dtype=np.int32)
+    stands = [(names[row], sets[row]) for row in first[order].tolist()]
+    _add_stations(reading, stands)
+    return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
+
+
+def _add_stations(reading: Reading, stands: list[tuple[str, str]]) -> None:
+    """Add those of the stations, with their sets, that are not declared."""
+    shop, stations = reading.shop, reading.shop.things["station"]
+    ids: list[str] = []
+    parts: dict[str, list[int]] = {part: [] for part in stations.parts}
+    for name, set_ in stands:
         complete = set_name(name, set_)
-        if complete in stations.numbers:
-            continue
         source = stations if name in stations.numbers else shop.things["point"]
-        if name not in source.numbers:
+        if complete in stations.numbers or name not in source.numbers:
             continue
-        label = f"station {complete}"
-        kappa = np.array([[0.0, 0.0, np.nan]])
         free = freedom_of_set(reading, name)
-        rotation = shop.store("rotation").add([label], kappa, free, np.full((1, 3), np.nan))
+        kappa = np.array([[0.0, 0.0, np.nan]])
+        rotation = shop.store("rotation").add([f"station {complete}"], kappa, free, np.full((1, 3), np.nan))
         add_set(reading, name, set_)
-        parts = {
-            "position": np.append(stations.parts["position"], source.part(name, "position")),
-            "height": np.append(stations.parts["height"], source.part(name, "height")),
-            "rotation": np.append(stations.parts["rotation"], rotation),
-        }
-        stations = replace(
-            stations,
-            ids=(*stations.ids, complete),
-            parts=parts,
-            numbers={**stations.numbers, complete: len(stations.ids)},
-        )
-    shop.things["station"] = stations
-    return full
+        ids.append(complete)
+        parts["rotation"].append(int(rotation[0]))
+        for part in ("position", "height"):
+            parts[part].append(source.part(name, part))
+    added = {part: np.array(new, dtype=np.int64) for part, new in parts.items()}
+    everything = {part: np.concatenate([old, added[part]]) for part, old in stations.parts.items()}
+    shop.things["station"] = entities((*stations.ids, *ids), everything)
 
 
 def check_different(type_: ObservationType, rows: Rows, problems: list[Problem]) -> bool:
@@ -98,21 +123,25 @@ def check_different(type_: ObservationType, rows: Rows, problems: list[Problem])
     good = True
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
-            for one, other, line in zip(rows.text(a), rows.text(b), rows.lines, strict=True):
-                if one == other:
-                    words = f"{a} and {b} are the same: {one!r}; {type_.key} needs two different ones"
-                    problems.append(Problem(words, rows.file, int(line)))
-                    good = False
+            cells = rows.series(a)
+            same = (cells == rows.series(b)).to_numpy()
+            tell_rows(problems, same, rows, partial(_same_words, f"{a} and {b}", type_.key, cells))
+            good = good and not same.any()
     return good
 
 
-def numbers(reading: Reading, space: str, names: list[str], rows: Rows) -> IntArray:
-    """Numbers (n,) of the things of one namespace, −1 where there is none; each unknown name is told once."""
-    table = reading.shop.things[space].numbers
-    result = np.fromiter((table.get(name, -1) for name in names), dtype=np.int64, count=len(names))
-    if space in reading.broken:
-        return result
-    for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
-        line = int(rows.lines[names.index(name)])
-        reading.problems.append(Problem(unknown_name(space, name, table), rows.file, line))
-    return result
+def _same_words(ends: str, type_: str, cells: pl.Series, row: int) -> str:
+    return f"{ends} are the same: {cells[row]!r}; {type_} needs two different ones"
+
+
+def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names:
+    """The things of one namespace that the rows name, −1 where there is none; each unknown name is told once."""
+    things = reading.shop.things[space]
+    cells = rows.series(column)
+    found = places(cells, pl.Series(things.ids, dtype=pl.String))
+    if (found < 0).any() and space not in reading.broken:
+        named = rows.names(column)
+        known = np.ones(len(named.known), dtype=bool)
+        known[named.numbers[found < 0]] = False
+        _tell_unknown(reading, space, rows, named, ~known, things.ids)
+    return Names(found, things.ids)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mor.errors import Problem
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup
+from mor.project.columns import tell_rows
 from mor.project.model import Observations
 from mor.project.tables import Rows
 
@@ -43,10 +44,10 @@ def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problem
         words = f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}"
         problems.append(Problem(words, rows.file, int(rows.lines[chosen[0]])))
         return False
-    for i in np.flatnonzero(bad.any(axis=1)):
-        problems.append(
-            Problem(_wrong_sigma(group.sigma[i][bad[i]][0]), rows.file, int(rows.lines[chosen[i]]))
-        )
+    wrong = replace(rows, lines=rows.lines[chosen])
+    tell_rows(
+        problems, np.asarray(bad.any(axis=1)), wrong, lambda row: _wrong_sigma(group.sigma[row][bad[row]][0])
+    )
     return not bad.any()
 
 
@@ -61,8 +62,3 @@ def _wrong_sigma(value: float) -> str:
 def group_name(entry: Observations, number: int) -> str:
     """Name of a group in reports."""
     return entry.name or entry.file or f"{entry.type} {number + 1}"
-
-
-def chosen_names(names: list[str], chosen: IntArray) -> tuple[str, ...]:
-    """Some of the names."""
-    return tuple(names[i] for i in chosen)

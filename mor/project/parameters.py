@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import Problem, nearest
-from mor.geometry.arrays import IntArray
+from mor.geometry.arrays import SmallIntArray
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.observations.names import names_of
 from mor.parameters.kinds import INTERIORS, KINDS, BlockKind
 from mor.project.edge import ImageScale, UnitError
 from mor.project.entities import unknown_name
@@ -79,7 +80,7 @@ def _parameter_rows(
     collected: dict[tuple[str, str], list[_Known]] = {}
     for i in range(rows.count):
         try:
-            places = [_find(reading, rows.text(name)[i], rows.text("component")[i]) for name in names]
+            places = [_find(reading, rows.series(name)[i], rows.series("component")[i]) for name in names]
             known = _known(reading, entry, rows, i, places)
         except _UnknownThingError:
             continue
@@ -111,13 +112,13 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     given = {}
     for name in ("value", "sigma"):
         unit = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
-        text = rows.text(name)[i] or "0"
+        text = rows.series(name)[i] or "0"
         try:
             given[name] = reading.edge.number(text, quantity, unit, place.scale)
         except UnitError as error:
             raise ValueError(f"{name}: {error}") from None
     if given["sigma"] < 0.0:
-        raise ValueError(f"sigma: found {rows.text('sigma')[i]}, expected a σ ≥ 0")
+        raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
     blocks = tuple(place.block for place in places)
     return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"])
 
@@ -194,7 +195,7 @@ def _parameter_group(
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
     for row, known in enumerate(found):
         observed[row, known.component], sigma[row, known.component] = known.value, known.sigma * entry.factor
-    lines: IntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int64)
+    lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
     return ObservationGroup(
         name=entry.name or entry.file or entry.type,
         type=type_,
@@ -202,7 +203,7 @@ def _parameter_group(
         observed=observed,
         sigma=sigma,
         constants=np.zeros((len(found), 0)),
-        references=tuple(tuple(rows.text(name)[known.row] for known in found) for name in names),
+        references=tuple(names_of([rows.series(name)[known.row] for known in found]) for name in names),
         image_unit=unit,
         lines=lines,
         file=rows.file,

@@ -8,7 +8,7 @@ from mor.geometry.arrays import IntArray
 from mor.parameters.kinds import POINT
 from mor.project.entities import entities
 from mor.project.model import Points
-from mor.project.poses import check_unique, inwards
+from mor.project.poses import Seen, check_unique, inwards
 from mor.project.reading import Reading
 from mor.project.statuses import component_columns, component_rows, number_column
 from mor.project.tables import Column, Place, read_table
@@ -19,9 +19,9 @@ def read_points(reading: Reading) -> None:
     """Object points; coordinates go into internal axes."""
     ids: list[str] = []
     numbers: list[IntArray] = []
-    lines: dict[str, tuple[str, int]] = {}
+    seen: list[Seen] = []
     for k, table in enumerate(reading.project.points):
-        found = _read_points_table(reading, table, reading.at("points", k), lines)
+        found = _read_points_table(reading, table, reading.at("points", k), seen)
         if found is None:
             continue
         names, blocks = found
@@ -34,7 +34,7 @@ def read_points(reading: Reading) -> None:
 
 
 def _read_points_table(
-    reading: Reading, table: Points, place: Place, lines: dict[str, tuple[str, int]]
+    reading: Reading, table: Points, place: Place, seen: list[Seen]
 ) -> tuple[list[str], IntArray] | None:
     columns = [Column("id", required=True), *component_columns(POINT.components, reading.edge)]
     columns.append(number_column("sigma", LENGTH, reading.edge))
@@ -42,7 +42,7 @@ def _read_points_table(
     if rows is None:
         return None
     names = rows.text("id")
-    check_unique("point", names, rows, lines, reading.problems)
+    check_unique("point", names, rows, seen, reading.problems)
     statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
     absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
     for k, component in enumerate("xyz"):

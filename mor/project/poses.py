@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+import polars as pl
 
 from mor.errors import Problem
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 from mor.parameters.kinds import POINT, ROTATION
+from mor.project.columns import tell_rows
 from mor.project.edge import Edge
 from mor.project.entities import entities
 from mor.project.reading import Reading
@@ -88,9 +92,7 @@ def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -
     sigma = rows.number("sigma_height")
     given = np.flatnonzero(np.isfinite(height))
     result = np.zeros(len(labels), dtype=np.int64)
-    for i in np.flatnonzero(sigma < 0.0):
-        words = "sigma_height: found a negative σ, expected a σ ≥ 0"
-        reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
+    tell_rows(reading.problems, sigma < 0.0, rows, "sigma_height: found a negative σ, expected a σ ≥ 0")
     observed = (sigma > 0.0) & ("height" not in fixed)
     result[given] = reading.shop.store("height").add(
         [labels[i] for i in given],
@@ -115,15 +117,33 @@ def inwards(edge: Edge, statuses: Statuses) -> Statuses:
     )
 
 
-def check_unique(
-    what: str, names: list[str], rows: Rows, lines: dict[str, tuple[str, int]], problems: list[Problem]
-) -> None:
-    """Report names that occur twice; ``lines`` remembers where each was first seen, over all tables."""
-    for name, line in zip(names, rows.lines, strict=True):
-        if name in lines:
-            file, first = lines[name]
-            problems.append(
-                Problem(f"{what} {name!r} is given twice (first in {file}:{first})", rows.file, int(line))
-            )
-        else:
-            lines[name] = (rows.file, int(line))
+@dataclass(frozen=True)
+class Seen:
+    """Names of one table, where they were read."""
+
+    names: pl.Series
+    rows: Rows
+
+
+def check_unique(what: str, names: list[str], rows: Rows, seen: list[Seen], problems: list[Problem]) -> None:
+    """Report names that occur twice; ``seen`` remembers the names of the tables before."""
+    here = pl.Series(names, dtype=pl.String)
+    again = (~here.is_first_distinct()).to_numpy()
+    for table in seen:
+        again |= here.is_in(table.names.implode()).to_numpy()
+    seen.append(Seen(here, rows))
+    tell_rows(
+        problems,
+        again,
+        rows,
+        lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})",
+    )
+
+
+def _first(seen: list[Seen], name: str) -> str:
+    """Words for the place where a name was seen first."""
+    for table in seen:
+        there = (table.names == name).to_numpy()
+        if there.any():
+            return f"first in {table.rows.file}:{int(table.rows.lines[int(np.argmax(there))])}"
+    return ""

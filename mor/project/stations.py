@@ -10,7 +10,7 @@ from mor.parameters.kinds import HEIGHT, POINT, ROTATION, SCALE
 from mor.project.entities import entities, unknown_name
 from mor.project.model import Stations, Systems
 from mor.project.orientations import set_name
-from mor.project.poses import check_unique, heights, positions, rotations
+from mor.project.poses import Seen, check_unique, heights, positions, rotations
 from mor.project.reading import Reading
 from mor.project.statuses import component_columns, component_rows, number_column
 from mor.project.tables import Column, Place, Rows, read_table
@@ -21,9 +21,9 @@ def read_stations(reading: Reading) -> None:
     """Theodolite stations: a position (usually a point), a height, a rotation with its level."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
-    lines: dict[str, tuple[str, int]] = {}
+    seen: list[Seen] = []
     for k, table in enumerate(reading.project.stations):
-        _read_stations_table(reading, table, reading.at("stations", k), ids, collected, lines)
+        _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["station"] = entities(
         ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
@@ -36,7 +36,7 @@ def _read_stations_table(
     place: Place,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    lines: dict[str, tuple[str, int]],
+    seen: list[Seen],
 ) -> None:
     edge = reading.edge
     columns = [
@@ -50,7 +50,7 @@ def _read_stations_table(
     if rows is None:
         return
     names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]
-    check_unique("station", names, rows, lines, reading.problems)
+    check_unique("station", names, rows, seen, reading.problems)
     oriented = np.isfinite(rows.number("orientation"))
     if oriented.any():
         kappa = -(edge.zero_azimuth + edge.sense * rows.number("orientation"))
@@ -107,9 +107,9 @@ def read_systems(reading: Reading) -> None:
     """Local systems: origin, rotation, scale."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
-    lines: dict[str, tuple[str, int]] = {}
+    seen: list[Seen] = []
     for k, table in enumerate(reading.project.systems):
-        _read_systems_table(reading, table, reading.at("systems", k), ids, collected, lines)
+        _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["system"] = entities(
         ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
@@ -122,7 +122,7 @@ def _read_systems_table(
     place: Place,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    lines: dict[str, tuple[str, int]],
+    seen: list[Seen],
 ) -> None:
     kinds = (*POINT.components, *ROTATION.components, *SCALE.components)
     columns = [Column("id", required=True), Column("point"), *component_columns(kinds, reading.edge)]
@@ -130,7 +130,7 @@ def _read_systems_table(
     if rows is None:
         return
     names = rows.text("id")
-    check_unique("system", names, rows, lines, reading.problems)
+    check_unique("system", names, rows, seen, reading.problems)
     labels = [f"system {name}" for name in names]
     scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
     scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))

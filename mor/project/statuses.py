@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.errors import Problem, nearest
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.project.columns import tell_rows
 from mor.project.edge import Edge, ImageScale, UnitError
 from mor.project.model import Value
 from mor.project.nodes import Path
@@ -66,9 +67,7 @@ def component_rows(
     if common_sigma is not None:
         sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
     if common_sigma is not None:
-        for i in np.flatnonzero(common_sigma < 0.0):
-            words = "sigma: found a negative σ, expected a σ ≥ 0"
-            problems.append(Problem(words, rows.file, int(rows.lines[i])))
+        tell_rows(problems, common_sigma < 0.0, rows, "sigma: found a negative σ, expected a σ ≥ 0")
         sigma[common_sigma < 0.0] = np.nan
     for k, component in enumerate(components):
         _check_sigma(rows, component.name, values[:, k], sigma[:, k], problems)
@@ -77,8 +76,7 @@ def component_rows(
     free = ~held[None, :] & ~(sigma == 0.0)
     for k, component in enumerate(components):
         missing = ~free[:, k] & np.isnan(values[:, k])
-        for line in rows.lines[missing]:
-            problems.append(Problem(f"{component.name} is fixed but has no value", rows.file, int(line)))
+        tell_rows(problems, missing, rows, f"{component.name} is fixed but has no value")
     start = np.stack([rows.number(f"start_{c.name}") for c in components], axis=1)
     return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), np.where(free, start, np.nan))
 
@@ -86,11 +84,8 @@ def component_rows(
 def _check_sigma(
     rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Problem]
 ) -> None:
-    for i in np.flatnonzero(sigma < 0.0):
-        words = f"sigma_{name}: found a negative σ, expected a σ ≥ 0"
-        problems.append(Problem(words, rows.file, int(rows.lines[i])))
-    for i in np.flatnonzero(~np.isnan(sigma) & np.isnan(values)):
-        problems.append(Problem(f"{name} has a σ but no value", rows.file, int(rows.lines[i])))
+    tell_rows(problems, sigma < 0.0, rows, f"sigma_{name}: found a negative σ, expected a σ ≥ 0")
+    tell_rows(problems, ~np.isnan(sigma) & np.isnan(values), rows, f"{name} has a σ but no value")
 
 
 def settings(

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import polars as pl
 
 from mor.errors import Problem, nearest
-from mor.geometry.arrays import FloatArray
-from mor.project.columns import Column, Place, Rows
+from mor.geometry.arrays import BoolArray, FloatArray
+from mor.project.columns import Column, Place, Rows, Source, tell_rows
 from mor.project.model import Table
-from mor.project.table_sources import Source, from_file, from_rows
+from mor.project.table_sources import from_file, from_rows
 
 __all__ = ["Column", "Place", "Rows", "read_table"]
 
@@ -79,7 +80,7 @@ def _convert(
     if count == 0:
         problems.append(place.problem("the table is empty"))
         return None
-    texts: dict[str, list[str]] = {}
+    texts: dict[str, pl.Series] = {}
     numbers: dict[str, FloatArray] = {}
     for name, value in table.values.items():
         _constant(known[name], value, table, count, place, problems, texts, numbers)
@@ -102,12 +103,12 @@ def _constant(
     count: int,
     place: Place,
     problems: list[Problem],
-    texts: dict[str, list[str]],
+    texts: dict[str, pl.Series],
     numbers: dict[str, FloatArray],
 ) -> None:
     """A column with one value in every row; a mistake in it is one mistake, in the project file."""
     if column.parse is None:
-        texts[column.name] = [value] * count
+        texts[column.name] = pl.repeat(value, count, dtype=pl.String, eager=True)
         return
     at = Place(place.document, (*place.path, "values", column.name), place.folder)
     try:
@@ -127,48 +128,75 @@ def _unit_of(table: Table, column: Column) -> str:
     return table.units.get(column.name, "")
 
 
-def _identifiers(
-    column: Column, cells: list[str | None] | FloatArray, source: Source, problems: list[Problem]
-) -> list[str]:
-    result = ["" if cell is None else str(cell).strip() for cell in cells]
+def _identifiers(column: Column, cells: pl.Series, source: Source, problems: list[Problem]) -> pl.Series:
+    result = cells.cast(pl.String).str.strip_chars().fill_null("")
     if column.required:
-        for cell, line in zip(result, source.lines, strict=True):
-            if not cell:
-                problems.append(Problem(f"{column.name} is empty", source.file, int(line)))
+        tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
     return result
 
 
 def _numbers(
-    column: Column,
-    cells: list[str | None] | FloatArray,
-    table: Table,
-    source: Source,
-    place: Place,
-    problems: list[Problem],
+    column: Column, cells: pl.Series, table: Table, source: Source, place: Place, problems: list[Problem]
 ) -> FloatArray:
     unit = _unit_of(table, column)
     assert column.parse is not None
-    if isinstance(cells, np.ndarray) and column.factor is not None:
-        try:
-            values = cells * column.factor(unit)
-        except ValueError as error:
-            problems.append(place.problem(f"column {column.name}: {error}", "units"))
-            return cells
-        missing = np.isnan(cells)
-    else:
-        values = np.full(len(cells), np.nan)
-        for i, cell in enumerate(cells):
-            if cell is None or not str(cell).strip():
-                continue
-            try:
-                values[i] = column.parse(str(cell), unit)
-            except ValueError as error:
-                problems.append(Problem(f"{column.name}: {error}", source.file, int(source.lines[i])))
-        missing = np.array([cell is None or not str(cell).strip() for cell in cells])
+    if not cells.dtype.is_numeric():
+        cells = cells.cast(pl.String).str.strip_chars().replace("", None)
+    missing = cells.is_null().to_numpy()
     if column.required:
-        for line in source.lines[missing]:
-            problems.append(Problem(f"{column.name} is empty", source.file, int(line)))
+        tell_rows(problems, missing, source, f"{column.name} is empty")
+    factor = _factor(column, unit)
+    if factor is None and cells.dtype.is_numeric() and column.factor is not None:
+        _, words = _parsed(column, "1", unit)
+        problems.append(place.problem(f"column {column.name}: {words}", "units"))
+        return np.zeros(len(cells))
+    plain = (
+        cells.cast(pl.Float64, strict=False)
+        if factor is not None
+        else pl.repeat(None, len(cells), eager=True)
+    )
+    values = plain.cast(pl.Float64).fill_null(np.nan).to_numpy() * (1.0 if factor is None else factor)
+    others = ~np.isfinite(values) & ~missing
+    if others.any():
+        values = np.array(values)
+        _one_by_one(column, cells, unit, values, others, source, problems)
     return values
+
+
+def _factor(column: Column, unit: str) -> float | None:
+    """Internal units per unit of plain numbers; ``None`` where they must be read one by one."""
+    try:
+        return column.factor(unit) if column.factor is not None else None
+    except ValueError:
+        return None
+
+
+def _one_by_one(
+    column: Column,
+    cells: pl.Series,
+    unit: str,
+    values: FloatArray,
+    others: BoolArray,
+    source: Source,
+    problems: list[Problem],
+) -> None:
+    """Cells that are more than plain numbers, put into ``values``: with a unit of their own, angles d-m-s, mistakes."""
+    wrong = np.zeros(len(others), dtype=bool)
+    for row in np.flatnonzero(others).tolist():
+        values[row], words = _parsed(column, str(cells[row]), unit)
+        wrong[row] = bool(words)
+    tell_rows(
+        problems, wrong, source, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}"
+    )
+
+
+def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
+    """Number behind a text, and what is wrong with it."""
+    assert column.parse is not None
+    try:
+        return column.parse(text, unit), ""
+    except ValueError as error:
+        return np.nan, str(error)
 
 
 def _fits(column: Column, unit: str) -> bool:

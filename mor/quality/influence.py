@@ -75,7 +75,13 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
     """
     adjustment = quality.adjustment
     problem, plan = adjustment.problem, adjustment.plan
-    result = tuple(np.full(group.observed.shape, np.nan) for group in problem.groups)
+    told = {row_set.group for row_set in plan.row_sets}
+    result = tuple(
+        np.full(group.observed.shape, np.nan)
+        if number in told
+        else np.broadcast_to(np.nan, group.observed.shape)
+        for number, group in enumerate(problem.groups)
+    )
     tangent = rotation_tangents(problem.index, adjustment.values)
     cofactors = adjustment.inverse.selected()
     is_point = np.array(problem.index.unknown_kind)[problem.index.kind_of] == "point"

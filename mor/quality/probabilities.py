@@ -8,6 +8,7 @@ from scipy.special import betainc, betaln, gammaincc, gammaln, log_ndtr
 from mor.geometry.arrays import FloatArray
 
 _TERMS = 2000
+_MANY = 10_000.0
 
 
 def log_p_normal(w: FloatArray) -> FloatArray:
@@ -18,6 +19,8 @@ def log_p_normal(w: FloatArray) -> FloatArray:
 
 def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
     """ln P(χ² ≥ ``square``); far out by the asymptotic series of the incomplete gamma function (DLMF 8.11.2)."""
+    if (freedom[np.isfinite(square)] == 2.0).all():
+        return -0.5 * square + 0.0 * freedom
     a, x = 0.5 * freedom, 0.5 * square
     with np.errstate(divide="ignore", invalid="ignore"):
         log_p = np.log(gammaincc(a, x))
@@ -28,9 +31,16 @@ def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
 def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
     """ln P(t² ≥ ``square``) for Student's t with ``freedom`` degrees of freedom; NaN without any.
 
-    This is F(1, f): the regularised incomplete beta function I_x(f/2, 1/2) at x = f/(f + t²).
+    This is F(1, f): the regularised incomplete beta function I_x(f/2, 1/2) at x = f/(f + t²). With very many degrees
+    of freedom it is the normal distribution of a transformed t (G. W. Hill, 1970, Algorithm 395), to ten digits.
     """
-    return log_p_f(square, 1.0, freedom)
+    if freedom < _MANY:
+        return log_p_f(square, 1.0, freedom)
+    a = freedom - 0.5
+    b = 48.0 * a * a
+    z2 = a * np.log1p(square / freedom)
+    higher = (((4.0 * z2 + 33.0) * z2 + 240.0) * z2 + 855.0) / (10.0 * b * (b + 0.8 * z2 * z2 + 100.0))
+    return log_p_normal(np.sqrt(z2) * (1.0 + (z2 + 3.0) / b - higher))
 
 
 def log_p_f(ratio: FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
+from mor.observations.names import places_of
 from mor.quality.solved import Solved
 
 
@@ -33,8 +34,7 @@ def control_of_images(solved: Solved) -> dict[str, FloatArray]:
     def owners(group: ObservationGroup) -> list[IntArray]:
         if not group.type.key.startswith(("image/", "follower/")):
             return []
-        names = group.references[0]
-        return [np.fromiter((images.numbers[name] for name in names), dtype=np.int64, count=len(names))]
+        return [places_of(group.references[0], images.ids).astype(np.int64)]
 
     mean, largest = _over(solved, owners, len(images.ids))
     return {"mean_r": mean, "largest_w": largest}

@@ -17,9 +17,11 @@ RESULT_FILES = (
     "results.json",
     "report.txt",
     "report.html",
-    "residuals.csv",
-    "points.csv",
-    "images.csv",
+    *(
+        f"{name}.{kind}"
+        for name in ("residuals", "residuals_worst", "points", "images")
+        for kind in ("csv", "parquet")
+    ),
     "reference.csv",
     "adjusted.yaml",
     "start_*.csv",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from mor.quality.solved import Solved
 from mor.report.checks import check_rows
 from mor.report.features import feature_table
+from mor.report.observation_table import observation_table
 from mor.report.reliability import fixed_point_rows, gross_errors
 from mor.report.summary import summary
 from mor.report.tables import (
@@ -23,17 +25,20 @@ from mor.report.tables import (
     system_table,
 )
 
-INLINE_RESIDUALS = 10_000
-"""Up to this many observations ``results.json`` repeats the residual table."""
+INLINE = 10_000
+"""Tables of up to this many rows stand in ``results.json`` itself."""
 
 
-def results(solved: Solved, residuals: pl.DataFrame, tables: dict[str, str]) -> dict[str, Any]:
-    """Content of ``results.json``; ``tables`` names the files beside it."""
-    inline = residuals.height <= INLINE_RESIDUALS
+def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict[str, Any]:
+    """Content of ``results.json``; ``tables`` names the files beside it.
+
+    Long tables of points and images are only there; where nothing stands ``beside`` it, they are in it all the same.
+    """
+    points, images = point_table(solved), image_table(solved)
     return {
         **summary(solved),
-        "points": point_table(solved).to_dicts(),
-        "images": image_table(solved).to_dicts(),
+        "points": _rows(points, beside),
+        "images": _rows(images, beside),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
@@ -45,8 +50,17 @@ def results(solved: Solved, residuals: pl.DataFrame, tables: dict[str, str]) -> 
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "tables": tables,
-        "residuals": residuals.to_dicts() if inline else None,
+        "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
     }
+
+
+def entries(solved: Solved) -> int:
+    """Rows of the table of residuals: observations, excluded ones and checks among them."""
+    return sum(int(np.count_nonzero(group.mask)) for group in solved.adjustment.problem.groups)
+
+
+def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
+    return frame.to_dicts() if frame.height <= INLINE or not beside else None
 
 
 def to_json(data: dict[str, Any]) -> str:

@@ -7,10 +7,11 @@ import polars as pl
 
 from mor.geometry.arrays import FloatArray
 from mor.observations import ObservationGroup
-from mor.quality.influence import influence_on_points
+from mor.observations.names import Names, one_name
 from mor.quality.solved import Solved
+from mor.report.assessed_rows import AssessedRows, assessed_groups
 from mor.report.outward import said, said_differences, said_sizes, said_values
-from mor.report.tested_columns import TESTED, flags, tested_columns
+from mor.report.tested_columns import FLAGS, TESTED, flags, tested_columns
 
 SCHEMA = {
     "type": pl.String,
@@ -31,66 +32,49 @@ SCHEMA = {
 
 def observation_table(solved: Solved) -> pl.DataFrame:
     """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty where there was no solution."""
-    groups = solved.adjustment.problem.groups
-    influence = (
-        influence_on_points(solved.quality)
-        if solved.quality is not None
-        else tuple(np.full(group.observed.shape, np.nan) for group in groups)
-    )
-    parts = [_group_table(solved, number, group, influence[number]) for number, group in enumerate(groups)]
+    parts = [table_of(rows) for rows in assessed_groups(solved).pieces()]
     return pl.concat(parts) if parts else pl.DataFrame(schema=SCHEMA)
 
 
-def _group_table(solved: Solved, number: int, group: ObservationGroup, influence: FloatArray) -> pl.DataFrame:
-    quality = solved.quality
+def table_of(rows: AssessedRows) -> pl.DataFrame:
+    """Rows of the table for some rows of a group, one for each component that was observed."""
+    group, one = rows.group, rows.one
     out = said(group)
     mask = group.mask[:, out.source]
-    rows, components = np.nonzero(mask)
-    nothing = np.full(group.observed.shape, np.nan)
-    v = quality.groups[number].v if quality else nothing
-    adjusted = said_values(group, group.observed) + said_differences(group, v)
+    row, component = np.nonzero(mask)
+    observed = said_values(group, group.observed)
     numbers = {
-        "observed": said_values(group, group.observed),
-        "adjusted": adjusted,
-        "v": said_differences(group, v),
+        "observed": observed,
+        "adjusted": observed + said_differences(group, one.v),
+        "v": said_differences(group, one.v),
         "sigma": said_sizes(group, group.given_sigma),
-        "sigma_adjusted": _sigma_adjusted(solved, number, group),
-        **tested_columns(solved, number, group, influence),
+        "sigma_adjusted": said_sizes(group, _sigma_adjusted(rows)),
+        **tested_columns(rows),
     }
-    names = np.array([component.name for component in group.type.components])
-    units = np.array(out.external.units)
-    columns: dict[str, object] = {
-        "type": np.full(len(rows), group.type.key),
-        "group": np.full(len(rows), group.name),
-        **{key: np.array(ids, dtype=object)[rows] for key, ids in _places(group).items()},
-        "component": names[components],
-        "unit": units[components],
-        **{key: values[rows, components] for key, values in numbers.items()},
-        "flag": flags(solved, number, group)[rows, components],
+    whole = bool(mask.all())
+    columns = {
+        **{key: names.texts().gather(row) for key, names in _places(group).items()},
+        "component": pl.Series([c.name for c in group.type.components]).gather(component),
+        "unit": pl.Series(out.external.units).gather(component),
+        "flag": pl.Series(FLAGS).gather(flags(rows)[mask]),
+        **{key: values.ravel() if whole else values[mask] for key, values in numbers.items()},
     }
-    frame = pl.DataFrame(
-        {
-            key: pl.Series(key, np.asarray(columns[key]), dtype=kind, strict=False)
-            for key, kind in SCHEMA.items()
-        }
+    said_of_all = {"type": group.type.key, "group": group.name, "at": ""}
+    literals = [pl.lit(text).alias(key) for key, text in said_of_all.items() if key not in columns]
+    return (
+        pl.DataFrame(columns).with_columns(*literals, pl.col(pl.Float64).fill_nan(None)).select(list(SCHEMA))
     )
-    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def _places(group: ObservationGroup) -> dict[str, tuple[str, ...]]:
-    """Identifiers of a group's rows as at, from, to."""
-    empty = ("",) * group.count
+def _places(group: ObservationGroup) -> dict[str, Names]:
+    """Identifiers of a group's rows as at, from, to; nothing for at where the type has none."""
     if len(group.references) == 3:
-        at, start, end = group.references
-        return {"at": at, "from": start, "to": end}
-    if len(group.references) == 2:
-        return {"at": empty, "from": group.references[0], "to": group.references[1]}
-    return {"at": empty, "from": group.references[0], "to": empty}
+        return dict(zip(("at", "from", "to"), group.references, strict=True))
+    nobody = one_name("", group.count)
+    return dict(zip(("from", "to"), (*group.references, nobody), strict=False))
 
 
-def _sigma_adjusted(solved: Solved, number: int, group: ObservationGroup) -> np.ndarray:
-    quality = solved.quality
-    if quality is None:
-        return np.full(group.observed.shape, np.nan)
-    sigma = quality.sigma_factor * np.sqrt(np.maximum(quality.groups[number].q_adjusted, 0.0))
-    return said_sizes(group, sigma)
+def _sigma_adjusted(rows: AssessedRows) -> FloatArray:
+    factor = rows.whole.sigma_factor if rows.whole is not None else np.nan
+    sigma: FloatArray = factor * np.sqrt(np.maximum(rows.one.q_adjusted, 0.0))
+    return sigma

@@ -63,8 +63,8 @@ class Results(Part):
     flagged: int | None
     uncontrolled: int | None = None
     iteration_log: list[Step]
-    points: list[Point]
-    images: list[Image]
+    points: list[Point] | None = Field(description="null beyond 10 000: read the table")
+    images: list[Image] | None = Field(description="null beyond 10 000: read the table")
     cameras: list[Camera]
     stations: list[Station]
     systems: list[System]

@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations.names import places_of
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
 from mor.project.features import feature_label
@@ -21,6 +22,7 @@ from mor.units import ANGLE_UNITS
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
+STATUSES = ("fixed", "partly fixed", "free")
 
 
 def point_table(solved: Solved) -> pl.DataFrame:
@@ -36,7 +38,7 @@ def point_table(solved: Solved) -> pl.DataFrame:
     columns["rays"] = rays[numbers]
     columns["others"] = others[numbers]
     columns |= control_of_points(solved, numbers)
-    columns["status"] = [_status(solved, "point", number) for number in numbers]
+    columns["status"] = _status(solved, "point", numbers)
     return _frame(columns)
 
 
@@ -300,7 +302,7 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
     for number, group in enumerate(solved.adjustment.problem.groups):
         if not group.type.key.startswith(("image/", "follower/")):
             continue
-        which = np.fromiter((images.numbers[name] for name in group.references[0]), dtype=np.int64)
+        which = places_of(group.references[0], images.ids)
         count += np.bincount(which, minlength=len(count))
         if solved.quality is not None and group.external is not None:
             v = solved.quality.groups[number].v / group.external.factors
@@ -313,9 +315,11 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
     return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
 
 
-def _status(solved: Solved, kind: str, number: int) -> str:
-    free = solved.network.blocks[kind].free[number]
-    return "free" if free.all() else "partly fixed" if free.any() else "fixed"
+def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:
+    """Free, partly fixed or fixed: blocks (n,)."""
+    free = solved.network.blocks[kind].free[numbers]
+    status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
+    return pl.Series(STATUSES).gather(status)
 
 
 def _frame(columns: dict[str, Any]) -> pl.DataFrame:

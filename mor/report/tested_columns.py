@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.quality.assess import Quality
 from mor.quality.probabilities import log_p_chi2, log_p_normal, log_p_student
 from mor.quality.reliability import student_square
-from mor.quality.solved import Solved
+from mor.report.assessed_rows import AssessedRows
 from mor.report.outward import said, said_differences, said_numbers, said_signs, said_sizes
 
 TESTED = {
@@ -32,20 +32,21 @@ TESTED = {
 }
 
 
-def tested_columns(
-    solved: Solved, number: int, group: ObservationGroup, influence: FloatArray
-) -> dict[str, FloatArray]:
-    """The columns but for the flag, (n, m) each, in the units, axes and senses of the project; NaN without a test."""
-    quality = solved.quality
+FLAGS = ("", "uncontrolled", "gross", "excluded", "check")
+
+
+def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
+    """The columns but for the flag, (k, m) each, in the units, axes and senses of the project; NaN without a test."""
+    group, one, tests, quality = rows.group, rows.one, rows.tests, rows.whole
     if quality is None:
         return {name: np.full(group.observed.shape, np.nan) for name in TESTED if name != "flag"}
-    one, tests = quality.groups[number], quality.reliability[number]
     out = group.left_out
-    r, w = np.where(out, _as_if_inside(group, one.q_adjusted), one.r), quality.w[number]
-    w = np.where(out, tests.test, w)
+    r = np.where(out, _as_if_inside(group, one.q_adjusted), one.r)
+    w = np.where(out, tests.test, rows.w)
     square = np.where(out, np.nan, student_square(tests.test, quality.omega, quality.redundancy))
     several = np.nan_to_num(one.freedom) > 1.0
     joint, freedom = (np.where(several, array, np.nan) for array in (one.joint, one.freedom))
+    p_joint = np.exp(log_p_chi2(joint, freedom)) if several.any() else joint
     sigma0 = quality.sigma0 if quality.sigma0 > 0.0 else np.nan
     return {
         "r": said_numbers(group, r),
@@ -58,10 +59,10 @@ def tested_columns(
         "error": said_differences(group, tests.error),
         "nabla": said_sizes(group, tests.smallest),
         "external": said_numbers(group, tests.external),
-        "influence": said_signs(group, influence),
+        "influence": said_signs(group, rows.influence),
         "joint": said_numbers(group, joint),
         "joint_freedom": said_numbers(group, freedom),
-        "p_joint": said_numbers(group, np.exp(log_p_chi2(joint, freedom))),
+        "p_joint": said_numbers(group, p_joint),
     }
 
 
@@ -71,22 +72,14 @@ def _as_if_inside(group: ObservationGroup, q: FloatArray) -> FloatArray:
     return np.asarray(variance / (variance + q))
 
 
-def flags(solved: Solved, number: int, group: ObservationGroup) -> np.ndarray:
-    """What is to be said of an observation: check, excluded, gross, uncontrolled, or nothing. In the user's axes."""
-    words = np.full(group.observed.shape, "", dtype=object)
-    quality = solved.quality
-    if quality is not None:
-        words[np.isfinite(quality.groups[number].r) & ~np.isfinite(quality.reliability[number].test)] = (
-            "uncontrolled"
-        )
-        words[quality.flagged[number]] = "gross"
-    words[group.left_out] = "check" if is_check(solved, number) else "excluded"
-    return np.asarray(words[:, said(group).source])
-
-
-def is_check(solved: Solved, number: int) -> bool:
-    """True for a group that was kept out to check the adjustment by."""
-    return number >= len(solved.adjustment.problem.groups) - len(solved.network.checks)
+def flags(rows: AssessedRows) -> IntArray:
+    """What is to be said of observations (k, m), as numbers into :data:`FLAGS`. In the user's axes."""
+    group = rows.group
+    number = np.where(rows.uncontrolled, FLAGS.index("uncontrolled"), 0)
+    number[rows.flagged] = FLAGS.index("gross")
+    number[group.left_out] = FLAGS.index("check" if rows.is_check else "excluded")
+    said_there: IntArray = number[:, said(group).source]
+    return said_there
 
 
 def excluded_count(quality: Quality) -> int:

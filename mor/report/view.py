@@ -90,8 +90,8 @@ def view_of_folder(folder: Path) -> View:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
     return View(
         summary=data,
-        points=_frame(data["points"]),
-        images=_frame(data["images"]),
+        points=_table(data, "points", folder),
+        images=_table(data, "images", folder),
         stations=_frame(data["stations"]),
         groups=_frame(data["groups"]),
         cameras=data["cameras"],
@@ -104,13 +104,28 @@ def view_of_folder(folder: Path) -> View:
 def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
     if data["residuals"] is not None:
         return pl.DataFrame(data["residuals"], schema_overrides=SCHEMA, infer_schema_length=None)
-    name = data["tables"].get("residuals", "residuals.csv")
-    path = folder / name
+    if "residuals_worst" in data["tables"] or "residuals" not in data["tables"]:
+        words = "these results have no table of all residuals: mor adjust --tables all writes it"
+        raise InputError([Problem(words, str(folder / "results.json"))])
+    return _read(folder / data["tables"]["residuals"], "residuals", SCHEMA)
+
+
+def _table(data: dict[str, Any], key: str, folder: Path) -> pl.DataFrame:
+    """Points or images, which stand in ``results.json`` or, where they are many, beside it."""
+    if data[key] is not None:
+        return _frame(data[key])
+    return _read(folder / data["tables"].get(key, f"{key}.csv"), key, dict.fromkeys(_TEXTS, pl.String))
+
+
+_TEXTS = ("id", "camera", "status")
+
+
+def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
     if not path.exists():
-        raise InputError([Problem("the table of residuals is missing beside results.json", str(path))])
+        raise InputError([Problem(f"the table of {what} is missing beside results.json", str(path))])
     if path.suffix == ".parquet":
         return pl.read_parquet(path)
-    frame = pl.read_csv(path, schema_overrides=SCHEMA)
+    frame = pl.read_csv(path, schema_overrides=kinds, infer_schema_length=None)
     return frame.with_columns(pl.col(pl.String).fill_null(""))
 
 

@@ -2,56 +2,84 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-
-import polars as pl
+from typing import Literal
 
 from mor.project.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.adjusted_project import Placed, adjusted_project
 from mor.report.folder import Writer, write_folder
-from mor.report.json import results, to_json
+from mor.report.json import entries, results, to_json
 from mor.report.observation_table import observation_table
+from mor.report.table_files import Format, residual_writer, table_writer
 from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
 from mor.report.words.language import words_of
+from mor.report.worst import worst_residuals
 
-TABLES = {"residuals": "residuals.csv", "points": "points.csv", "images": "images.csv"}
+MOST_LISTED = 2_000_000
+"""Observations up to which the table of residuals is written whole where nothing else is asked for."""
+WORST = 10_000
+"""Observations in the table of the worst."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which tables are written, and how."""
+
+    tables: Literal["none", "worst", "all"] = "all"
+    kind: Format = "csv"
+    html: bool = True
+    """True for the page for people, ``report.html``."""
+    language: str = "en"
+    """Language of the text report: en, de."""
+    done: Callable[[int], None] = lambda rows: None
+    """Told how many more rows of the table of residuals are written."""
+
+
+def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
+    """All observations, or the worst where there are too many to be looked at."""
+    return "all" if entries(solved) <= MOST_LISTED else "worst"
 
 
 def write_results(
-    solved: Solved,
-    document: Document,
-    source: Path,
-    folder: Path,
-    force: bool,
-    html: bool = True,
-    language: str = "en",
+    solved: Solved, document: Document, source: Path, folder: Path, force: bool, choice: Choice | None = None
 ) -> None:
-    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
-
-    The text report is written in ``language`` (en, de). With ``html``, also the page for people, ``report.html``.
-    """
-    residuals = observation_table(solved)
-    converged = solved.quality is not None
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project."""
+    choice = choice or Choice()
+    tables = _tables(solved, choice) if solved.quality is not None else {}
+    names = {key: name for key, (name, _) in tables.items()}
     writers: dict[str, Writer] = {
-        "results.json": _text(to_json(results(solved, residuals, TABLES if converged else {}))),
-        "report.txt": _text(text_report(solved, residuals, words_of(language))),
+        "results.json": lambda path: _text(to_json(results(solved, names)))(path),
+        "report.txt": lambda path: _text(text_report(solved, words_of(choice.language)))(path),
+        **dict(tables.values()),
     }
-    if converged:
+    if solved.quality is not None:
         text, starts = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
-        frames = {
-            "residuals.csv": residuals,
-            "points.csv": point_table(solved),
-            "images.csv": image_table(solved),
-            "reference.csv": reference_table(solved),
-            **starts,
-        }
-        writers |= {name: _csv(frame) for name, frame in frames.items()}
+        frames = {"reference.csv": reference_table(solved), **starts}
+        writers |= {name: table_writer(frame) for name, frame in frames.items()}
         writers["adjusted.yaml"] = _text(text)
-        if html:
-            writers["report.html"] = _text(_page(solved, residuals))
+        if choice.html:
+            writers["report.html"] = lambda path: _text(_page(solved))(path)
     write_folder(folder, writers, force)
+
+
+def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
+    """Name and writer of each table that is wanted, by what ``results.json`` calls it."""
+    if choice.tables == "none":
+        return {}
+    kind = choice.kind
+    tables: dict[str, Writer] = {
+        "points": lambda path: table_writer(point_table(solved), kind)(path),
+        "images": lambda path: table_writer(image_table(solved), kind)(path),
+    }
+    if choice.tables == "all":
+        tables["residuals"] = residual_writer(solved, kind, choice.done)
+    else:
+        tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
+    return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
 
 
 def _placed(solved: Solved) -> Placed:
@@ -62,31 +90,24 @@ def _placed(solved: Solved) -> Placed:
 def write_project(placed: Placed, document: Document, source: Path, folder: Path, force: bool) -> None:
     """Write a project with the placed values as start values, and its tables, into a folder."""
     text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
-    writers: dict[str, Writer] = {name: _csv(frame) for name, frame in starts.items()}
+    writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
     write_folder(folder, {**writers, "project.yaml": _text(text)}, force)
 
 
 def results_text(solved: Solved) -> str:
     """``results.json`` as text, for programs that read standard output."""
-    return to_json(results(solved, observation_table(solved), {}))
+    return to_json(results(solved, {}, beside=False))
 
 
-def _page(solved: Solved, residuals: pl.DataFrame) -> str:
+def _page(solved: Solved) -> str:
     from mor.report.html.page import page
     from mor.report.view import view_of
 
-    return page(view_of(solved, residuals))
+    return page(view_of(solved, observation_table(solved)))
 
 
 def _text(text: str) -> Writer:
     def write(path: Path) -> None:
         path.write_text(text, encoding="utf-8")
-
-    return write
-
-
-def _csv(frame: pl.DataFrame) -> Writer:
-    def write(path: Path) -> None:
-        frame.write_csv(path)
 
     return write

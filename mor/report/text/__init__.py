@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import polars as pl
-
 from mor.quality.solved import Solved
 from mor.report.text import (
     cameras,
@@ -22,7 +20,7 @@ from mor.report.text import (
 from mor.report.words.language import ENGLISH, Words
 
 
-def text_report(solved: Solved, table: pl.DataFrame, words: Words = ENGLISH) -> str:
+def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     """The whole report in a language. Sections without content are left out."""
     sections = [
         head.section(solved, words),
@@ -36,6 +34,6 @@ def text_report(solved: Solved, table: pl.DataFrame, words: Words = ENGLISH) -> 
         features.section(solved, words),
         others.section(solved, words),
         points.section(solved, words),
-        residuals.section(solved, table, words),
+        residuals.section(solved, words),
     ]
     return "\n\n".join(section for section in sections if section) + "\n"

@@ -7,35 +7,29 @@ import polars as pl
 from mor.quality.solved import Solved
 from mor.report.text._layout import fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
+from mor.report.worst import uncontrolled_residuals, worst_residuals
 
 SHOWN = 40
 
 
-def section(solved: Solved, residuals: pl.DataFrame, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH) -> str:
     """The observations with the largest |w|, and those that nothing controls."""
     if solved.quality is None:
         return ""
-    worst = (
-        residuals.with_row_index("row")
-        .filter(pl.col("w").is_not_null())
-        .sort([pl.col("w").abs().round(6), pl.col("row")], descending=[True, False])
-        .head(SHOWN)
-    )
+    limit = fixed(solved.quality.critical, 2)
     parts = [
-        heading(
-            words("Worst residuals first (|w| > {limit} is flagged)", limit=fixed(solved.quality.critical, 2))
-        ),
-        _table(worst, words),
+        heading(words("Worst residuals first (|w| > {limit} is flagged)", limit=limit)),
+        _table(worst_residuals(solved, SHOWN), words),
     ]
-    loose = residuals.filter(pl.col("flag") == "uncontrolled")
-    if loose.height:
+    loose, count = uncontrolled_residuals(solved, SHOWN)
+    if count:
         parts += [
             "",
             heading(words("Observations that nothing controls (r = 0: no test is possible)")),
-            _table(loose.head(SHOWN), words),
+            _table(loose, words),
         ]
-        if loose.height > SHOWN:
-            parts.append(words("and {count} more in the table of residuals", count=loose.height - SHOWN))
+        if count > SHOWN:
+            parts.append(words("and {count} more in the table of residuals", count=count - SHOWN))
     return "\n".join(parts)
 
 

@@ -1,0 +1,85 @@
+"""Some observations of one group with all that is known of their quality: what tables are made of, piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup, some_rows
+from mor.quality.assess import Quality
+from mor.quality.influence import influence_on_points
+from mor.quality.redundancy import ObservationQuality
+from mor.quality.reliability import Reliability
+from mor.quality.solved import Solved
+
+PIECE = 100_000
+"""Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
+
+
+@dataclass(frozen=True)
+class AssessedRows:
+    """Rows of a group, all arrays (k, m) in internal units; without a solution there is no quality."""
+
+    group: ObservationGroup
+    is_check: bool
+    """True where the group was kept out to check the adjustment by."""
+    whole: Quality | None
+    one: ObservationQuality
+    tests: Reliability
+    w: FloatArray
+    influence: FloatArray
+
+    @property
+    def flagged(self) -> BoolArray:
+        """Observations whose test value exceeds the critical value; excluded ones are not among them."""
+        if self.whole is None:
+            return np.zeros(self.group.observed.shape, dtype=bool)
+        beyond: BoolArray = np.abs(np.nan_to_num(self.tests.test)) > self.whole.critical
+        return beyond & ~self.group.left_out
+
+    @property
+    def uncontrolled(self) -> BoolArray:
+        """Observations without a test, for nothing controls them."""
+        loose: BoolArray = np.isfinite(self.one.r) & ~np.isfinite(self.tests.test)
+        return loose & ~self.group.left_out
+
+
+@dataclass(frozen=True)
+class AssessedGroups:
+    """All groups of an adjustment, ready to be cut into pieces."""
+
+    solved: Solved
+    influence: tuple[FloatArray, ...]
+
+    def pieces(self) -> Iterator[AssessedRows]:
+        """All observations in their order, so many at a time."""
+        for number, group in enumerate(self.solved.adjustment.problem.groups):
+            for start in range(0, group.count, PIECE):
+                yield self.rows(number, slice(start, start + PIECE))
+
+    def rows(self, number: int, rows: IntArray | slice) -> AssessedRows:
+        """Some rows of a group."""
+        quality, groups = self.solved.quality, self.solved.adjustment.problem.groups
+        group = some_rows(groups[number], rows)
+        is_check = number >= len(groups) - len(self.solved.network.checks)
+        if quality is None:
+            nothing = np.full(group.observed.shape, np.nan)
+            one, tests = ObservationQuality(*[nothing] * 9), Reliability(*[nothing] * 4)
+            return AssessedRows(group, is_check, None, one, tests, nothing, nothing)
+        return AssessedRows(
+            group,
+            is_check,
+            quality,
+            ObservationQuality(*(array[rows] for array in quality.groups[number])),
+            Reliability(*(array[rows] for array in quality.reliability[number])),
+            quality.w[number][rows],
+            self.influence[number][rows],
+        )
+
+
+def assessed_groups(solved: Solved) -> AssessedGroups:
+    """The observations of an adjustment with their quality."""
+    return AssessedGroups(solved, influence_on_points(solved.quality) if solved.quality is not None else ())

@@ -1,0 +1,74 @@
+"""Tables as files: CSV or Parquet, the long one piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Literal
+
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from mor.quality.solved import Solved
+from mor.report.assessed_rows import assessed_groups
+from mor.report.folder import Writer
+from mor.report.observation_table import SCHEMA, table_of
+from mor.report.tested_columns import TESTED
+
+Format = Literal["csv", "parquet"]
+Done = Callable[[int], None]
+"""Told how many more rows are written."""
+
+DIGITS = 7
+"""Significant digits of statistics in the long table as text; Parquet has all digits."""
+_ROWS_TOGETHER = 250_000
+"""Rows of one row group of a Parquet file."""
+_ROWS_FORMATTED = 4096
+_PROBABILITIES = ["p", "p_t", "p_joint"]
+_STATISTICS = [
+    "sigma_adjusted",
+    *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in _PROBABILITIES),
+]
+"""Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double."""
+
+
+def table_writer(frame: pl.DataFrame, kind: Format = "csv") -> Writer:
+    """Writer of a table that is there as a whole."""
+
+    def write(path: Path) -> None:
+        if kind == "parquet":
+            frame.write_parquet(path, row_group_size=_ROWS_TOGETHER)
+        else:
+            frame.write_csv(path)
+
+    return write
+
+
+def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
+    """Writer of the whole table of residuals, which is never in memory as a whole."""
+
+    def pieces() -> Iterator[pl.DataFrame]:
+        for rows in assessed_groups(solved).pieces():
+            piece = table_of(rows)
+            yield piece
+            done(piece.height)
+
+    def csv(path: Path) -> None:
+        with path.open("wb") as file:
+            file.write((",".join(SCHEMA) + "\n").encode())
+            for piece in pieces():
+                shorter = piece.with_columns(
+                    pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
+                )
+                shorter.write_csv(file, include_header=False, batch_size=_ROWS_FORMATTED)
+
+    def parquet(path: Path) -> None:
+        def source(
+            columns: list[str] | None, predicate: pl.Expr | None, rows: int | None, batch: int | None
+        ) -> Iterator[pl.DataFrame]:
+            return pieces()
+
+        whole = register_io_source(source, schema=SCHEMA)
+        whole.sink_parquet(path, row_group_size=_ROWS_TOGETHER)
+
+    return parquet if kind == "parquet" else csv

@@ -1,0 +1,74 @@
+"""The worst observations, found in arrays: only their rows become rows of a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+
+from mor.geometry.arrays import FloatArray
+from mor.quality.solved import Solved
+from mor.report.assessed_rows import assessed_groups
+from mor.report.observation_table import SCHEMA, table_of
+
+TIE = 6
+"""Decimals to which test values are compared: the two rays of one point often have equal ones."""
+
+
+def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
+    """The rows of the table of residuals with the largest |w|, the worst first, equal ones in their order."""
+    groups = solved.adjustment.problem.groups
+    sizes = [_sizes(solved, number) for number in range(len(groups))]
+    limit = _limit(sizes, count)
+    tested, parts = assessed_groups(solved), []
+    for number, size in enumerate(sizes):
+        rows = np.flatnonzero((size >= limit).any(axis=1))
+        if len(rows):
+            parts.append(table_of(tested.rows(number, rows)))
+    if not parts:
+        return pl.DataFrame(schema=SCHEMA)
+    by_size = pl.col("w").abs().round(TIE)
+    table = pl.concat(parts).filter(pl.col("w").is_not_null())
+    return table.sort(by_size, descending=True, maintain_order=True).head(count)
+
+
+def _sizes(solved: Solved, number: int) -> FloatArray:
+    """|w| (n, m) of a group to so many decimals, −1 where there is none."""
+    quality, group = solved.quality, solved.adjustment.problem.groups[number]
+    if quality is None:
+        return np.full(group.observed.shape, -1.0)
+    w = quality.w[number]
+    if group.excluded is not None:
+        w = np.where(group.left_out, quality.reliability[number].test, w)
+    size: FloatArray = np.nan_to_num(np.round(np.abs(w), TIE), nan=-1.0)
+    return size
+
+
+def _limit(sizes: list[FloatArray], count: int) -> float:
+    """The size from which on an observation may be among the largest."""
+    largest = np.zeros(0)
+    for size in sizes:
+        flat = size.ravel()
+        if len(flat) > count:
+            flat = np.partition(flat, len(flat) - count)[len(flat) - count :]
+        largest = np.sort(np.concatenate([largest, flat]))[-count:]
+    return max(float(largest[0]), 0.0) if len(largest) else 0.0
+
+
+def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:
+    """The first rows of observations that nothing controls, and how many there are of them."""
+    if solved.quality is None:
+        return pl.DataFrame(schema=SCHEMA), 0
+    tested, parts, number = assessed_groups(solved), [], 0
+    groups = zip(
+        solved.quality.groups,
+        solved.quality.reliability,
+        tested.solved.adjustment.problem.groups,
+        strict=True,
+    )
+    for k, (one, tests, group) in enumerate(groups):
+        loose = np.isfinite(one.r) & ~np.isfinite(tests.test) & ~group.left_out
+        rows = np.flatnonzero(loose.any(axis=1))[:count]
+        number += int(np.count_nonzero(loose))
+        if len(rows):
+            parts.append(table_of(tested.rows(k, rows)).filter(pl.col("flag") == "uncontrolled"))
+    return (pl.concat(parts).head(count) if parts else pl.DataFrame(schema=SCHEMA)), number
