@@ -11,9 +11,10 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.quality.assess import Quality
 from mor.quality.influence import influence_on_points
-from mor.quality.redundancy import ObservationQuality
+from mor.quality.observation_quality import ObservationQuality
 from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
+from mor.quality.tests import normalised_residuals
 
 PIECE = 100_000
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
@@ -67,17 +68,11 @@ class AssessedGroups:
         is_check = number >= len(groups) - len(self.solved.network.checks)
         if quality is None:
             nothing = np.full(group.observed.shape, np.nan)
-            one, tests = ObservationQuality(*[nothing] * 9), Reliability(*[nothing] * 4)
-            return AssessedRows(group, is_check, None, one, tests, nothing, nothing)
-        return AssessedRows(
-            group,
-            is_check,
-            quality,
-            ObservationQuality(*(array[rows] for array in quality.groups[number])),
-            Reliability(*(array[rows] for array in quality.reliability[number])),
-            quality.w[number][rows],
-            self.influence[number][rows],
-        )
+            one = ObservationQuality(*[nothing] * 5, out=np.zeros(nothing.shape, dtype=bool))
+            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
+        one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
+        w, influence = normalised_residuals(one), self.influence[number][rows]
+        return AssessedRows(group, is_check, quality, one, tests, w, influence)
 
 
 def assessed_groups(solved: Solved) -> AssessedGroups:

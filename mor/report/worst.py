@@ -7,6 +7,7 @@ import polars as pl
 
 from mor.geometry.arrays import FloatArray
 from mor.quality.solved import Solved
+from mor.quality.tests import normalised_residuals
 from mor.report.assessed_rows import assessed_groups
 from mor.report.observation_table import SCHEMA, table_of
 
@@ -36,7 +37,7 @@ def _sizes(solved: Solved, number: int) -> FloatArray:
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.observed.shape, -1.0)
-    w = quality.w[number]
+    w = normalised_residuals(quality.groups[number])
     if group.excluded is not None:
         w = np.where(group.left_out, quality.reliability[number].test, w)
     size: FloatArray = np.nan_to_num(np.round(np.abs(w), TIE), nan=-1.0)
