@@ -35,7 +35,15 @@ class Case:
 
 
 _ALL = (
-    Case("aerial-6", "2 strips of 3 images: does the runner run?", "aerial", (2, 3), peers=True, usual=False),
+    Case(
+        "aerial-6",
+        "2 strips of 3 images: does the runner run?",
+        "aerial",
+        (2, 3),
+        command=True,
+        peers=True,
+        usual=False,
+    ),
     Case("aerial-50", "5 strips of 10 images", "aerial", (5, 10), peers=True, covariance=True, pycolmap=True),
     Case("aerial-500", "20 strips of 25 images", "aerial", (20, 25), command=True, peers=True, pycolmap=True),
     Case("aerial-2000", "40 strips of 50 images", "aerial", (40, 50), peers=True, dense=False),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from scenes import (
     SIGMA_BEARING,
     SIGMA_CENTRE,
@@ -19,6 +21,7 @@ from scenes import (
 
 from mor.geometry.arrays import IntArray
 
+_Column = pl.Series | NDArray[Any]
 _INTERIOR = ("c", "xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
 
 
@@ -35,14 +38,17 @@ def write_block(block: Block, folder: Path, kind: str = "csv") -> Path:
     """Write an image block; ``kind`` is csv or parquet. Returns the project file."""
     folder.mkdir(parents=True, exist_ok=True)
     centre, angles = block.observed_centre, block.start_angles
-    images = {"id": _names("I", np.arange(len(centre))), "camera": np.full(len(centre), "K")}
+    images: dict[str, _Column] = {
+        "id": _names("I", np.arange(len(centre))),
+        "camera": np.full(len(centre), "K"),
+    }
     for k, axis in enumerate("xyz"):
         images |= {axis: centre[:, k], f"sigma_{axis}": np.full(len(centre), SIGMA_CENTRE)}
         images |= {f"start_{axis}": block.start_centre[:, k]}
     images |= {name: angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
-    points = {"id": _names("P", np.arange(len(block.point)))}
+    points: dict[str, _Column] = {"id": _names("P", np.arange(len(block.point)))}
     points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}
-    rays = {
+    rays: dict[str, _Column] = {
         "image": _names("I", block.image),
         "point": _names("P", block.of_point),
         "x": block.xy[:, 0],
@@ -75,7 +81,10 @@ def write_grid(grid: Grid, folder: Path) -> Path:
     control = np.isin(np.arange(len(grid.point)), grid.control)
     for name, chosen, xyz in (("control", control, grid.point), ("points", ~control, grid.start)):
         numbers = np.flatnonzero(chosen)
-        columns = {"id": _names("P", numbers), **{a: xyz[numbers, k] for k, a in enumerate("xyz")}}
+        columns: dict[str, _Column] = {
+            "id": _names("P", numbers),
+            **{a: xyz[numbers, k] for k, a in enumerate("xyz")},
+        }
         pl.DataFrame(columns).write_csv(folder / f"{name}.csv")
     ends = {"from": _names("P", grid.one), "to": _names("P", grid.other)}
     for name, values in (

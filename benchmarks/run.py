@@ -1,7 +1,7 @@
 """Times mor and its peers on the same data, one after the other in one run, and prints the ratios.
 
     python benchmarks/run.py [CASE …]       the usual cases when none are named; --list names all
-    python benchmarks/run.py --markdown     print the tables of docs/benchmarks.md
+    python benchmarks/run.py --page docs/benchmarks.md     put the tables into the page
 
 Every measurement runs in a fresh process. Only the standard library is imported here: see ``measure.run``.
 """
@@ -25,6 +25,7 @@ from tables import markdown, plain
 
 _TASK = Path(__file__).parent / "task.py"
 _ROOT = Path(__file__).parents[1]
+_BEGIN, _END = "<!-- tables by benchmarks/run.py -->", "<!-- end of the tables -->"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,6 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
             shutil.rmtree(place)
             if chosen.json:
                 chosen.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    if chosen.page:
+        put_into(chosen.page, markdown(results))
     print(markdown(results) if chosen.markdown else plain(results))
     return 0 if all(one["right"] for one in results["cases"].values()) else 1
 
@@ -61,13 +64,24 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument("--no-peers", action="store_true", help="time mor alone")
     parser.add_argument("--no-commands", action="store_true", help="leave whole commands out")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-    parser.add_argument("--markdown", action="store_true", help="print the tables for docs/benchmarks.md")
+    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
+    parser.add_argument(
+        "--page", type=Path, metavar="FILE", help="put the tables into this page, in place of old ones"
+    )
     parser.add_argument("--pycolmap", metavar="PYTHON", help="a Python that has pycolmap [this one]")
     parser.add_argument(
         "--blas", default="", metavar="FOLDER", help="libblas and liblapack for Ceres [the system's]"
     )
     parser.add_argument("--folder", metavar="FOLDER", help="where temporary data go [the system's place]")
     return parser
+
+
+def put_into(page: Path, tables: str) -> None:
+    """Replace what stands between the two marks of a page."""
+    text = page.read_text(encoding="utf-8")
+    head, rest = text.split(_BEGIN, 1)
+    tail = rest.split(_END, 1)[1]
+    page.write_text(f"{head}{_BEGIN}\n\n{tables}\n\n{_END}{tail}", encoding="utf-8")
 
 
 def say(words: str) -> None:
@@ -155,7 +169,8 @@ def commands(case: Case, folder: Path, scene: Path) -> dict[str, Any]:
 
 def command(project: Path, folder: Path, more: list[str], environment: dict[str, str]) -> dict[str, Any]:
     """One run of the command, its threads left alone as a user has them."""
-    line = [sys.executable, "-m", "mor", "adjust", project / "project.yaml", "--force", *more]
+    file = str(project / "project.yaml")
+    line = [sys.executable, "-m", "mor", "adjust", file, "--force", *more]
     done = run(line, folder, {**environment, "PYTHONPATH": path()})
     if done.code:
         sys.exit(f"mor adjust ended with {done.code}\n{done.errors}")

@@ -275,6 +275,38 @@ double exact_objective(ceres::Solver::Options options, ceres::Problem& problem) 
   return 2.0 * summary.final_cost;
 }
 
+// Distortion coefficients in units of what they do at a radius of 40 mm. Without it ceres::Covariance takes a sound
+// block for rank deficient: the columns differ by thirteen powers of ten. The solver scales by itself.
+class Scaled : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return 10; }
+  int TangentSize() const override { return 10; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    for (int k = 0; k < 10; ++k) sum[k] = x[k] + scale(k) * delta[k];
+    return true;
+  }
+  bool Minus(const double* y, const double* x, double* difference) const override {
+    for (int k = 0; k < 10; ++k) difference[k] = (y[k] - x[k]) / scale(k);
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    std::memset(jacobian, 0, 100 * sizeof(double));
+    for (int k = 0; k < 10; ++k) jacobian[11 * k] = scale(k);
+    return true;
+  }
+  bool MinusJacobian(const double*, double* jacobian) const override {
+    std::memset(jacobian, 0, 100 * sizeof(double));
+    for (int k = 0; k < 10; ++k) jacobian[11 * k] = 1.0 / scale(k);
+    return true;
+  }
+
+ private:
+  static double scale(int k) {
+    static const int powers[10] = {0, 0, 0, 3, 5, 7, 2, 2, 1, 1};
+    return std::pow(40.0, -powers[k]);
+  }
+};
+
 struct Deviations {
   Seconds seconds;
   double principal_distance, points;  // sigma of c, and root mean square sigma of all point coordinates
@@ -287,6 +319,7 @@ Deviations covariances(Block& block, ceres::Problem& problem, int threads) {
   for (int64_t p = 0; p < block.points; ++p) blocks.emplace_back(&block.point[3 * p], &block.point[3 * p]);
   const double* interior = block.interior.data();
   blocks.emplace_back(interior, interior);
+  problem.SetManifold(block.interior.data(), new Scaled);
   ceres::Covariance::Options options;
   options.num_threads = threads;
   ceres::Covariance covariance(options);
