@@ -34,12 +34,27 @@ def main(arguments: list[str] | None = None) -> int:
     if chosen.list:
         print("\n".join(f"{case.name:18}{case.words}" for case in CASES.values()))
         return 0
+    if (chosen.add or chosen.show) and chosen.json is None:
+        print("--add and --show want --json FILE", file=sys.stderr)
+        return 2
     unknown = [name for name in chosen.cases if name not in CASES]
     if unknown:
         print(f"no such case: {', '.join(unknown)}; known: {', '.join(CASES)}", file=sys.stderr)
         return 2
-    names = chosen.cases or [case.name for case in CASES.values() if case.usual]
     results: dict[str, Any] = {"machine": machine(), "cases": {}, "left_out": []}
+    if chosen.show or (chosen.add and chosen.json.exists()):
+        results = json.loads(chosen.json.read_text(encoding="utf-8"))
+    if not chosen.show:
+        measure(chosen, results)
+    if chosen.page:
+        put_into(chosen.page, markdown(results))
+    print(markdown(results) if chosen.markdown else plain(results))
+    return 0 if all(one["right"] for one in results["cases"].values()) else 1
+
+
+def measure(chosen: argparse.Namespace, results: dict[str, Any]) -> None:
+    """Measure the chosen cases, and write them down one by one."""
+    names = chosen.cases or [case.name for case in CASES.values() if case.usual]
     with tempfile.TemporaryDirectory(dir=chosen.folder) as folder:
         ceres = None if chosen.no_peers else available_ceres(Path(folder), results)
         for name in names:
@@ -50,20 +65,18 @@ def main(arguments: list[str] | None = None) -> int:
             shutil.rmtree(place)
             if chosen.json:
                 chosen.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    if chosen.page:
-        put_into(chosen.page, markdown(results))
-    print(markdown(results) if chosen.markdown else plain(results))
-    return 0 if all(one["right"] for one in results["cases"].values()) else 1
 
 
 def options() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(description="Times mor and its peers on the same data.")
-    parser.add_argument("cases", nargs="*", metavar="CASE")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="what to measure [the usual cases]")
     parser.add_argument("--list", action="store_true", help="name the cases and stop")
     parser.add_argument("--no-peers", action="store_true", help="time mor alone")
     parser.add_argument("--no-commands", action="store_true", help="leave whole commands out")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
+    parser.add_argument("--add", action="store_true", help="keep the other cases that are in the JSON file")
+    parser.add_argument("--show", action="store_true", help="measure nothing, show the JSON file")
     parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
     parser.add_argument(
         "--page", type=Path, metavar="FILE", help="put the tables into this page, in place of old ones"
@@ -101,7 +114,8 @@ def available_ceres(folder: Path, results: dict[str, Any]) -> Path | None:
 def leave_out(results: dict[str, Any], words: str) -> None:
     """Note what is not measured, and why."""
     say(f"left out: {words}")
-    results["left_out"].append(words)
+    if words not in results["left_out"]:
+        results["left_out"].append(words)
 
 
 def measured(

@@ -67,7 +67,7 @@ def project(q: FloatArray) -> FloatArray:
     )
 
 
-def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.39) -> Block:
+def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.468) -> Block:
     """An aerial block: c = 100 mm, image 90 × 70 mm, 1000 m above ground; each image shows a part of its points."""
     rng = np.random.default_rng(seed)
     along, across = 180.0, 280.0
@@ -77,7 +77,7 @@ def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.39)
     centre = centre + rng.normal(0.0, 5.0, centre.shape)
     angles = rng.normal(0.0, 0.02, centre.shape)
     width, height = images_in_strip * along + 600.0, strips * across + 500.0
-    count = 225 * len(centre)
+    count = 239 * len(centre)
     point = np.column_stack(
         [
             rng.uniform(-300, width - 300, count),
@@ -90,7 +90,8 @@ def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.39)
     found: list[tuple[IntArray, IntArray, FloatArray]] = []
     for k, X0 in enumerate(centre):
         low, high = np.searchsorted(point[:, 0], [X0[0] - 550.0, X0[0] + 550.0])
-        rows = low + np.flatnonzero(np.abs(point[low:high, 1] - X0[1]) < 500.0)
+        # the polynomial of the distortion folds points far outside the picture back into it
+        rows = low + np.flatnonzero(np.abs(point[low:high, 1] - X0[1]) < 450.0)
         xy = project((point[rows] - X0) @ D[k].T)
         inside = (np.abs(xy[:, 0]) < 45.0) & (np.abs(xy[:, 1]) < 35.0) & (rng.random(len(xy)) < seen)
         rows = rows[inside]

@@ -75,7 +75,10 @@ def deviations(cases: Cases) -> Table:
     for name, one in cases.items():
         kernel = one["kernel"]
         mor = kernel["sigma_and_r_s"][0]
-        ceres, colmap = one.get("ceres", {}).get("covariance_cpu"), one.get("pycolmap", {}).get("all_cpu")
+        ceres, colmap = (
+            one.get("ceres", {}).get("covariance_cpu"),
+            one.get("pycolmap", {}).get("covariance_cpu"),
+        )
         rows.append(
             (
                 name,

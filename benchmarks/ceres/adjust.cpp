@@ -269,7 +269,7 @@ ceres::Solver::Options options_for(Block& block, const std::string& solver, int 
 // The solution at hand taken on to round-off; the objective there.
 double exact_objective(ceres::Solver::Options options, ceres::Problem& problem) {
   options.function_tolerance = options.gradient_tolerance = options.parameter_tolerance = 1e-16;
-  options.max_num_iterations = 10;
+  options.max_num_iterations = 3;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   return 2.0 * summary.final_cost;
