@@ -3,18 +3,38 @@
 from __future__ import annotations
 
 import numpy as np
-from scenes import SIGMA_CENTRE, SIGMA_IMAGE, Block
+from scenes import (
+    SIGMA_BEARING,
+    SIGMA_CENTRE,
+    SIGMA_DISTANCE,
+    SIGMA_HEIGHT,
+    SIGMA_IMAGE,
+    Block,
+    Grid,
+    Mixed,
+    Scene,
+)
 
 from mor.adjustment.problem import Datum, Problem
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
-from mor.observations import IMAGE_TYPES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.observations import IMAGE_TYPES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
 from mor.parameters.index import Blocks, index_unknowns
-from mor.parameters.kinds import ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, BlockKind
+from mor.parameters.kinds import DISTANCE_METER, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, BlockKind
+
+Posed = tuple[Problem, dict[str, FloatArray]]
+"""A problem and the values it starts from."""
 
 
-def problem_of(block: Block) -> tuple[Problem, dict[str, FloatArray]]:
-    """The problem, and the values it starts from: all poses, all points and the whole interior are free."""
+def as_problem(scene: Scene) -> Posed:
+    """The problem of any scene, and its start values."""
+    if isinstance(scene, Block):
+        return problem_of_block(scene)
+    return problem_of_grid(scene) if isinstance(scene, Grid) else problem_of_mixed(scene)
+
+
+def problem_of_block(block: Block) -> Posed:
+    """An image block: all poses, all points and the whole interior are free."""
     images, points, n = len(block.centre), len(block.point), len(block.image)
     interior = INTERIORS["mor"]
     blocks = {
@@ -50,8 +70,70 @@ def problem_of(block: Block) -> tuple[Problem, dict[str, FloatArray]]:
         np.zeros((images, 0)),
         ((),),
     )
-    datum = Datum("fixed", False, {"point": np.zeros((images + points, 3), bool)}, {"point": values["point"]})
-    return Problem(index_unknowns(blocks), (rays, centres), (), datum), values
+    return Problem(index_unknowns(blocks), (rays, centres), (), _fixed(values)), values
+
+
+def problem_of_grid(grid: Grid) -> Posed:
+    """A geodetic network: all points are free but the control points."""
+    free = np.ones((len(grid.point), 3), bool)
+    free[grid.control] = False
+    points = _blocks(POINT, len(grid.point), True)
+    blocks = {
+        "point": Blocks(POINT, points.ids, free, points.owner),
+        "height": _blocks(HEIGHT, 1, False),
+        "distance meter": _blocks(DISTANCE_METER, 1, False),
+    }
+    values = {
+        "point": np.where(free, grid.start, grid.point),
+        "height": np.zeros((1, 1)),
+        "distance meter": np.array([[1.0, 0.0]]),
+    }
+    sights = _sights(grid.one, grid.other, grid.distance, grid.bearing)
+    heights = _between("height_difference", grid.one, grid.other, grid.height_difference, SIGMA_HEIGHT)
+    return Problem(index_unknowns(blocks), (*sights, heights), (), _fixed(values)), values
+
+
+def problem_of_mixed(scene: Mixed) -> Posed:
+    """An image block with sights between its points, which are therefore not eliminated on the fly."""
+    problem, values = problem_of_block(scene.block)
+    values["distance meter"] = np.array([[1.0, 0.0]])
+    blocks = dict(problem.index.blocks) | {"distance meter": _blocks(DISTANCE_METER, 1, False)}
+    images = len(scene.block.centre)
+    sights = _sights(scene.one + images, scene.other + images, scene.distance, scene.bearing)
+    return Problem(index_unknowns(blocks), problem.groups + sights, (), problem.datum), values
+
+
+def _sights(
+    one: IntArray, other: IntArray, distance: FloatArray, bearing: FloatArray
+) -> tuple[ObservationGroup, ...]:
+    return (
+        _between("distance", one, other, distance, SIGMA_DISTANCE),
+        _between("bearing", one, other, bearing, SIGMA_BEARING),
+    )
+
+
+def _between(
+    key: str, one: IntArray, other: IntArray, observed: FloatArray, sigma: float
+) -> ObservationGroup:
+    """Observations of a type between two points; heights of instrument and target are block 0, fixed to 0."""
+    kind, count = PLAIN_TYPES[key], len(one)
+    nothing = np.zeros(count, dtype=np.int64)
+    ends = iter((one, other))
+    blocks = tuple(next(ends) if slot.kind == "point" else nothing for slot in kind.slots)
+    columns = np.full((count, 1), sigma)
+    return ObservationGroup(
+        key,
+        kind,
+        blocks,
+        observed[:, None],
+        columns,
+        np.zeros((count, 0)),
+        tuple(() for _ in kind.references),
+    )
+
+
+def _fixed(values: dict[str, FloatArray]) -> Datum:
+    return Datum("fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]})
 
 
 def _blocks(kind: BlockKind, count: int, free: bool) -> Blocks:

@@ -2,12 +2,13 @@
 
 An image block is 80 % forward and 60 % side overlap, of which each image sees a random part, or cameras all around an
 object that look at its middle. A geodetic grid is directions and distances to the neighbours, with long ties between
-points drawn at random.
+points drawn at random. A mixed scene is an aerial block with distances and bearings among its points.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +19,8 @@ SIGMA_IMAGE = 0.003
 """mm."""
 SIGMA_CENTRE = 0.05
 """m, of the projection centres from satellites."""
+SIGMA_DISTANCE, SIGMA_BEARING, SIGMA_HEIGHT = 0.003, 3e-6, 0.002
+"""m, rad, m of a geodetic network."""
 INTERIOR = np.array([100.0, 0.02, -0.03, 2e-6, -1e-10, 0.0, 1e-6, -1e-6, 1e-5, -1e-5])
 """c, xh, yh, A1, A2, A3, B1, B2, C1, C2 of the camera, r0 = 0."""
 
@@ -64,7 +67,7 @@ def project(q: FloatArray) -> FloatArray:
     )
 
 
-def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.55) -> Block:
+def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.468) -> Block:
     """An aerial block: c = 100 mm, image 90 × 70 mm, 1000 m above ground; each image shows a part of its points."""
     rng = np.random.default_rng(seed)
     along, across = 180.0, 280.0
@@ -74,7 +77,7 @@ def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.55)
     centre = centre + rng.normal(0.0, 5.0, centre.shape)
     angles = rng.normal(0.0, 0.02, centre.shape)
     width, height = images_in_strip * along + 600.0, strips * across + 500.0
-    count = 208 * len(centre)
+    count = 239 * len(centre)
     point = np.column_stack(
         [
             rng.uniform(-300, width - 300, count),
@@ -87,9 +90,11 @@ def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.55)
     found: list[tuple[IntArray, IntArray, FloatArray]] = []
     for k, X0 in enumerate(centre):
         low, high = np.searchsorted(point[:, 0], [X0[0] - 550.0, X0[0] + 550.0])
-        xy = project((point[low:high] - X0) @ D[k].T)
+        # the polynomial of the distortion folds points far outside the picture back into it
+        rows = low + np.flatnonzero(np.abs(point[low:high, 1] - X0[1]) < 450.0)
+        xy = project((point[rows] - X0) @ D[k].T)
         inside = (np.abs(xy[:, 0]) < 45.0) & (np.abs(xy[:, 1]) < 35.0) & (rng.random(len(xy)) < seen)
-        rows = low + np.flatnonzero(inside)
+        rows = rows[inside]
         found.append((np.full(len(rows), k), rows, xy[inside]))
     return _observed(rng, centre, angles, point, found)
 
@@ -160,9 +165,6 @@ class Grid:
     control: IntArray
 
 
-SIGMA_DISTANCE, SIGMA_BEARING, SIGMA_HEIGHT = 0.003, 3e-6, 0.002
-
-
 def grid(side: int, ties: int, seed: int = 1) -> Grid:
     """side² points some 100 m apart, sights to right and upper neighbours, and long sights at random."""
     rng = np.random.default_rng(seed)
@@ -186,3 +188,57 @@ def grid(side: int, ties: int, seed: int = 1) -> Grid:
         d[:, 2] + rng.normal(0.0, SIGMA_HEIGHT, n),
         np.array([0, side - 1, side * side - 1]),
     )
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """An image block, and sights of a tacheometer between its points: distances and bearings."""
+
+    block: Block
+    one: IntArray
+    other: IntArray
+    distance: FloatArray
+    bearing: FloatArray
+
+
+def mixed(strips: int, images_in_strip: int, sights: int, seed: int = 1) -> Mixed:
+    """An aerial block with sights between points that lie some 200 m from each other."""
+    block = aerial(strips, images_in_strip, seed)
+    rng = np.random.default_rng(seed + 1)
+    one = rng.integers(0, len(block.point), sights)
+    other = np.clip(one + rng.integers(1, 200, sights), 0, len(block.point) - 1)  # neighbours in x
+    one, other = one[one != other], other[one != other]
+    d = block.point[other] - block.point[one]
+    return Mixed(
+        block,
+        one,
+        other,
+        np.linalg.norm(d, axis=1) + rng.normal(0.0, SIGMA_DISTANCE, len(one)),
+        np.mod(np.arctan2(d[:, 0], d[:, 1]) + rng.normal(0.0, SIGMA_BEARING, len(one)), 2.0 * np.pi),
+    )
+
+
+Scene = Block | Grid | Mixed
+
+
+def make(name: str, sizes: tuple[int, ...]) -> Scene:
+    """The scene of a generator of this file."""
+    return {"aerial": aerial, "convergent": convergent, "grid": grid, "mixed": mixed}[name](*sizes)
+
+
+def keep(scene: Scene, path: Path) -> None:
+    """Write a scene to a file of arrays."""
+    block = scene.block if isinstance(scene, Mixed) else None
+    parts = {"block." + f.name: getattr(block, f.name) for f in fields(Block)} if block is not None else {}
+    own = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name != "block"}
+    np.savez(path, **parts, **own)
+
+
+def kept(path: Path) -> Scene:
+    """A scene that was written by :func:`keep`."""
+    with np.load(path) as arrays:
+        names = {name: arrays[name] for name in arrays.files}
+    parts = {name[6:]: names.pop(name) for name in list(names) if name.startswith("block.")}
+    if parts:
+        return Mixed(Block(**parts), **names)
+    return Block(**names) if "image" in names else Grid(**names)

@@ -1,0 +1,119 @@
+"""Simulated blocks and networks as project folders, for the whole command from the tables to the results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scenes import (
+    SIGMA_BEARING,
+    SIGMA_CENTRE,
+    SIGMA_DISTANCE,
+    SIGMA_HEIGHT,
+    SIGMA_IMAGE,
+    Block,
+    Grid,
+    Scene,
+)
+
+from mor.geometry.arrays import IntArray
+
+_Column = pl.Series | NDArray[Any]
+_INTERIOR = ("c", "xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
+
+
+def write_project(scene: Scene, folder: Path, kind: str = "csv") -> Path:
+    """Write an image block or a network; returns the project file."""
+    if isinstance(scene, Block):
+        return write_block(scene, folder, kind)
+    if isinstance(scene, Grid):
+        return write_grid(scene, folder)
+    raise ValueError("mixed scenes have no project folder")
+
+
+def write_block(block: Block, folder: Path, kind: str = "csv") -> Path:
+    """Write an image block; ``kind`` is csv or parquet. Returns the project file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    centre, angles = block.observed_centre, block.start_angles
+    images: dict[str, _Column] = {
+        "id": _names("I", np.arange(len(centre))),
+        "camera": np.full(len(centre), "K"),
+    }
+    for k, axis in enumerate("xyz"):
+        images |= {axis: centre[:, k], f"sigma_{axis}": np.full(len(centre), SIGMA_CENTRE)}
+        images |= {f"start_{axis}": block.start_centre[:, k]}
+    images |= {name: angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
+    points: dict[str, _Column] = {"id": _names("P", np.arange(len(block.point)))}
+    points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}
+    rays: dict[str, _Column] = {
+        "image": _names("I", block.image),
+        "point": _names("P", block.of_point),
+        "x": block.xy[:, 0],
+        "y": block.xy[:, 1],
+    }
+    for name, columns in (("images", images), ("points", points), ("rays", rays)):
+        frame = pl.DataFrame(columns)
+        path = folder / f"{name}.{kind}"
+        frame.write_parquet(path) if kind == "parquet" else frame.write_csv(path)
+    interior = ", ".join(
+        f"{name}: {{free: {value:.6g}}}" for name, value in zip(_INTERIOR, block.start_interior, strict=True)
+    )
+    text = f"""mor: 1
+title: Simulated block of {len(centre)} images
+units: {{length: m, angle: rad}}
+cameras:
+  K: {{r0: 0, interior: {{{interior}}}}}
+images: [{{file: images.{kind}}}]
+points: [{{file: points.{kind}}}]
+observations:
+  - {{type: image, file: rays.{kind}, values: {{sigma: "{SIGMA_IMAGE}"}}}}
+datum: fixed
+"""
+    return _project(folder, text)
+
+
+def write_grid(grid: Grid, folder: Path) -> Path:
+    """Write a geodetic network: distances, bearings and height differences. Returns the project file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    control = np.isin(np.arange(len(grid.point)), grid.control)
+    for name, chosen, xyz in (("control", control, grid.point), ("points", ~control, grid.start)):
+        numbers = np.flatnonzero(chosen)
+        columns: dict[str, _Column] = {
+            "id": _names("P", numbers),
+            **{a: xyz[numbers, k] for k, a in enumerate("xyz")},
+        }
+        pl.DataFrame(columns).write_csv(folder / f"{name}.csv")
+    ends = {"from": _names("P", grid.one), "to": _names("P", grid.other)}
+    for name, values in (
+        ("distance", grid.distance),
+        ("bearing", grid.bearing),
+        ("height_difference", grid.height_difference),
+    ):
+        column = "dz" if name == "height_difference" else name
+        pl.DataFrame({**ends, column: values}).write_csv(folder / f"{name}.csv")
+    text = f"""mor: 1
+title: Simulated network of {len(grid.point)} points
+units: {{length: m, angle: rad}}
+points:
+  - {{file: control.csv, fixed: [x, y, z]}}
+  - {{file: points.csv}}
+observations:
+  - {{type: distance, file: distance.csv, values: {{sigma: "{SIGMA_DISTANCE}"}}}}
+  - {{type: bearing, file: bearing.csv, values: {{sigma: "{SIGMA_BEARING}"}}}}
+  - {{type: height_difference, file: height_difference.csv, values: {{sigma: "{SIGMA_HEIGHT}"}}}}
+datum: fixed
+"""
+    return _project(folder, text)
+
+
+def _names(letter: str, numbers: IntArray) -> pl.Series:
+    return pl.select(pl.lit(letter) + pl.Series(numbers).cast(pl.String)).to_series()
+
+
+def _project(folder: Path, text: str) -> Path:
+    path = folder / "project.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path

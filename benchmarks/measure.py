@@ -1,0 +1,70 @@
+"""Seconds and memory of what runs here, and of other programs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Seconds(NamedTuple):
+    """CPU seconds (user and system, all threads) and wall seconds."""
+
+    cpu: float
+    wall: float
+
+
+def now() -> Seconds:
+    """The clocks of this process."""
+    return Seconds(time.process_time(), time.perf_counter())
+
+
+def since(start: Seconds) -> Seconds:
+    """What has passed."""
+    end = now()
+    return Seconds(end.cpu - start.cpu, end.wall - start.wall)
+
+
+class Run(NamedTuple):
+    """Another program that has ended."""
+
+    seconds: Seconds
+    peak: int
+    """Largest resident memory in bytes."""
+    output: str
+    errors: str
+    code: int
+
+
+def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, str] | None = None) -> Run:
+    """Run a program to its end; its output goes through files in a folder.
+
+    Its peak can not come out smaller than this process itself is, which therefore has to be small.
+    """
+    texts = folder / "output.txt", folder / "errors.txt"
+    start = time.perf_counter()
+    with texts[0].open("w") as output, texts[1].open("w") as errors:
+        child = subprocess.Popen(
+            [str(part) for part in command],
+            stdout=output,
+            stderr=errors,
+            env={**os.environ, **(environment or {})},
+        )
+        _, status, used = os.wait4(child.pid, 0)
+    wall = time.perf_counter() - start
+    child.returncode = os.waitstatus_to_exitcode(status)
+    seconds = Seconds(used.ru_utime + used.ru_stime, wall)
+    output_text, error_text = (path.read_text(errors="replace") for path in texts)
+    return Run(seconds, used.ru_maxrss * 1024, output_text, error_text, child.returncode)
+
+
+def resident() -> int:
+    """Resident memory of this process now, in bytes; 0 where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
