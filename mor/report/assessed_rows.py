@@ -66,7 +66,8 @@ class AssessedGroups:
         is_check = number >= len(groups) - len(self.solved.network.checks)
         if quality is None:
             nothing = np.full(group.observed.shape, np.nan)
-            one = ObservationQuality(*[nothing] * 5, out=np.zeros(nothing.shape, dtype=bool))
+            none = np.zeros(nothing.shape, dtype=bool)
+            one = ObservationQuality(nothing, nothing, nothing, nothing, nothing, none)
             return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
         w, influence = normalised_residuals(one), self.solved.influence[number][rows]
