@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+
 
 class ExitCode(IntEnum):
     """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
@@ -53,5 +55,23 @@ class InputError(MorError):
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
-    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    names = list(known)
+    if len(names) > MANY_NAMES:
+        names = _alike(name, names)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"; did you mean {matches[0]!r}?" if matches else ""
+
+
+MANY_NAMES = 20_000
+"""Names up to which each is compared with care."""
+
+
+def _alike(name: str, names: list[str]) -> list[str]:
+    """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
+    width = len(name) + 1
+    score = np.zeros(len(names), dtype=np.int64)
+    for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):
+        letters = np.array(found, dtype=f"U{width}").view(np.uint32).reshape(len(names), width)
+        own = np.array([wanted], dtype=f"U{width}").view(np.uint32)
+        score = np.maximum(score, np.count_nonzero(letters == own, axis=1))
+    return [names[k] for k in np.argsort(-score, kind="stable")[:100].tolist()]

@@ -5,7 +5,7 @@ project file → Project → Network → Problem + start values → Adjustment �
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from mor.parameters.index import index_unknowns
 from mor.project.model import Settings as ProjectSettings
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
+from mor.project.reading import TableWatcher, ignore_table
 from mor.project.validation import validate
 from mor.quality.assess import Levels, assess
 from mor.quality.solved import Solved
@@ -49,13 +50,18 @@ def read_document(path: Path) -> Document:
     return read_yaml(text, str(path))
 
 
-def read_network(document: Document, folder: Path) -> Network:
-    """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`."""
-    return build_network(validate(document), document, folder)
+def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
+    """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`.
+
+    ``read`` is told each table of points, images and observations that has been read.
+    """
+    return build_network(validate(document), document, folder, read)
 
 
-def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
-    """Adjust a network and assess the outcome."""
+def solve_network(
+    network: Network, watch: Watcher | None = None, assessing: Callable[[], None] | None = None
+) -> Solved:
+    """Adjust a network and assess the outcome; ``assessing`` is called between the two."""
     start = start_values(network)
     settings = network.project.settings
     adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
@@ -63,6 +69,8 @@ def solve_network(network: Network, watch: Watcher | None = None) -> Solved:
     if not adjustment.outcome.is_solution:
         return Solved(network, adjustment, None)
     check_minimal(network, adjustment)
+    if assessing is not None:
+        assessing()
     aposteriori = settings.sigma == "aposteriori"
     quality = assess(adjustment, levels(settings), aposteriori)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
     from mor.adjustment.solve import Iteration
     from mor.errors import Problem
+    from mor.project.nodes import Document
 
 
 @dataclass
@@ -25,6 +28,8 @@ class Progress:
     quiet: bool
     verbose: bool
     status: Status | None = None
+    name: str = ""
+    """The phase that runs."""
     events: TextIO | None = None
     """Where events go as JSON Lines, for programs that watch."""
 
@@ -37,14 +42,34 @@ class Progress:
 
     def phase(self, name: str) -> None:
         """A new phase begins."""
+        self.name = name
         self.event("phase", name=name)
         if self.status is not None:
             self.status.update(f"{name} …")
         elif self.verbose and not self.quiet:
             click.echo(f"{name} …", err=True)
 
-    def rows_written(self, rows: int) -> None:
-        """So many more rows of the table of residuals are written."""
+    def counter(self, total: int) -> Callable[[int], None]:
+        """Counts what is done of a phase, and shows how much is left of it and for how long."""
+        done, begun = 0, time.monotonic()
+        name = self.name
+
+        def more(count: int) -> None:
+            nonlocal done
+            done += count
+            if self.status is not None and 0 < done <= total:
+                left = (time.monotonic() - begun) * (total - done) / done
+                self.status.update(f"{name}: {100 * done // total} %, {left:.0f} s left")
+
+        return more
+
+    def table_counter(self, document: Document, folder: Path) -> Callable[[str | None], None]:
+        """Counts the tables of a project that are read, by the sizes of their files."""
+        sizes = {
+            name: path.stat().st_size for name in document.table_files() if (path := folder / name).is_file()
+        }
+        more = self.counter(sum(sizes.values()))
+        return lambda name: more(sizes.get(name or "", 0))
 
     def notes(self, notes: Iterable[Problem]) -> None:
         """What a reader left out or decided on its own."""
@@ -91,4 +116,4 @@ def progress(quiet: bool, verbose: bool, events: TextIO | None = None) -> Iterat
     from rich.console import Console
 
     with Console(stderr=True).status("starting …") as status:
-        yield Progress(quiet, verbose, status, events)
+        yield Progress(quiet, verbose, status, events=events)

@@ -11,6 +11,7 @@ from mor.errors import ExitCode
 
 if TYPE_CHECKING:
     from mor.cli._progress import Progress
+    from mor.errors import Problem
     from mor.quality.solved import Solved
 
 
@@ -26,7 +27,11 @@ if TYPE_CHECKING:
     "--snoop", is_flag=True, help="Take flagged observations out one by one until the rest is clean."
 )
 @click.option("--lang", type=click.Choice(["en", "de"]), default="en", help="Language of report.txt [en].")
-@click.option("--html/--no-html", default=True, help="Write report.html, the page for people [yes].")
+@click.option(
+    "--html/--no-html",
+    default=None,
+    help="Write report.html, the page for people [yes up to 2 million observations].",
+)
 @click.option(
     "--tables",
     type=click.Choice(["none", "worst", "all"]),
@@ -48,7 +53,7 @@ def command(
     strict: bool,
     snoop: bool,
     lang: str,
-    html: bool,
+    html: bool | None,
     tables: Literal["none", "worst", "all"] | None,
     table_format: Literal["csv", "parquet"],
     events: TextIO | None,
@@ -73,10 +78,11 @@ def command(
     from mor.cli._progress import progress
     from mor.pipeline import read_document, read_network, snooped, solve_network
     from mor.report.folder import check_free, check_inputs
+    from mor.report.json import entries
     from mor.report.text.head import verdict
     from mor.report.text.undetermined import section as undetermined
     from mor.report.words.language import words_of
-    from mor.report.write import Choice, results_text, tables_by_size, write_results
+    from mor.report.write import Choice, is_large, results_text, tables_by_size, write_results
 
     writes = output is not None or not as_json
     with progress(quiet, verbose, events) as say, compiler_announced(say.note):
@@ -86,19 +92,21 @@ def command(
         if writes:
             check_free(folder, force)
             check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
-        network = read_network(document, project.parent)
+        network = read_network(document, project.parent, say.table_counter(document, project.parent))
         say.notes(network.notes)
         network = snooped(network) if snoop else network
         say.phase("adjusting")
-        solved = solve_network(network, say.iteration)
+        solved = solve_network(network, say.iteration, lambda: say.phase("precision and reliability"))
         say.phase("writing")
         if writes:
+            say.notes(left_out(solved, tables, html))
+            page = html if html is not None else not is_large(solved)
             choice = Choice(
-                tables or tables_by_size(solved),
-                table_format,
-                html and has_library(say),
-                lang,
-                say.rows_written,
+                tables=tables or tables_by_size(solved),
+                kind=table_format,
+                html=page and has_library(say),
+                language=lang,
+                done=say.counter(entries(solved)),
             )
             write_results(solved, document, project.parent, folder, force, choice)
         code = exit_code(solved, strict)
@@ -113,6 +121,23 @@ def command(
         if writes:
             click.echo(f"results in {folder}", err=True)
     return code
+
+
+def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Problem]:
+    """What is not written of a large project because nobody asked for it."""
+    from mor.errors import Problem
+    from mor.report.write import WORST, is_large
+
+    if not is_large(solved) or solved.quality is None:
+        return []
+    notes = []
+    if tables is None:
+        notes.append(
+            Problem(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+        )
+    if html is None:
+        notes.append(Problem("no report.html of very many observations; --html writes it all the same"))
+    return notes
 
 
 def has_library(say: Progress) -> bool:

@@ -48,6 +48,7 @@ def read_groups(reading: Reading) -> list[Group]:
         else:
             group = _plain_group(reading, entry, number, type_, rows, place)
             result += [group] if group is not None else []
+        reading.watch(entry.file)
     return result
 
 

@@ -24,6 +24,7 @@ def read_images(reading: Reading) -> None:
     leaders: list[tuple[int, str, str, str, int]] = []
     for k, table in enumerate(reading.project.images):
         _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
+        reading.watch(table.file)
     parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
     if not parts:
         parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.errors import Problem
+from mor.errors import MANY_NAMES, Problem
 from mor.geometry.arrays import BoolArray, IntArray
 from mor.observations import ObservationType, Reference
 from mor.observations.names import Names, places
@@ -78,7 +78,18 @@ def _tell_unknown(
     numbers, first = np.unique(names.numbers, return_index=True)
     wrong = np.zeros(rows.count, dtype=bool)
     wrong[first[unknown[numbers]]] = True
-    tell_rows(reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids))
+    guessed = set(np.flatnonzero(wrong)[:_GUESSED].tolist())
+    few = len(ids) <= MANY_NAMES
+    tell_rows(
+        reading.problems,
+        wrong,
+        rows,
+        lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()),
+    )
+
+
+_GUESSED = 5
+"""Unknown names for which the nearest one is looked for among very many."""
 
 
 def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:

@@ -31,7 +31,7 @@ from mor.project.nodes import Document
 from mor.project.orientations import drop_unused_orientations
 from mor.project.parameters import parameter_groups
 from mor.project.points import read_points
-from mor.project.reading import Reading
+from mor.project.reading import Reading, TableWatcher, ignore_table
 from mor.project.stations import read_stations, read_systems
 from mor.project.tables import Place
 
@@ -96,14 +96,16 @@ _READERS = {
 """Readers of the namespaces; each may refer to those before it."""
 
 
-def build_network(project: Project, document: Document, folder: Path) -> Network:
+def build_network(
+    project: Project, document: Document, folder: Path, read: TableWatcher = ignore_table
+) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found."""
     problems: list[Problem] = []
     edge = Edge(project.units, project.axes)
-    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems)
-    for space, read in _READERS.items():
+    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems, read)
+    for space, reader in _READERS.items():
         before = len(problems)
-        read(reading)
+        reader(reading)
         if len(problems) > before:
             reading.broken.add(space)
     read_in = read_groups(reading)

@@ -22,6 +22,7 @@ def read_points(reading: Reading) -> None:
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.points):
         found = _read_points_table(reading, table, reading.at("points", k), seen)
+        reading.watch(table.file)
         if found is None:
             continue
         names, blocks = found

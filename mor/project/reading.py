@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from mor.errors import Problem
 from mor.project.edge import Edge, ImageScale
@@ -10,6 +12,13 @@ from mor.project.entities import Workshop
 from mor.project.model import Project
 from mor.project.nodes import Document
 from mor.project.tables import Place
+
+TableWatcher: TypeAlias = Callable[[str | None], None]
+"""Told the file of a table when it has been read."""
+
+
+def ignore_table(file: str | None) -> None:
+    """Nobody watches."""
 
 
 @dataclass
@@ -21,6 +30,8 @@ class Reading:
     edge: Edge
     shop: Workshop
     problems: list[Problem]
+    watch: TableWatcher
+    """Told each long table that has been read."""
     sets: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Station and set behind the names of further sets at declared stations."""
     unoriented: set[str] = field(default_factory=set)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from mor.adjustment.solve import Adjustment
+from mor.geometry.arrays import FloatArray
 from mor.project.network import Network
 from mor.quality.assess import Quality
+from mor.quality.effects import Effect, effects
+from mor.quality.influence import influence_on_points
 from mor.quality.treatment import Treatment
 
 
@@ -19,3 +23,13 @@ class Solved:
     quality: Quality | None
     treatment: Treatment | None = None
     """What was done about gross errors and weights; ``None`` where there was no solution."""
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        """What the suspicious observations do, worked out once for all reports."""
+        return tuple(effects(self.quality)) if self.quality is not None else ()
+
+    @cached_property
+    def influence(self) -> tuple[FloatArray, ...]:
+        """Influence on coordinates of every group's observations (n, m), worked out once for all tables."""
+        return influence_on_points(self.quality) if self.quality is not None else ()

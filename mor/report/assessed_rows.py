@@ -10,7 +10,6 @@ import numpy as np
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.quality.assess import Quality
-from mor.quality.influence import influence_on_points
 from mor.quality.observation_quality import ObservationQuality
 from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
@@ -53,7 +52,6 @@ class AssessedGroups:
     """All groups of an adjustment, ready to be cut into pieces."""
 
     solved: Solved
-    influence: tuple[FloatArray, ...]
 
     def pieces(self) -> Iterator[AssessedRows]:
         """All observations in their order, so many at a time."""
@@ -68,13 +66,9 @@ class AssessedGroups:
         is_check = number >= len(groups) - len(self.solved.network.checks)
         if quality is None:
             nothing = np.full(group.observed.shape, np.nan)
-            one = ObservationQuality(*[nothing] * 5, out=np.zeros(nothing.shape, dtype=bool))
+            none = np.zeros(nothing.shape, dtype=bool)
+            one = ObservationQuality(nothing, nothing, nothing, nothing, nothing, none)
             return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
-        w, influence = normalised_residuals(one), self.influence[number][rows]
+        w, influence = normalised_residuals(one), self.solved.influence[number][rows]
         return AssessedRows(group, is_check, quality, one, tests, w, influence)
-
-
-def assessed_groups(solved: Solved) -> AssessedGroups:
-    """The observations of an adjustment with their quality."""
-    return AssessedGroups(solved, influence_on_points(solved.quality) if solved.quality is not None else ())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import polars as pl
 
@@ -9,7 +11,7 @@ from mor.geometry.arrays import FloatArray
 from mor.observations import ObservationGroup
 from mor.observations.names import Names, one_name
 from mor.quality.solved import Solved
-from mor.report.assessed_rows import AssessedRows, assessed_groups
+from mor.report.assessed_rows import AssessedGroups, AssessedRows
 from mor.report.outward import said, said_differences, said_sizes, said_values
 from mor.report.tested_columns import FLAGS, TESTED, flags, tested_columns
 
@@ -30,10 +32,17 @@ SCHEMA = {
 }
 
 
-def observation_table(solved: Solved) -> pl.DataFrame:
+SHOWN = (
+    *("type", "group", "at", "from", "to", "component", "unit", "observed", "adjusted", "v", "sigma"),
+    *("r", "test", "error", "nabla", "external", "influence", "flag"),
+)
+"""Columns that pages and pictures are drawn from."""
+
+
+def observation_table(solved: Solved, columns: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
     """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty where there was no solution."""
-    parts = [table_of(rows) for rows in assessed_groups(solved).pieces()]
-    return pl.concat(parts) if parts else pl.DataFrame(schema=SCHEMA)
+    parts = [table_of(rows).select(columns) for rows in AssessedGroups(solved).pieces()]
+    return pl.concat(parts) if parts else pl.DataFrame(schema={name: SCHEMA[name] for name in columns})
 
 
 def table_of(rows: AssessedRows) -> pl.DataFrame:

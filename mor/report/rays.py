@@ -9,7 +9,7 @@ import polars as pl
 from scipy.spatial import ConvexHull, QhullError
 
 from mor.geometry.arrays import FloatArray, IntArray
-from mor.report.view import View
+from mor.report.view import View, is_ray
 
 _CHUNK = 2_000_000
 """Pairs of rays looked at together."""
@@ -28,9 +28,8 @@ def rays_of(view: View) -> Rays:
     images = _numbers(view.images["id"], "from", "frame", 0)
     stations = _numbers(view.stations["id"], "from", "frame", view.images.height)
     seen = view.used.select("type", "from", "to")
-    is_image = pl.col("type").str.contains("^(image|follower)/")
     parts = [
-        seen.filter(is_image).join(images, on="from", maintain_order="left"),
+        seen.filter(is_ray(seen)).join(images, on="from", maintain_order="left"),
         seen.filter(pl.col("type").str.ends_with("directions")).join(
             stations, on="from", maintain_order="left"
         ),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mor.observations import ObservationGroup
-from mor.quality.effects import Effect, effects
+from mor.quality.effects import Effect
 from mor.quality.fixed_points import fixed_point_tests
 from mor.quality.levels import chi2_level
 from mor.quality.snooping import Snooped
@@ -31,7 +31,7 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
         "noncentrality": quality.noncentrality,
         "familywise_level": quality.levels.familywise,
         "global_level_of_b_method": limit.level if limit else None,
-        "suspicious": [suspicious(solved, effect) for effect in effects(quality)],
+        "suspicious": [suspicious(solved, effect) for effect in solved.effects],
         "snooping": _snooping(solved),
         "robust": _robust(solved),
     }

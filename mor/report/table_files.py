@@ -10,7 +10,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from mor.quality.solved import Solved
-from mor.report.assessed_rows import assessed_groups
+from mor.report.assessed_rows import AssessedGroups
 from mor.report.folder import Writer
 from mor.report.observation_table import SCHEMA, table_of
 from mor.report.tested_columns import TESTED
@@ -48,7 +48,7 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
 
     def pieces() -> Iterator[pl.DataFrame]:
-        for rows in assessed_groups(solved).pieces():
+        for rows in AssessedGroups(solved).pieces():
             piece = table_of(rows)
             yield piece
             done(piece.height)

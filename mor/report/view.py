@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ class View:
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
     residuals: pl.DataFrame
+    residuals_file: str = "residuals.csv"
+    """Where the residuals stand as a table."""
 
     @property
     def length(self) -> str:
@@ -51,19 +54,28 @@ class View:
         """Critical value of |w|."""
         return float(self.summary["critical_w"])
 
-    @property
+    @cached_property
     def rays(self) -> pl.DataFrame:
         """Image coordinates among the residuals."""
-        return self.residuals.filter(pl.col("type").str.contains("^(image|follower)/"))
+        return self.residuals.filter(is_ray(self.residuals))
 
-    @property
+    @cached_property
     def used(self) -> pl.DataFrame:
         """Residuals of the observations that took part."""
-        return self.residuals.filter(~pl.col("flag").is_in(["excluded", "check"]))
+        flag = self.residuals["flag"]
+        out = (flag == "excluded") | (flag == "check")
+        return self.residuals.filter(~out) if out.any() else self.residuals
 
 
-def view_of(solved: Solved, residuals: pl.DataFrame) -> View:
-    """The view of an adjustment that converged, with its table of residuals."""
+def is_ray(residuals: pl.DataFrame) -> pl.Series:
+    """True for image coordinates; types are looked at once each, not row by row."""
+    types = residuals["type"]
+    rays = [key for key in types.unique() if str(key).startswith(("image/", "follower/"))]
+    return types.is_in(rays)
+
+
+def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv") -> View:
+    """The view of an adjustment that converged, with its table of residuals, and the file that has it."""
     images = image_table(solved)
     centres = projection_centres(solved)
     return View(
@@ -76,6 +88,7 @@ def view_of(solved: Solved, residuals: pl.DataFrame) -> View:
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
         residuals=residuals,
+        residuals_file=file,
     )
 
 

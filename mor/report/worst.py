@@ -8,7 +8,7 @@ import polars as pl
 from mor.geometry.arrays import FloatArray
 from mor.quality.solved import Solved
 from mor.quality.tests import normalised_residuals
-from mor.report.assessed_rows import assessed_groups
+from mor.report.assessed_rows import AssessedGroups
 from mor.report.observation_table import SCHEMA, table_of
 
 TIE = 6
@@ -20,7 +20,7 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     groups = solved.adjustment.problem.groups
     sizes = [_sizes(solved, number) for number in range(len(groups))]
     limit = _limit(sizes, count)
-    tested, parts = assessed_groups(solved), []
+    tested, parts = AssessedGroups(solved), []
     for number, size in enumerate(sizes):
         rows = np.flatnonzero((size >= limit).any(axis=1))
         if len(rows):
@@ -59,7 +59,7 @@ def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, in
     """The first rows of observations that nothing controls, and how many there are of them."""
     if solved.quality is None:
         return pl.DataFrame(schema=SCHEMA), 0
-    tested, parts, number = assessed_groups(solved), [], 0
+    tested, parts, number = AssessedGroups(solved), [], 0
     groups = zip(
         solved.quality.groups,
         solved.quality.reliability,

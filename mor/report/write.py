@@ -12,7 +12,7 @@ from mor.quality.solved import Solved
 from mor.report.adjusted_project import Placed, adjusted_project
 from mor.report.folder import Writer, write_folder
 from mor.report.json import entries, results, to_json
-from mor.report.observation_table import observation_table
+from mor.report.observation_table import SHOWN, observation_table
 from mor.report.table_files import Format, residual_writer, table_writer
 from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
@@ -20,7 +20,7 @@ from mor.report.words.language import words_of
 from mor.report.worst import worst_residuals
 
 MOST_LISTED = 2_000_000
-"""Observations up to which the table of residuals is written whole where nothing else is asked for."""
+"""Observations up to which all residuals and the page are written where nothing else is asked for."""
 WORST = 10_000
 """Observations in the table of the worst."""
 
@@ -39,9 +39,14 @@ class Choice:
     """Told how many more rows of the table of residuals are written."""
 
 
+def is_large(solved: Solved) -> bool:
+    """True where a table of all residuals, and a page of them, is more than anybody looks at."""
+    return entries(solved) > MOST_LISTED
+
+
 def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
     """All observations, or the worst where there are too many to be looked at."""
-    return "all" if entries(solved) <= MOST_LISTED else "worst"
+    return "worst" if is_large(solved) else "all"
 
 
 def write_results(
@@ -62,7 +67,8 @@ def write_results(
         writers |= {name: table_writer(frame) for name, frame in frames.items()}
         writers["adjusted.yaml"] = _text(text)
         if choice.html:
-            writers["report.html"] = lambda path: _text(_page(solved))(path)
+            file = names.get("residuals", names.get("residuals_worst", ""))
+            writers["report.html"] = lambda path: _text(_page(solved, file))(path)
     write_folder(folder, writers, force)
 
 
@@ -99,11 +105,11 @@ def results_text(solved: Solved) -> str:
     return to_json(results(solved, {}, beside=False))
 
 
-def _page(solved: Solved) -> str:
+def _page(solved: Solved, file: str) -> str:
     from mor.report.html.page import page
     from mor.report.view import view_of
 
-    return page(view_of(solved, observation_table(solved)))
+    return page(view_of(solved, observation_table(solved, SHOWN), file))
 
 
 def _text(text: str) -> Writer:

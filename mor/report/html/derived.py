@@ -52,14 +52,13 @@ def _there(frame: pl.DataFrame) -> list[str]:
 
 def image_points(view: View) -> pl.DataFrame:
     """One row for each ray: image, point, unit, x, y, vx, vy, mean r, the larger test value, flags."""
-    rays = view.rays.with_columns(
-        pl.int_range(pl.len()).over("group", "from", "to", "component").alias("again"),
-    )
-    keys = ["group", "from", "to", "again"]
+    rays = view.rays
     x, y = (rays.filter(pl.col("component") == name) for name in "xy")
-    both = x.join(
-        y.select(*keys, "observed", "v", "r", "test", "flag"), on=keys, suffix="_y", maintain_order="left"
-    )
+    places, others = ["group", "from", "to"], ["observed", "v", "r", "test", "flag"]
+    if x.height == y.height and all((x[name] == y[name]).all() for name in places):
+        both = x.hstack(y.select(pl.col(name).alias(f"{name}_y") for name in others))
+    else:
+        both = _joined(x, y, places, others)
     return both.select(
         pl.col("from").alias("image"),
         pl.col("to").alias("point"),
@@ -71,6 +70,15 @@ def image_points(view: View) -> pl.DataFrame:
         ((pl.col("r") + pl.col("r_y")) / 2.0).alias("r"),
         pl.max_horizontal(pl.col("test").abs(), pl.col("test_y").abs()).alias("w"),
         (pl.col("flag") + pl.col("flag_y")).alias("flag"),
+    )
+
+
+def _joined(x: pl.DataFrame, y: pl.DataFrame, places: list[str], others: list[str]) -> pl.DataFrame:
+    """x and y of each ray, where some are missing; what was measured again is told apart by its order."""
+    again = pl.int_range(pl.len()).over(places).alias("again")
+    keys = [*places, "again"]
+    return x.with_columns(again).join(
+        y.with_columns(again).select(*keys, *others), on=keys, suffix="_y", maintain_order="left"
     )
 
 

@@ -82,6 +82,7 @@ def _content(data: PageData) -> dict[str, Any]:
         },
         "limits": {"rows": MOST_ROWS, "vectors": MOST_VECTORS},
         "critical": view.critical,
+        "residuals_file": view.residuals_file,
         "angle_unit": data.angle_unit,
         "sigma_words": sigma_words(view),
         **_movement(view),

@@ -96,7 +96,7 @@ def _worst(data: PageData) -> Statement | None:
     used = data.view.used.filter(pl.col("test").is_not_null())
     if used.height == 0:
         return None
-    row = used[int(used["test"].abs().arg_max() or 0)].to_dicts()[0]
+    row = used[int(used["test"].abs().arg_max() or 0)].row(0, named=True)
     summary = data.view.summary
     expected = used.height * summary["snooping_level"]
     sentence = (
@@ -150,7 +150,9 @@ def _points(data: PageData) -> Statement | None:
     numbers = ", ".join(
         f"σ{name.upper()} {value:.3g}" for name, value in zip("xyz", sigma, strict=True) if value is not None
     )
-    worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).to_dicts()[0]
+    worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(
+        0, named=True
+    )
     unit = data.view.length
     words = f"Root mean square {numbers} {unit}; the weakest point is {worst['id']}"
     words += (

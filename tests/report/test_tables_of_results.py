@@ -1,0 +1,179 @@
+"""Tables of results: whole or in pieces, as CSV or Parquet, all or the worst; nothing half-written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from small_projects import block, mor, write_block
+
+from mor.pipeline import read_document, read_network, solve_network
+from mor.quality.solved import Solved
+from mor.report import assessed_rows
+from mor.report import json as results_json
+from mor.report import write as write_module
+from mor.report.observation_table import SCHEMA, observation_table
+from mor.report.table_files import residual_writer
+from mor.report.worst import uncontrolled_residuals, worst_residuals
+from mor.report.write import Choice, write_results
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_block(tmp_path_factory.mktemp("block"), rows=block(noise=0.002))
+
+
+@pytest.fixture(scope="module")
+def solved(project: Path) -> Solved:
+    return solve_network(read_network(read_document(project), project.parent))
+
+
+@pytest.fixture
+def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(assessed_rows, "PIECE", 3)
+
+
+def nothing(rows: int) -> None:
+    """Nobody counts."""
+
+
+def test_pieces_make_the_whole(solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = observation_table(solved)
+    monkeypatch.setattr(assessed_rows, "PIECE", 3)
+    assert observation_table(solved).equals(whole)
+    assert whole.height == solved.adjustment.problem.observations
+
+
+@pytest.mark.usefixtures("small_pieces")
+def test_files_hold_what_the_table_has(solved: Solved, tmp_path: Path) -> None:
+    table, counted = observation_table(solved), []
+    residual_writer(solved, "parquet", counted.append)(tmp_path / "r.parquet")
+    assert pl.read_parquet(tmp_path / "r.parquet").equals(table)
+    assert sum(counted) == table.height
+    residual_writer(solved, "csv", nothing)(tmp_path / "r.csv")
+    text = pl.read_csv(tmp_path / "r.csv", schema=SCHEMA)
+    exact = ["observed", "adjusted", "v", "sigma"]
+    assert text.select(exact).equals(table.select(exact))
+    for name in ("r", "w", "p", "p_t", "nabla", "external"):
+        found, expected = (
+            frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy() for frame in (text, table)
+        )
+        np.testing.assert_allclose(found, expected, rtol=6e-7, equal_nan=True)
+    again = tmp_path / "again.csv"
+    residual_writer(solved, "csv", nothing)(again)
+    assert again.read_bytes() == (tmp_path / "r.csv").read_bytes()
+
+
+@pytest.mark.usefixtures("small_pieces")
+def test_the_worst_are_those_of_the_whole_table(solved: Solved) -> None:
+    table = observation_table(solved).with_row_index("row").filter(pl.col("w").is_not_null())
+    for count in (1, 7, table.height, 10 * table.height):
+        expected = table.sort([pl.col("w").abs().round(6), "row"], descending=[True, False]).head(count)
+        assert worst_residuals(solved, count).equals(expected.drop("row"))
+
+
+def test_uncontrolled_ones_are_counted_all(solved: Solved) -> None:
+    table = observation_table(solved).filter(pl.col("flag") == "uncontrolled")
+    some, count = uncontrolled_residuals(solved, 3)
+    assert count == table.height
+    assert some.equals(table.head(3))
+
+
+@pytest.mark.parametrize(
+    ("tables", "expected"),
+    [
+        ("none", set()),
+        ("worst", {"points.parquet", "images.parquet", "residuals_worst.parquet"}),
+        ("all", {"points.parquet", "images.parquet", "residuals.parquet"}),
+    ],
+)
+def test_tables_that_were_asked_for(project: Path, tmp_path: Path, tables: str, expected: set[str]) -> None:
+    run = mor(
+        "adjust",
+        project,
+        "-o",
+        tmp_path / "out",
+        "--no-html",
+        "--tables",
+        tables,
+        "--table-format",
+        "parquet",
+    )
+    assert run.code == 0, run.err
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    always = {"results.json", "report.txt", "adjusted.yaml", "reference.csv"}
+    assert {name for name in names if not name.startswith("start_")} == expected | always
+    data = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert set(data["tables"].values()) == expected
+
+
+def test_another_choice_leaves_no_table_of_the_one_before(project: Path, tmp_path: Path) -> None:
+    assert mor("adjust", project, "-o", tmp_path / "out", "--no-html").code == 0
+    assert (
+        mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--force", "--tables", "none").code == 0
+    )
+    assert not list((tmp_path / "out").glob("residuals*"))
+    assert not list((tmp_path / "out").glob("points*"))
+
+
+def test_many_observations_are_not_written_unasked(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(write_module, "MOST_LISTED", 10)
+    run = mor("adjust", project, "-o", tmp_path / "out")
+    assert run.code == 0
+    assert "--tables all" in run.err
+    assert "--html" in run.err
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert "residuals_worst.csv" in names
+    assert not names & {"residuals.csv", "report.html"}
+    assert mor("adjust", project, "-o", tmp_path / "all", "--tables", "all", "--html").code == 0
+    assert {"residuals.csv", "report.html"} <= {path.name for path in (tmp_path / "all").iterdir()}
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_long_tables_stand_beside_and_are_found_again(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(results_json, "INLINE", 2)
+    run = mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--table-format", kind)
+    assert run.code == 0, run.err
+    data = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert data["points"] is None
+    assert data["images"] is None
+    assert data["residuals"] is None
+    assert mor("plot", "network", tmp_path / "out", "-o", tmp_path / "network.svg").code == 0
+    assert mor("plot", "residuals", tmp_path / "out", "-o", tmp_path / "residuals.svg").code == 0
+    printed = json.loads(mor("adjust", project, "--json", "--quiet").out)
+    assert printed["points"]
+
+
+def test_pictures_need_all_residuals_and_say_so(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(results_json, "INLINE", 2)
+    assert mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--tables", "worst").code == 0
+    run = mor("plot", "histogram", tmp_path / "out", "-o", tmp_path / "w.svg")
+    assert run.code == 2
+    assert "--tables all" in run.err
+
+
+@pytest.mark.usefixtures("small_pieces")
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_interrupted_in_the_middle_of_a_table(
+    solved: Solved, project: Path, tmp_path: Path, kind: str
+) -> None:
+    def interrupt(rows: int) -> None:
+        raise KeyboardInterrupt
+
+    document = read_document(project)
+    write_results(solved, document, project.parent, tmp_path / "out", False, Choice(html=False))
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    choice = Choice(kind=kind, html=False, done=interrupt)  # type: ignore[arg-type]
+    with pytest.raises(KeyboardInterrupt):
+        write_results(solved, document, project.parent, tmp_path / "out", True, choice)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
