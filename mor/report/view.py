@@ -57,7 +57,8 @@ class View:
     @cached_property
     def rays(self) -> pl.DataFrame:
         """Image coordinates among the residuals."""
-        return self.residuals.filter(is_ray(self.residuals))
+        rays = is_ray(self.residuals)
+        return self.residuals if rays.all() else self.residuals.filter(rays)
 
     @cached_property
     def used(self) -> pl.DataFrame:

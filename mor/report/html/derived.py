@@ -29,7 +29,9 @@ def points_with_tests(view: View, rays: Rays, angle_unit: str) -> pl.DataFrame:
     used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "test")
     named = pl.concat(
         [
-            used.select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "test")
+            used.filter(pl.col(key) != "").select(
+                pl.col(key).str.strip_prefix("point ").alias("id"), "r", "test"
+            )
             for key in ("at", "from", "to")
         ]
     )
