@@ -7,8 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-
 
 class ExitCode(IntEnum):
     """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
@@ -69,6 +67,8 @@ MANY_NAMES = 20_000
 def _alike(name: str, names: list[str]) -> list[str]:
     """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
     width = len(name) + 1
+    import numpy as np  # takes a while, and help texts need none of it
+
     score = np.zeros(len(names), dtype=np.int64)
     for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):
         letters = np.array(found, dtype=f"U{width}").view(np.uint32).reshape(len(names), width)

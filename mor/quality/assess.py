@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Quality:
     """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment; rotations as vectors."""
     datum: STransformation
 
-    @property
+    @cached_property
     def flagged(self) -> tuple[BoolArray, ...]:
         """Observations whose test value |w| exceeds the critical value, by group; excluded ones are not among them."""
         groups = self.adjustment.problem.groups

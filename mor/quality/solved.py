@@ -14,7 +14,7 @@ from mor.quality.influence import influence_on_points
 from mor.quality.treatment import Treatment
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solved:
     """A network with its adjustment, and its quality where the adjustment converged."""
 

@@ -12,9 +12,11 @@ from mor.quality.fixed_points import fixed_point_tests
 from mor.quality.levels import chi2_level
 from mor.quality.snooping import Snooped
 from mor.quality.solved import Solved
+from mor.report.once import once
 from mor.report.outward import said, said_differences, said_signs, said_sizes
 
 
+@once
 def gross_errors(solved: Solved) -> dict[str, Any]:
     """Levels, suspicious observations with their effect, steps of data snooping, robust solution."""
     quality, treatment = solved.quality, solved.treatment

@@ -17,6 +17,7 @@ from mor.project.features import feature_label
 from mor.project.model import Axes
 from mor.quality.solved import Solved
 from mor.report.control import control_of_images, control_of_points
+from mor.report.once import once
 from mor.report.outward import Estimate, angle_unit, plain, points, rotations
 from mor.units import ANGLE_UNITS
 
@@ -25,6 +26,7 @@ ANGLES = ("omega", "phi", "kappa")
 STATUSES = ("fixed", "partly fixed", "free")
 
 
+@once
 def point_table(solved: Solved) -> pl.DataFrame:
     """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
     things = solved.network.things["point"]
@@ -50,6 +52,7 @@ def reference_table(solved: Solved) -> pl.DataFrame:
     return _frame({"id": list(things.ids), **{name: coordinates[:, k] for k, name in enumerate(XYZ)}})
 
 
+@once
 def image_table(solved: Solved) -> pl.DataFrame:
     """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
     things = solved.network.things["image"]
@@ -203,6 +206,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
+@once
 def group_table(solved: Solved) -> pl.DataFrame:
     """Observation groups: number of observations, Σ r, its part of vᵀPv, estimated σ0 of the group."""
     rows = []
