@@ -207,7 +207,7 @@ def _in_datum(state: Adjustment, shift: FloatArray, share: float) -> bool:
     moving = float(np.abs(shift[state.constraint.mask]).max(initial=0.0))
     coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
     extent = float(np.ptp(coordinates, axis=0).max(initial=0.0))
-    digits = 4.0 * np.finfo(float).eps * float(np.abs(coordinates).max(initial=0.0))
+    digits = 4.0 * float(np.finfo(float).eps) * float(np.abs(coordinates).max(initial=0.0))
     last = [iteration.largest_change for iteration in state.iterations[-2:]]
     again = len(last) == 2 and max(last) <= TINY_STEP
     near = 1e-9 if again else 1e-12
