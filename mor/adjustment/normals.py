@@ -184,6 +184,29 @@ def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
     return sum(in_lanes(plan.rays, gram.size, of_lane), gram)
 
 
+def normal_product(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
+    """AᵀPA G (u, k) of directions G (u, k), formed from A G itself."""
+    product = np.zeros_like(directions)
+    reduced = directions[plan.kept]
+    below = np.zeros_like(reduced)
+    for rows in white_rows(plan, values):
+        free = rows.columns >= 0
+        moved = np.where(free[:, :, None], reduced[rows.columns], 0.0)
+        back = np.swapaxes(rows.jacobian, 1, 2) @ (rows.jacobian @ moved)
+        np.add.at(below, rows.columns[free], back[free])
+    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, values):
+        rays, columns = chunk.rays, plan.rays.columns[chunk.points]
+        image = image_of_rays(rays, reduced, directions[columns])
+        of_points = np.swapaxes(rays.by_point, 1, 2) @ image
+        product[columns] = np.add.reduceat(of_points, rays.point_pointers[:-1], axis=0)
+        back = np.swapaxes(rays.by_others, 1, 2) @ image
+        of_rays = rays.columns_of_rays
+        free = of_rays >= 0
+        np.add.at(below, of_rays[free], back[free])
+    product[plan.kept] = below
+    return product
+
+
 def image_of_rays(rays: Rays, reduced: FloatArray, of_points: FloatArray) -> FloatArray:
     """A G (n, 2, k) of rays for directions given on the reduced unknowns (n, k) and on their points (p, 3, k)."""
     moved = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)[rays.frame]

@@ -26,10 +26,17 @@ from mor.parameters.index import Values, move
 
 TINY_STEP = 1e-7
 """Largest change in units of σ at which the iteration is over."""
-SAME_PLACE = 1e-6
-"""Largest change in units of σ that leaves the normal equations as they are, to ten digits."""
+SAME_PLACE = 1e-8
+"""Largest change in units of σ that leaves the normal equations as they are, to ten digits.
+
+1e-6 σ does not: a network of 5 m with σ of 0.3 mm then moves by 1e-10 of its size, and cofactors in a datum of few
+points by 2e-9 of themselves."""
 ROUND_OFF_STEP = 1e-3
 """Changes below this that no longer shrink are round-off of the data, not progress."""
+
+
+_CORRECTIONS = 3
+"""Steps back to the solution that a shift of the whole network may need."""
 
 
 class Outcome(Enum):
@@ -142,18 +149,32 @@ def _advance(state: Adjustment) -> Adjustment:
     shift = _into_datum(state, step)
     change = float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
-    still = change <= TINY_STEP or _stalled(state, change) or _next_is_tiny(state, change)
+    still = change <= TINY_STEP or _stalled(state, change)
     if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):
-        return _last_step(state, step + shift, Iteration(number, state.normals.objective, change, 0.0))
+        iteration = Iteration(number, state.normals.objective, change, 0.0)
+        return _converged(_last_step(state, step + shift, iteration))
     taken = _accept(state, step, shift)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(number, state.normals.objective, change, taken.damping)
     moved = _at(state, taken, (*state.iterations, iteration), last=still)
     still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share)
-    if moved.outcome is Outcome.NOT_CONVERGED and still:
-        return replace(moved, outcome=Outcome.CONVERGED)
-    return moved
+    return _converged(moved) if still else moved
+
+
+def _converged(state: Adjustment) -> Adjustment:
+    """The solution, its movements of the network and what binds them to full accuracy."""
+    if state.outcome is not Outcome.NOT_CONVERGED:
+        return state
+    datum = state.defect.datum
+    if datum.shape[1]:
+        datum = state.inverse.refined(datum)
+    return replace(
+        state,
+        outcome=Outcome.CONVERGED,
+        defect=replace(state.defect, datum=datum),
+        constraint=constraint(datum, state.problem, state.inverse.values),
+    )
 
 
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:
@@ -164,7 +185,6 @@ def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adj
         return checked
     return replace(
         checked,
-        outcome=Outcome.CONVERGED,
         values=move(state.problem.index, state.values, step),
         normals=state.normals._replace(objective=objective_there),
         iterations=(*state.iterations, iteration),
@@ -180,10 +200,18 @@ def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
 
 
 def _in_datum(state: Adjustment, shift: FloatArray, share: float) -> bool:
-    """True where the network has (all but) stopped moving as a whole."""
-    moving = np.abs(shift[state.constraint.mask]).max(initial=0.0)
+    """True where the network has stopped moving as a whole, or all but, and another round brought no more.
+
+    The constraint is that of the place before the shift; it changes by the shift times the corrections.
+    """
+    moving = float(np.abs(shift[state.constraint.mask]).max(initial=0.0))
     coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
-    return share == 1.0 and moving <= 1e-9 * float(np.ptp(coordinates, axis=0).max(initial=0.0))
+    extent = float(np.ptp(coordinates, axis=0).max(initial=0.0))
+    digits = 4.0 * float(np.finfo(float).eps) * float(np.abs(coordinates).max(initial=0.0))
+    last = [iteration.largest_change for iteration in state.iterations[-2:]]
+    again = len(last) == 2 and max(last) <= TINY_STEP
+    near = 1e-9 if again else 1e-12
+    return share == 1.0 and moving <= near * extent + digits
 
 
 def _stalled(state: Adjustment, change: float) -> bool:
@@ -191,13 +219,6 @@ def _stalled(state: Adjustment, change: float) -> bool:
         return False
     last = state.iterations[-1]
     return last.damping == 0.0 and last.largest_change < ROUND_OFF_STEP and change > 0.5 * last.largest_change
-
-
-def _next_is_tiny(state: Adjustment, change: float) -> bool:
-    """True where the steps shrink so fast that the next one would be tiny, with a margin of four."""
-    if change > ROUND_OFF_STEP or not state.iterations or state.iterations[-1].damping:
-        return False
-    return 4.0 * change * change <= TINY_STEP * state.iterations[-1].largest_change
 
 
 class _Taken(NamedTuple):
@@ -212,26 +233,42 @@ class _Taken(NamedTuple):
 def _accept(state: Adjustment, step: FloatArray, shift: FloatArray) -> _Taken | None:
     """The first step that does not make the objective larger.
 
-    The shift into the datum is a movement of the whole network only for small angles; a large one is taken in parts.
     The whole step nearly always does, so the system is built there at once.
     """
-    index = state.problem.index
-    limit = state.normals.objective * (1.0 + 1e-6) + 1e-6
-
-    def tried(share: float) -> Mapping[str, FloatArray] | None:
-        values = move(index, state.values, step + share * shift)
-        return values if objective(state.plan, values) <= limit else None
-
-    values = move(index, state.values, step + shift)
+    values = move(state.problem.index, state.values, step + shift)
     normals = build_normals(state.plan, values)
-    if normals.objective <= limit:
+    if normals.objective <= _limit(state):
         return _Taken(values, 0.0, 1.0, normals)
-    if shift.any() and (without := tried(0.0)) is not None:
-        for share in 0.5 ** np.arange(1, 12):
-            if (part := tried(float(share))) is not None:
-                return _Taken(part, 0.0, float(share))
-        return _Taken(without, 0.0, 0.0)
+    if shift.any() and (taken := _along(state, step, shift)) is not None:
+        return taken
     return _damped(state)
+
+
+def _limit(state: Adjustment) -> float:
+    return state.normals.objective * (1.0 + 1e-6) + 1e-6
+
+
+def _along(state: Adjustment, step: FloatArray, shift: FloatArray) -> _Taken | None:
+    """The step with as much of the shift as leads back to the solution; ``None`` where the step itself does not help.
+
+    The shift changes no observation to first order only: a network that turns by θ along the tangent of its turn
+    grows by θ²/2. Further steps from there, of the observations alone, take that back.
+    """
+    index = state.problem.index
+    without = move(index, state.values, step)
+    if objective(state.plan, without) > _limit(state):
+        return None
+    for share in 0.25 ** np.arange(6):
+        values = move(index, state.values, step + share * shift)
+        for _ in range(_CORRECTIONS):
+            normals = build_normals(state.plan, values)
+            if not np.isfinite(normals.objective):
+                break
+            back = invert(state.plan, normals, values, state.anchors).step(normals)
+            values = move(index, values, back)
+            if objective(state.plan, values) <= _limit(state):
+                return _Taken(values, 0.0, float(share))
+    return _Taken(without, 0.0, 0.0)
 
 
 def _damped(state: Adjustment) -> _Taken | None:

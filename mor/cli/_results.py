@@ -43,6 +43,13 @@ def open_results(path: Path) -> Opened:
     return Opened(document, _with_reference(network, found), project.parent, found)
 
 
+def inputs(opened: Opened) -> list[Path]:
+    """Every file that opened results are read from."""
+    tables = [opened.folder / name for name in opened.document.table_files()]
+    reference = [] if opened.reference is None else [opened.reference]
+    return [Path(opened.document.file), *tables, *reference]
+
+
 def solve_again(opened: Opened) -> Solved:
     """The solution of opened results. Raises :class:`InputError` where there is none."""
     return _solved(opened.network, opened.document.file)

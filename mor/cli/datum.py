@@ -25,14 +25,16 @@ def command(results: Path, target: str, output: Path | None, force: bool) -> Non
       mor datum project.results --to "free: {xy: [1, 2], z: [5]}"
       mor datum project.results --to "minimal: {xyz: 1, xy: 2, z: 5}"
     """
-    from mor.cli._results import in_datum, open_results
-    from mor.report.folder import check_free
+    from mor.cli._results import in_datum, inputs, open_results
+    from mor.report.folder import check_free, check_inputs
     from mor.report.tables import point_table
     from mor.report.write import Choice, tables_by_size, write_results
 
     if output is not None:
         check_free(output, force)
     opened = open_results(results)
+    if output is not None:
+        check_inputs(output, inputs(opened))
     solved, document = in_datum(opened, target)
     if output is not None:
         write_results(solved, document, opened.folder, output, force, Choice(tables_by_size(solved)))

@@ -2,7 +2,9 @@
 
 Several are taken out at once only if they share neither a point nor a frame. After every adjustment what was taken out
 is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits. What goes out a second
-time stays out. The two coordinates of a ray are one pointing and go together, as long as both are controlled.
+time stays out until nothing else is to be done; then it is tested once more, for its neighbours may have gone since,
+and what still does not bear the company of the rest stays out for good. The two coordinates of a ray are one pointing
+and go together, as long as both are controlled.
 """
 
 from __future__ import annotations
@@ -74,11 +76,14 @@ def snoop(
         if begun is not None:
             quality, out = begun, wanted
     steps: list[Snooped] = []
-    stays_out, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(2))
+    stays_out, for_good, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(3))
     clean = False
     for number in range(1, _MOST_ROUNDS + 1):
         chosen = _worst(quality, cannot)
         fitting = _fitting(quality, kept_out, stays_out)
+        if not chosen and not fitting:
+            fitting = _fitting(quality, kept_out, for_good)
+            _mark(for_good, fitting)
         if not chosen and not fitting:
             clean = not any((flags & ~bad).any() for flags, bad in zip(quality.flagged, cannot, strict=True))
             clean = clean and not any(bad.any() for bad in cannot)
@@ -88,14 +93,12 @@ def snoop(
             found = state.assessed(quality.adjustment, tried)
             if found is not None:
                 _remember(steps, number, quality, change, out)
-                for group, row, component in change:
-                    if out[group][row, component]:
-                        stays_out[group][row, component] = True
+                _mark(stays_out, [entry for entry in change if out[entry[0]][entry[1:]]])
                 quality, out = found, tried
                 break
         else:
-            for group, row, component in chosen[:1] or fitting[:1]:
-                (cannot if chosen else stays_out)[group][row, component] = True
+            _mark(cannot if chosen else stays_out, chosen[:1] or fitting[:1])
+            _mark(for_good, [] if chosen else fitting[:1])
     return Snooping(first, quality, tuple(steps), clean)
 
 
@@ -117,6 +120,11 @@ class _State:
         if not adjustment.outcome.is_solution:
             return None
         return assess(adjustment, self.levels, self.aposteriori)
+
+
+def _mark(masks: tuple[BoolArray, ...], entries: Entries) -> None:
+    for group, row, component in entries:
+        masks[group][row, component] = True
 
 
 def _changed(out: tuple[BoolArray, ...], entries: Entries) -> tuple[BoolArray, ...]:

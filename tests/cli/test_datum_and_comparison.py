@@ -62,6 +62,24 @@ def test_another_datum_leaves_every_residual_as_it_is(tmp_path: Path) -> None:
     assert float(held["P8"]["sx"]) > 0.0
 
 
+def test_another_datum_never_overwrites_the_files_it_is_read_from(tmp_path: Path) -> None:
+    results = adjusted(tmp_path)
+    before = {path.name: path.read_bytes() for path in results.iterdir()}
+    run = mor("datum", results, "--to", MINIMAL, "-o", results, "--force")
+    assert run.code == 2
+    for name in ("adjusted.yaml", "reference.csv"):
+        assert (
+            f"{results / name}: results would overwrite this file, which the project is read from" in run.err
+        )
+    assert {path.name: path.read_bytes() for path in results.iterdir()} == before
+    # a project whose table bears the name of a result
+    rays = (tmp_path / "rays.csv").read_text()
+    project = write_block(tmp_path / "own", BLOCK.replace("rays.csv", "residuals.csv"), residuals=rays)
+    run = mor("datum", project, "--to", MINIMAL, "-o", project.parent, "--force")
+    assert run.code == 2
+    assert (project.parent / "residuals.csv").read_text() == rays
+
+
 def test_a_minimal_datum_names_as_many_coordinates_as_there_are_movements(tmp_path: Path) -> None:
     project = write_block(tmp_path, BLOCK.replace("datum: free", "datum: {minimal: {xyz: [P0, P4, P8]}}"))
     run = mor("adjust", project)
