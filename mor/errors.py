@@ -66,9 +66,9 @@ MANY_NAMES = 20_000
 
 def _alike(name: str, names: list[str]) -> list[str]:
     """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
-    width = len(name) + 1
     import numpy as np  # takes a while, and help texts need none of it
 
+    width = len(name) + 1
     score = np.zeros(len(names), dtype=np.int64)
     for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):
         letters = np.array(found, dtype=f"U{width}").view(np.uint32).reshape(len(names), width)
