@@ -176,7 +176,7 @@ def commands(case: Case, folder: Path, scene: Path) -> dict[str, Any]:
         if case.first_run and not found:
             empty = {"NUMBA_CACHE_DIR": str(folder / "cache")}
             found["csv, first run"] = command(project, folder, ["--no-html"], empty)
-        found[kind] = command(project, folder, ["--no-html"], {})
+        found[kind] = command(project, folder, ["--no-html", "--table-format", kind], {})
     found["csv, html"] = command(folder / "csv", folder, ["--html"], {})
     return found
 
@@ -184,7 +184,7 @@ def commands(case: Case, folder: Path, scene: Path) -> dict[str, Any]:
 def command(project: Path, folder: Path, more: list[str], environment: dict[str, str]) -> dict[str, Any]:
     """One run of the command, its threads left alone as a user has them."""
     file = str(project / "project.yaml")
-    line = [sys.executable, "-m", "mor", "adjust", file, "--force", *more]
+    line = [sys.executable, "-m", "mor", "adjust", file, "--force", "--tables", "all", *more]
     done = run(line, folder, {**environment, "PYTHONPATH": path()})
     if done.code:
         sys.exit(f"mor adjust ended with {done.code}\n{done.errors}")
