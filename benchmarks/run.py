@@ -27,6 +27,12 @@ _TASK = Path(__file__).parent / "task.py"
 _ROOT = Path(__file__).parents[1]
 _BEGIN, _END = "<!-- tables by benchmarks/run.py -->", "<!-- end of the tables -->"
 
+Variant = tuple[str, str, list[str], dict[str, str]]
+
+
+class CommandError(Exception):
+    """The command ended with an error; the text says which."""
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the chosen cases; 1 where a Σ r or an objective is not what it must be."""
@@ -128,12 +134,15 @@ def measured(
         "words": case.words,
         "kernel": json.loads(task(folder, "kernel", str(scene)).output),
     }
+    failed: list[str] = []
     one["load"] = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     if case.peers and ceres is not None:
         one |= peers(case, folder, scene, ceres, chosen, results)
     if case.command and not chosen.no_commands:
-        one["commands"] = commands(case, folder, scene)
-    one["right"] = right(one)
+        one["commands"], failed = commands(case, folder, scene)
+        for words in failed:
+            leave_out(results, f"{case.name}, {words}")
+    one["right"] = right(one) and not failed
     return one
 
 
@@ -166,28 +175,39 @@ def peers(
     return found
 
 
-def commands(case: Case, folder: Path, scene: Path) -> dict[str, Any]:
-    """The whole of ``mor adjust``: tables read, every table written; without and with the page for people."""
+def commands(case: Case, folder: Path, scene: Path) -> tuple[dict[str, Any], list[str]]:
+    """The whole of ``mor adjust``: tables read, every table written; and what did not get to its end."""
     found: dict[str, Any] = {}
-    kinds = ("csv", "parquet") if case.scene == "aerial" else ("csv",)
-    for kind in kinds:
+    failed: list[str] = []
+    for name, kind, more, environment in variants(case, folder):
         project = folder / kind
-        task(folder, "project", str(scene), str(project), kind)
-        if case.first_run and not found:
-            empty = {"NUMBA_CACHE_DIR": str(folder / "cache")}
-            found["csv, first run"] = command(project, folder, ["--no-html"], empty)
-        found[kind] = command(project, folder, ["--no-html"], {})
-    found["csv, html"] = command(folder / "csv", folder, ["--html"], {})
-    return found
+        if not project.exists():
+            task(folder, "project", str(scene), str(project), kind)
+        try:
+            found[name] = command(project, folder, ["--table-format", kind, *more], environment)
+        except CommandError as error:
+            failed.append(f"{name}: {error}")
+    return found, failed
+
+
+def variants(case: Case, folder: Path) -> list[Variant]:
+    """Name, format of the tables, options and environment of the commands of a case."""
+    plain_csv: Variant = ("csv", "csv", ["--no-html"], {})
+    first: Variant = ("csv, first run", "csv", ["--no-html"], {"NUMBA_CACHE_DIR": str(folder / "cache")})
+    parquet: Variant = ("parquet", "parquet", ["--no-html"], {})
+    html: Variant = ("csv, html", "csv", ["--html"], {})
+    chosen = [first] if case.first_run else []
+    chosen += [plain_csv, parquet] if case.scene == "aerial" else [plain_csv]
+    return chosen if case.scene == "aerial" and case.sizes[0] >= 100 else [*chosen, html]
 
 
 def command(project: Path, folder: Path, more: list[str], environment: dict[str, str]) -> dict[str, Any]:
     """One run of the command, its threads left alone as a user has them."""
     file = str(project / "project.yaml")
-    line = [sys.executable, "-m", "mor", "adjust", file, "--force", *more]
+    line = [sys.executable, "-m", "mor", "adjust", file, "--force", "--tables", "all", *more]
     done = run(line, folder, {**environment, "PYTHONPATH": path()})
     if done.code:
-        sys.exit(f"mor adjust ended with {done.code}\n{done.errors}")
+        raise CommandError(f"mor adjust ended with {done.code}: {done.errors.strip()}")
     tables = project / "project.results"
     results = json.loads((tables / "results.json").read_text(encoding="utf-8"))
     return {
