@@ -14,8 +14,9 @@ from mor.adjustment.normals import cluster_rows
 from mor.adjustment.plan import ClusterRows, reduced_columns
 from mor.adjustment.rows import row_cofactors
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
+from mor.quality.ray_influence import OF_IMAGES, fill_influence_of_rays
 
 
 class Entry(NamedTuple):
@@ -70,12 +71,17 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
     """EP of each group (n, m): the estimated gross error times the part of 1 − r that goes into coordinates of points.
 
     EP_i = ∇̂_i Σ_k a_ik (Q AᵀP)_ki over the unknown coordinates k (angles and instruments left out), for angles times
-    the length of the sight. It depends on the datum. NaN for correlated observations and for rays, whose influence
-    :func:`movements` gives.
+    the length of the sight. For image coordinates it is summed over the point they are of, not over the projection
+    centre, and divided by |∂x/∂X|: the movement of the point across the ray. It depends on the datum. NaN for
+    correlated observations, and for directions to points that nothing else meets; :func:`movements` gives them too.
     """
     adjustment = quality.adjustment
     problem, plan = adjustment.problem, adjustment.plan
-    told = {row_set.group for row_set in plan.row_sets}
+    told = {row_set.group for row_set in plan.row_sets} | {
+        frames.group
+        for frames in plan.rays.frames.groups
+        if problem.groups[frames.group].type.key in OF_IMAGES
+    }
     result = tuple(
         np.full(group.observed.shape, np.nan)
         if number in told
@@ -89,7 +95,9 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
         group = problem.groups[row_set.group]
         rows = linearise(group, problem.index, adjustment.values, tangent, row_set.rows)
         free = rows.columns >= 0
-        own = np.where((free & is_point[np.where(free, rows.columns, 0)])[:, None, :], rows.jacobian, 0.0)
+        is_image = group.type.key in OF_IMAGES
+        ours = is_point[np.where(free, rows.columns, 0)] & (_last_three(rows.columns) if is_image else True)
+        own = np.where((free & ours)[:, None, :], rows.jacobian, 0.0)
         reduced = reduced_columns(rows.columns, plan.reduced)
         forms = [
             np.diagonal(row_cofactors(cofactors, plan.target.block_of, form, reduced), axis1=1, axis2=2)
@@ -100,9 +108,19 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
         correction = quality.datum.correction(rows.columns, rows.columns)
         share = share + np.einsum("nmk,nkl,nml->nm", own, correction, rows.jacobian)
         error = quality.reliability[row_set.group].error[row_set.rows]
-        values = share * row_set.weight**2 * error * _sight(adjustment, row_set.group)[row_set.rows]
+        if is_image:
+            length = 1.0 / np.linalg.norm(rows.jacobian[:, :, -3:], axis=2)
+        else:
+            length = _sight(adjustment, row_set.group)[row_set.rows]
+        values = share * row_set.weight**2 * error * length
         result[row_set.group][row_set.rows] = np.where(row_set.weight > 0.0, values, np.nan)
+    fill_influence_of_rays(quality, cofactors, result)
     return result
+
+
+def _last_three(columns: IntArray) -> BoolArray:
+    """(n, k) true for the coordinates of the point that an image coordinate is of."""
+    return np.broadcast_to(np.arange(columns.shape[1]) >= columns.shape[1] - 3, columns.shape)
 
 
 def _sight(adjustment: Adjustment, number: int) -> FloatArray:

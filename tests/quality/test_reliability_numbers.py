@@ -179,6 +179,42 @@ def test_influence_of_distances_is_what_is_hidden_of_the_error():
     np.testing.assert_allclose(influence, expected, rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("make", "free"),
+    [
+        (photo_block, True),
+        (lambda: photo_block(scale_bar=True), True),
+        (mixed_network, False),
+        (correlated_everywhere, False),
+    ],
+)
+def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, free):
+    scene, points = make()
+    quality = assess(solve(scene, np.random.default_rng(5), points[:4] if free else None))
+    problem = quality.adjustment.problem
+    number = next(k for k, group in enumerate(problem.groups) if group.type.key == "image/mor")
+    group, influence = problem.groups[number], influence_on_points(quality)[number]
+    correlated = quality.groups[number].correlated
+    out = set() if correlated is None else set(zip(correlated.rows, correlated.components, strict=True))
+    entries = [Entry(number, row, c) for row in range(group.count) for c in (0, 1) if (row, c) not in out]
+    errors = np.array([quality.reliability[number].error[e.row, e.component] for e in entries])
+    whole = movements(quality, entries, errors)
+    values = quality.adjustment.values
+    blocks = [values[s.kind][b] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+    slope = group.type.equation(blocks, group.constants).jacobians[-1]
+    size = np.nanmax(np.abs(influence))
+    moved_at_all = 0
+    for k, entry in enumerate(entries):
+        columns = problem.index.columns["point"][group.blocks[-1][entry.row]]
+        movement = np.where(columns >= 0, whole[columns, k], 0.0)
+        across = slope[entry.row, entry.component]
+        expected = movement @ across / np.linalg.norm(across)
+        assert influence[entry.row, entry.component] == pytest.approx(expected, rel=1e-6, abs=1e-8 * size)
+        moved_at_all += int(abs(expected) > 1e-3 * size)
+    assert moved_at_all > len(entries) // 2
+    assert all(np.isnan(influence[row, component]) for row, component in out)
+
+
 @pytest.mark.parametrize("name", NETWORKS)
 def test_movements_of_the_points_next_to_an_error_are_those_of_the_whole(name):
     make, free = NETWORKS[name]
