@@ -9,7 +9,8 @@ Three kinds of blocks of a page mean something:
 * ``diff``: ``--- file``, then the lines of that file that go (−), come (+) or stay (blank);
 * ``text`` whose first line is the name of a file and a colon: an excerpt of that file.
 
-A line "…" stands for any lines, one that ends with "…" goes on. Blanks are not compared.
+A line "…" stands for any lines, one that ends with "…" goes on. Blanks are not compared, and of decimal numbers not
+the last digit.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from typing import NamedTuple
 
 FOLDER = Path(__file__).parent / "tutorials"
 BLOCK = re.compile(r"^```(console|diff|text)\n(.*?)^```$", re.M | re.S)
+DECIMAL = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?")
 MORE = "…"
 
 
@@ -124,15 +126,49 @@ def change(folder: Path, lines: list[str]) -> None:
 
 def agrees(shown: list[str], found: list[str]) -> bool:
     """Is what is shown an excerpt of what was found?"""
-    pattern = "".join(".*?" if line.strip() == MORE else _line(line) for line in shown)
-    return re.fullmatch(pattern, "".join(f"{' '.join(line.split())}\n" for line in found), re.S) is not None
+    parts: list[list[str]] = [[]]
+    for line in shown:
+        if line.strip() == MORE:
+            parts.append([])
+        else:
+            parts[-1].append(line)
+    if len(parts) == 1:
+        return len(shown) == len(found) and _stands_at(shown, found, 0)
+    first, *middle, last = parts
+    place = len(first)
+    if not _stands_at(first, found, 0):
+        return False
+    for part in middle:
+        begin = next((k for k in range(place, len(found)) if _stands_at(part, found, k)), None)
+        if begin is None:
+            return False
+        place = begin + len(part)
+    end = len(found) - len(last)
+    return end >= place and _stands_at(last, found, end)
 
 
-def _line(line: str) -> str:
-    words = " ".join(line.split())
-    if words.endswith(MORE):
-        return re.escape(words.removesuffix(MORE).rstrip()) + r"[^\n]*\n"
-    return re.escape(words) + r"\n"
+def _stands_at(part: list[str], found: list[str], place: int) -> bool:
+    there = found[place : place + len(part)]
+    return len(there) == len(part) and all(map(_same, part, there))
+
+
+def _same(shown: str, found: str) -> bool:
+    """Is this the line, but for blanks and the last digits of numbers?"""
+    (words, numbers), (other, values) = _words(shown.rstrip(MORE)), _words(found)
+    fits = other.startswith(words) if shown.endswith(MORE) else words == other
+    return fits and all(_close(*pair) for pair in zip(numbers, values, strict=False))
+
+
+def _words(line: str) -> tuple[str, list[str]]:
+    text = " ".join(line.split())
+    return DECIMAL.sub("#", text), DECIMAL.findall(text)
+
+
+def _close(shown: str, found: str) -> bool:
+    """Equal within one unit of the last digit shown, or within 1e-6."""
+    digits, _, power = shown.partition("e")
+    unit = 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+    return abs(float(shown) - float(found)) <= max(1.01 * unit, 1e-6 * abs(float(found)))
 
 
 def renewed(shown: list[str], found: list[str]) -> list[str]:

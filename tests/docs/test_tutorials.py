@@ -53,11 +53,15 @@ def test_excerpts_agree_only_with_what_is_there(tutorials: ModuleType) -> None:
     found = ["a  1", "b 2", "c 3.25"]
     assert tutorials.agrees(found, found)
     assert tutorials.agrees(["a 1", "…"], found)
-    assert tutorials.agrees(["…", "c 3…"], found)
+    assert tutorials.agrees(["…", "c…"], found)
     assert not tutorials.agrees(["a 1"], found)
     assert not tutorials.agrees(["…", "c 3"], found)
     assert not tutorials.agrees(["…", "b 2", "a 1", "…"], found)
     assert not tutorials.agrees([], found)
+    assert tutorials.agrees(["…", "c 3.26"], found), "one unit of the last digit"
+    assert not tutorials.agrees(["…", "c 3.27"], found)
+    assert tutorials.agrees(["-0.0000 1.8972e-06 x"], ["0.0000  0.0000018972001 x"])
+    assert not tutorials.agrees(["b 0.123456789"], ["b 0.123466789"])
 
 
 def test_renewed_excerpt_keeps_its_lines_with_new_numbers(tutorials: ModuleType) -> None:
