@@ -26,6 +26,7 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "images": ("id", "omega", "phi", "kappa"),
     "images with a camera": ("id", "camera"),
     "stations": ("id", "orientation"),
+    "stations over points": ("id", "point", "height"),
     "points": ("id", "x", "y", "z"),
 }
 """Columns that tell what a table is, the first that fits."""
@@ -47,6 +48,8 @@ _OTHER_NAMES = {
 _KNOWN = {name for names in KINDS.values() for name in names} | {
     "sigma",
     "height",
+    "from_height",
+    "station_height",
     "to_height",
     "set",
     "face",
@@ -106,8 +109,7 @@ def recognise(path: Path) -> Found:
         raise InputError(
             [Problem(f"what is this? found the columns {', '.join(header)}; {_wanted()}", str(path), 1)]
         )
-    kind = "images" if kind.startswith("images") else kind
-    return Found(path, kind, columns, units, delimiter, header, rows[1:])
+    return Found(path, kind.split(" ")[0], columns, units, delimiter, header, rows[1:])
 
 
 def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:

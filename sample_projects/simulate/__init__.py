@@ -14,6 +14,7 @@ SCENES = (
     "single_station",
     "machine_part",
     "image_variant",
+    "bridge",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

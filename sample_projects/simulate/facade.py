@@ -7,9 +7,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from sample_projects.simulate.camera import Camera, pixels, sees
-from sample_projects.simulate.files import IMAGE_HEADER, camera_table, image_row, numbers, point_table, table
+from sample_projects.simulate.files import (
+    IMAGE_HEADER,
+    camera_table,
+    image_row,
+    number,
+    numbers,
+    point_table,
+    table,
+)
 from sample_projects.simulate.geometry import (
     DEGREE,
+    GON,
     Array,
     Frame,
     Mask,
@@ -19,6 +28,7 @@ from sample_projects.simulate.geometry import (
     look_at,
 )
 from sample_projects.simulate.rays import measured, seen_points, with_enough_rays
+from sample_projects.simulate.survey import Sight, read, sight, theodolite
 
 CAMERA = Camera(
     c=28.3718,
@@ -51,6 +61,10 @@ CONTROL = {
     "CP7": (5.10, 0.22, 7.10),
     "CP8": (18.60, 0.21, 6.80),
 }
+SETUPS = {"S1": ((6.5, -15.2, 1.58), 310.7), "S2": ((18.9, -16.1, 1.63), 36.2)}
+"""Trunnion axis of the total station, and bearing of the zero of its circle in gon."""
+READING = Sight(0.0005 * GON, 0.0005 * GON, 0.002)
+"""σ of the total station, distances without reflector."""
 VIEWS: tuple[tuple[tuple[float, float, float], tuple[float, float, float], float], ...] = (
     ((1.5, -12.6, 1.66), (5.0, 0.0, 5.9), 0.0),
     ((4.3, -13.4, 1.64), (6.2, 0.0, 6.2), 0.0),
@@ -98,6 +112,7 @@ def simulate() -> dict[str, str]:
     return {
         "control.csv": point_table(_noisy(control, CONTROL_SIGMA, random), 3),
         "tie_points.csv": point_table(_noisy({n: seen[n] for n in details if n in seen}, 0.05, random), 2),
+        **_total_station(control),
         "images.csv": table(IMAGE_HEADER, _image_rows(frames, random)),
         "image_points.csv": table("image,point,x,y,sigma", rows),
         "truth/points.csv": point_table(seen, 6),
@@ -105,6 +120,23 @@ def simulate() -> dict[str, str]:
             IMAGE_HEADER, [image_row(n, "D7", f, 6, DEGREE, 7) for n, f in frames.items()]
         ),
         "truth/cameras.csv": camera_table({"D7": CAMERA}),
+    }
+
+
+def _total_station(control: Mapping[str, Array]) -> dict[str, str]:
+    """Readings of the control points from two set-ups, with noise of their own."""
+    random = np.random.RandomState(2410)
+    directions, distances = [], []
+    for name, (place, zero) in SETUPS.items():
+        instrument = theodolite(np.array(place), 0.0, zero * GON)
+        for point, xyz in control.items():
+            reading = read(sight(instrument, xyz), READING, random)
+            circles = numbers((reading.horizontal / GON, reading.zenith / GON), 4)
+            directions.append([name, point, *circles])
+            distances.append([name, point, number(reading.distance, 4)])
+    return {
+        "directions.csv": table("station,to,horizontal,zenith", directions),
+        "distances.csv": table("from,to,distance", distances),
     }
 
 

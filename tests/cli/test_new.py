@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -48,6 +49,22 @@ def test_begun_from_terrestrial_tables(tmp_path: Path) -> None:
     ]
     assert [entry.get("values") is None for entry in data["observations"]] == [False, False, True]
     assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_stations_over_points_and_both_heights(tmp_path: Path) -> None:
+    names = ("directions.csv", "distances.csv", "stations.csv", "pillars.csv")
+    project = tmp_path / "net.yaml"
+    assert (
+        run(["new", str(project), "--datum", "free", *(str(SAMPLES / "bridge" / name) for name in names)])
+        == 0
+    )
+    data = read_document(project).data
+    assert data["stations"] == [{"file": os.path.relpath(SAMPLES / "bridge" / "stations.csv", tmp_path)}]
+    assert all("columns" not in entry for entry in data["observations"])
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html", "--strict"]) in (
+        0,
+        1,
+    )
 
 
 def test_empty_beginning_is_a_project_with_nothing_in_it(

@@ -16,7 +16,14 @@ from mor.report.observation_table import SCHEMA
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
+PAGES = sorted(
+    [
+        *DOCS.rglob("*.md"),
+        *(ROOT / "sample_projects").glob("**/README.md"),
+        ROOT / "README.md",
+        ROOT / "CHANGELOG.md",
+    ]
+)
 
 
 def text(name: str) -> str:
@@ -67,13 +74,13 @@ def test_new_type_of_the_page_is_right(tmp_path: Path) -> None:
             assert computed.jacobians[slot][:, :, k] == pytest.approx(difference, abs=1e-8)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_links_lead_to_files_that_exist(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_no_paths_of_a_machine(page: Path) -> None:
     assert not re.search(r"/(work|home|root|Users|tmp)/", page.read_text(encoding="utf-8"))
