@@ -117,7 +117,7 @@ def command(
     if not quiet or solved.quality is None:
         click.echo("\n".join(verdict(solved, words_of(lang))), err=True)
         if solved.quality is None:
-            click.echo(undetermined(solved), err=True)
+            click.echo(undetermined(solved, words_of(lang)), err=True)
         if writes:
             click.echo(f"results in {folder}", err=True)
     return code
