@@ -15,7 +15,7 @@ from mor.parameters.kinds import KINDS
 from mor.quality import explain, parts
 from mor.report.text._layout import table
 from mor.report.words.datum import datum_name
-from mor.report.words.language import ENGLISH, words_of
+from mor.report.words.language import ENGLISH, words_of, words_of_page
 
 QUALITY = Path(mor.quality.__file__).parent
 SECTIONS = [
@@ -82,9 +82,10 @@ def test_the_sections_were_really_looked_at() -> None:
     assert len(set().union(*map(sentences, SECTIONS))) > 40
 
 
-def test_sentences_keep_their_places() -> None:
+@pytest.mark.parametrize("catalogue", [words_of("de").catalogue, words_of_page("de").catalogue])
+def test_sentences_keep_their_places(catalogue: dict[str, str]) -> None:
     """Both languages have the same {places}."""
-    for english, german in words_of("de").catalogue.items():
+    for english, german in catalogue.items():
         places = [
             {name for _, name, _, _ in string.Formatter().parse(text) if name} for text in (english, german)
         ]
