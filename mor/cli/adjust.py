@@ -79,8 +79,7 @@ def command(
     from mor.pipeline import read_document, read_network, snooped, solve_network
     from mor.report.folder import check_free, check_inputs
     from mor.report.json import entries
-    from mor.report.text.head import verdict
-    from mor.report.text.undetermined import section as undetermined
+    from mor.report.text.screen import screen
     from mor.report.words.language import words_of
     from mor.report.write import Choice, is_large, results_text, tables_by_size, write_results
 
@@ -115,11 +114,10 @@ def command(
     if as_json:
         click.echo(results_text(solved), nl=False)
     if not quiet or solved.quality is None:
-        click.echo("\n".join(verdict(solved, words_of(lang))), err=True)
-        if solved.quality is None:
-            click.echo(undetermined(solved, words_of(lang)), err=True)
+        words = words_of(lang)
+        click.echo(screen(solved, words), err=True)
         if writes:
-            click.echo(f"results in {folder}", err=True)
+            click.echo(words("results in {place}", place=folder), err=True)
     return code
 
 
