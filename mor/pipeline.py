@@ -125,11 +125,18 @@ def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher
         if same or not adjustment.outcome.is_solution:
             break
         settings = Settings(network.project.settings.max_iterations)
-        again = adjust(problem, adjustment.values, settings, watch)
         count = len(adjustment.iterations)
+        again = adjust(problem, adjustment.values, settings, _counting_on(watch, count))
         further = tuple(replace(step, number=step.number + count) for step in again.iterations)
         adjustment = replace(again, start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment
+
+
+def _counting_on(watch: Watcher | None, count: int) -> Watcher | None:
+    """A watcher that is told of iterations numbered after ``count`` earlier ones."""
+    if watch is None:
+        return None
+    return lambda step: watch(replace(step, number=step.number + count))
 
 
 def make_problem(

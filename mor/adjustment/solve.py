@@ -55,12 +55,18 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Iteration:
-    """One step: objective before it, its size in units of σ, and the damping it needed."""
+    """One step: objective before it, its size in units of σ, the damping it needed, the redundancy of the system."""
 
     number: int
     objective: float
     largest_change: float
     damping: float
+    redundancy: int
+
+    @property
+    def sigma0(self) -> float | None:
+        """σ0 before the step, in units of the one given a priori; nothing where nothing is redundant."""
+        return float(np.sqrt(self.objective / self.redundancy)) if self.redundancy > 0 else None
 
 
 @dataclass(frozen=True)
@@ -149,14 +155,15 @@ def _advance(state: Adjustment) -> Adjustment:
     shift = _into_datum(state, step)
     change = float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
+    redundancy = _redundancy(state)
     still = change <= TINY_STEP or _stalled(state, change)
     if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):
-        iteration = Iteration(number, state.normals.objective, change, 0.0)
+        iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
     taken = _accept(state, step, shift)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
-    iteration = Iteration(number, state.normals.objective, change, taken.damping)
+    iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)
     moved = _at(state, taken, (*state.iterations, iteration), last=still)
     still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share)
     return _converged(moved) if still else moved
@@ -175,6 +182,11 @@ def _converged(state: Adjustment) -> Adjustment:
         defect=replace(state.defect, datum=datum),
         constraint=constraint(datum, state.problem, state.inverse.values),
     )
+
+
+def _redundancy(state: Adjustment) -> int:
+    problem = state.problem
+    return problem.observations - problem.index.count + int(state.defect.datum.shape[1])
 
 
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:

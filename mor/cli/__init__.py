@@ -12,24 +12,28 @@ from mor import __version__
 from mor.errors import ExitCode, MorError
 
 COMMANDS = {
-    "new": "Begin a commented project from the tables there are.",
-    "adjust": "Adjust a project and write report, results and tables.",
-    "compare": "Compare two results: as a regression test, or as two epochs.",
-    "covariance": "Covariances of chosen points, or of everything, with labels.",
-    "datum": "Results in another datum, without a new adjustment.",
-    "approximate": "Find start values, write a project that has them.",
+    "adjust": "Adjust a project, write reports, results and tables.",
     "check": "Read and check a project, adjust nothing.",
-    "orient": "Orient two images (Rinner) or a plane object (Killian).",
-    "plot": "Draw a picture of results: network, residuals, camera …",
+    "new": "Begin a commented project file from tables.",
     "convert": "Write a foreign file as a project file.",
+    "approximate": "Find start values, write a project that has them.",
+    "orient": "Orient images without start values: two images (Rinner), a plane object (Killian).",
+    "plot": "Draw a picture of results: network, ellipses, residuals, camera, histogram.",
+    "datum": "Carry results into another datum, without a new adjustment.",
+    "covariance": "Write covariances of points, or of all unknowns, with labels.",
+    "compare": "Compare two results number by number, as two epochs, or pairs of points.",
+    "explain": "Say what a term, a column or an exit code means, and what to do.",
     "examples": "List the sample projects, copy one.",
-    "explain": "Say what a term, a column or a code means.",
-    "schema": "Print the JSON Schema of the project file.",
+    "schema": "Print the JSON Schema of project files, or of results.json.",
 }
 
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
+
+
+WIDTH = 100
+"""Columns of help texts, where the terminal has them."""
 
 
 class _Lazy(click.Group):
@@ -54,17 +58,23 @@ class _Lazy(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH})
 @click.version_option(__version__, prog_name="mor", message="%(prog)s %(version)s")
 def group() -> None:
     """One least-squares adjustment for everything measured around an object.
 
     \b
     Examples:
+      mor examples facade && mor adjust facade/project.yaml
+      mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000
       mor check project.yaml
       mor adjust project.yaml
-      mor adjust project.yaml -o results --force
-      mor adjust project.yaml --json | jq .sigma0
+      mor explain w
+
+    \b
+    Exit codes: 0 done; 1 rejected or different; 2 input; 3 not converged; 4 singular;
+    70 internal (MOR_DEBUG=1 shows where); 130 interrupted.
+    Data go to standard output, words to standard error.
     """
 
 
@@ -76,7 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code instead of leaving the process."""
     try:
-        result = group.main(args=list(arguments) if arguments is not None else None, standalone_mode=False)
+        given = list(arguments) if arguments is not None else None
+        result = group.main(args=given, prog_name="mor", standalone_mode=False)
     except click.exceptions.Exit as leaving:
         return leaving.exit_code
     except click.ClickException as error:

@@ -7,11 +7,13 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
+
+from mor.cli._iterations import iteration_line, iteration_table
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -32,6 +34,8 @@ class Progress:
     """The phase that runs."""
     events: TextIO | None = None
     """Where events go as JSON Lines, for programs that watch."""
+    steps: list[Iteration] = field(default_factory=list)
+    """Iterations of this phase."""
 
     def event(self, kind: str, /, **data: object) -> None:
         """Tell a watching program what happened: one line, at once."""
@@ -44,6 +48,7 @@ class Progress:
         """A new phase begins."""
         self.name = name
         self.event("phase", name=name)
+        self._leave_iterations()
         if self.status is not None:
             self.status.update(f"{name} …")
         elif self.verbose and not self.quiet:
@@ -93,18 +98,18 @@ class Progress:
             largest_change=step.largest_change,
             damping=step.damping,
         )
-        words = (
-            f"iteration {step.number}: vTPv {step.objective:.6g}, largest change {step.largest_change:.3g} sigma"
-            + (f", damping {step.damping:.0e}" if step.damping else "")
-        )
-        if self.verbose and not self.quiet:
-            (self.status.console.print if self.status else _to_stderr)(words)
-        elif self.status is not None:
-            self.status.update(words)
+        self.steps.append(step)
+        if self.status is not None:
+            self.status.update(iteration_table(self.steps, "adjusting …"))
+        elif not self.quiet:
+            click.echo(iteration_line(step), err=True)
 
-
-def _to_stderr(words: str) -> None:
-    click.echo(words, err=True)
+    def _leave_iterations(self) -> None:
+        """The live table of the phase that ends stays on the terminal."""
+        if self.status is not None and self.steps:
+            most = {} if not self.verbose else {"most": None}
+            self.status.console.print(iteration_table(self.steps, "adjusted", **most))
+        self.steps.clear()
 
 
 @contextmanager

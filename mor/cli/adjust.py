@@ -18,33 +18,59 @@ if TYPE_CHECKING:
 @click.command(name="adjust")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the results [PROJECT.results]."
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.results",
+    help="Folder of the results.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
-@click.option("--json", "as_json", is_flag=True, help="Print results.json; write files only with -o.")
-@click.option("--strict", is_flag=True, help="Exit 1 if the global test rejects or observations are flagged.")
 @click.option(
-    "--snoop", is_flag=True, help="Take flagged observations out one by one until the rest is clean."
+    "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
-@click.option("--lang", type=click.Choice(["en", "de"]), default="en", help="Language of report.txt [en].")
+@click.option(
+    "--strict", is_flag=True, help="Exit with 1 where the global test rejects or an observation is flagged."
+)
+@click.option(
+    "--snoop",
+    is_flag=True,
+    help="Data snooping: take flagged observations out one by one until the rest is clean.",
+)
+@click.option(
+    "--lang",
+    type=click.Choice(["en", "de"]),
+    default="en",
+    show_default=True,
+    help="Language of report.txt, report.html and of the summary.",
+)
 @click.option(
     "--html/--no-html",
     default=None,
-    help="Write report.html, the page for people [yes up to 2 million observations].",
+    show_default="html, up to 2 million observations",
+    help="Write report.html, the page to look at.",
 )
 @click.option(
     "--tables",
     type=click.Choice(["none", "worst", "all"]),
-    help="Tables to write: none, the worst observations only, or all [all up to 2 million observations, then worst].",
+    show_default="all, beyond 2 million observations worst",
+    help="Tables of results: none, points, images and the worst residuals, or all.",
 )
 @click.option(
-    "--table-format", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables [csv]."
+    "--table-format",
+    type=click.Choice(["csv", "parquet"]),
+    default="csv",
+    show_default=True,
+    help="Format of the tables.",
 )
 @click.option(
-    "--events", type=click.File("w", encoding="utf-8"), help="Write what happens as JSON Lines, for programs."
+    "--events",
+    metavar="FILE",
+    type=click.File("w", encoding="utf-8"),
+    help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-@click.option("-v", "--verbose", is_flag=True, help="Show every iteration.")
+@click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
 def command(
     project: Path,
     output: Path | None,
@@ -60,7 +86,7 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> int:
-    """Adjust PROJECT and write report, results and tables.
+    """Adjust PROJECT, write reports, results and tables.
 
     \b
     Examples:
@@ -69,18 +95,20 @@ def command(
       mor adjust project.yaml --snoop
       mor adjust project.yaml --lang de
       mor adjust project.yaml --tables all --table-format parquet
+      mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
 
+    PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
+
     \b
-    Exit codes: 0 done; 1 rejected (with --strict); 2 input; 3 not converged; 4 singular; 70 internal.
+    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular.
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.pipeline import read_document, read_network, snooped, solve_network
     from mor.report.folder import check_free, check_inputs
     from mor.report.json import entries
-    from mor.report.text.head import verdict
-    from mor.report.text.undetermined import section as undetermined
+    from mor.report.text.screen import screen
     from mor.report.words.language import words_of
     from mor.report.write import Choice, is_large, results_text, tables_by_size, write_results
 
@@ -115,11 +143,10 @@ def command(
     if as_json:
         click.echo(results_text(solved), nl=False)
     if not quiet or solved.quality is None:
-        click.echo("\n".join(verdict(solved, words_of(lang))), err=True)
-        if solved.quality is None:
-            click.echo(undetermined(solved), err=True)
+        words = words_of(lang)
+        click.echo(screen(solved, words), err=True)
         if writes:
-            click.echo(f"results in {folder}", err=True)
+            click.echo(words("results in {place}", place=folder), err=True)
     return code
 
 

@@ -10,20 +10,28 @@ import click
 @click.command(name="approximate")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the project [PROJECT.start]."
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.start",
+    help="Folder of the project with start values.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace what is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int:
     """Find start values for PROJECT and write a project that has them.
-
-    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
-    missing for it. (mor adjust does the same by itself where values are missing.)
 
     \b
     Examples:
       mor approximate project.yaml
       mor approximate project.yaml -o started --force
+
+    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
+    missing for it. mor adjust does the same by itself where values are missing.
+
+    \b
+    Exit codes: 0 done; 2 input, or values stay missing.
     """
     from mor.approximate.strategy import approximate
     from mor.cli._compiler import compiler_announced

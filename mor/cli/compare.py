@@ -19,11 +19,26 @@ SHOWN = 20
 
 @click.command(name="compare")
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--tol", default=1e-9, show_default=True, help="Difference allowed, times max(1, |number|).")
-@click.option("--epochs", is_flag=True, help="Congruence test of two epochs over their common points.")
-@click.option("--pairs", type=click.Path(path_type=Path), help="CSV of pairs of points of one adjustment.")
-@click.option("--level", default=0.001, show_default=True, help="Level of the tests of movements.")
-@click.option("--known-sigma0", is_flag=True, help="Test with sigma0 a priori instead of the estimated one.")
+@click.option(
+    "--tol",
+    default=1e-9,
+    show_default=True,
+    metavar="NUMBER",
+    help="Difference allowed: absolute, for numbers beyond 1 relative.",
+)
+@click.option(
+    "--epochs", is_flag=True, help="Take the two as epochs: congruence test over their common points."
+)
+@click.option(
+    "--pairs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="CSV with a header and two columns of points: have the pairs of one adjustment moved apart?",
+)
+@click.option(
+    "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
+)
+@click.option("--known-sigma0", is_flag=True, help="Test with σ0 a priori, not with the estimated one.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(
     results: tuple[Path, ...],
@@ -36,13 +51,14 @@ def command(
 ) -> int:
     """Compare RESULTS: two folders number by number, two epochs, or pairs of points of one adjustment.
 
-    Epochs and pairs print their movements as CSV on standard output.
-
     \b
     Examples:
       mor compare before.results after.results --tol 1e-6
       mor compare spring.results autumn.results --epochs
       mor compare both.results --pairs pairs.csv
+
+    RESULTS are folders of results; number by number also results.json files. --epochs and --pairs print the movements
+    as CSV on standard output, in the length unit of the project.
 
     \b
     Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.

@@ -9,12 +9,30 @@ import click
 
 @click.command(name="covariance")
 @click.argument("results", type=click.Path(path_type=Path))
-@click.option("--points", help="Points whose coordinates are wanted together, separated by commas.")
-@click.option("--full", is_flag=True, help="All unknowns together (where it fits).")
-@click.option("--blocks", is_flag=True, help="The 3 x 3 block of every point, as CSV.")
-@click.option("--relative", multiple=True, metavar="A,B", help="Relative error ellipsoid of a pair, as CSV.")
-@click.option("--to", "target", help="Another datum, as the project file writes it.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help=".npz, .csv or .mtx")
+@click.option("--points", metavar="A,B,…", help="All coordinates of these points together.")
+@click.option("--full", is_flag=True, help="All unknowns together, where they fit into memory.")
+@click.option("--blocks", is_flag=True, help="The 3 × 3 block of every point, as .csv.")
+@click.option(
+    "--relative",
+    multiple=True,
+    metavar="A,B",
+    help="Relative error ellipsoid of a pair of points, as .csv; may be repeated.",
+)
+@click.option(
+    "--to",
+    "target",
+    metavar="DATUM",
+    show_default="that of the results",
+    help='Datum, as the project file writes it: free, or "free: [1, 2]".',
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="File to write: .npz, .csv or .mtx (Matrix Market).",
+)
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
 def command(
     results: Path,
@@ -26,7 +44,7 @@ def command(
     output: Path,
     force: bool,
 ) -> None:
-    """Write covariances of RESULTS (a folder, or a project) with labels, in the datum of the results or another one.
+    """Write covariances of RESULTS with labels, in the datum of the results or in another one.
 
     \b
     Examples:
@@ -34,6 +52,12 @@ def command(
       mor covariance project.results --full -o all.mtx
       mor covariance project.results --blocks --to free -o blocks.csv
       mor covariance project.results --relative 1,2 --relative 1,7 -o pairs.csv
+
+    RESULTS is a folder of results, or a project. Give one of --points, --full, --blocks, --relative. Units are those
+    of the project, squared.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.cli._results import in_datum, open_results, solve_again
     from mor.errors import InputError, Problem

@@ -9,14 +9,19 @@ import click
 
 @click.command(name="datum")
 @click.argument("results", type=click.Path(path_type=Path))
-@click.option("--to", "target", required=True, help="The other datum, as the project file writes it.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for all results in that datum.")
+@click.option(
+    "--to", "target", metavar="DATUM", required=True, help="The other datum, as the project file writes it."
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    help="Folder of all results in that datum; without it the points are printed as CSV.",
+)
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
 def command(results: Path, target: str, output: Path | None, force: bool) -> None:
-    """Carry RESULTS (a folder, or a project) into another datum by S-transformation.
-
-    Residuals and redundancy stay as they are; coordinates and their covariances change. Without -o the points are
-    printed as CSV. Coordinates held fixed may take part where they do not strain the network.
+    """Carry RESULTS into another datum by S-transformation, without a new adjustment.
 
     \b
     Examples:
@@ -24,6 +29,12 @@ def command(results: Path, target: str, output: Path | None, force: bool) -> Non
       mor datum project.results --to "free: [1, 2, 7]" -o inner
       mor datum project.results --to "free: {xy: [1, 2], z: [5]}"
       mor datum project.results --to "minimal: {xyz: 1, xy: 2, z: 5}"
+
+    RESULTS is a folder of results, or a project. Residuals and redundancy stay as they are; coordinates and their
+    covariances change. Coordinates held fixed may take part where they do not strain the network.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.cli._results import in_datum, inputs, open_results
     from mor.report.folder import check_free, check_inputs

@@ -9,7 +9,14 @@ import click
 
 @click.command(name="examples")
 @click.argument("name", required=False)
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder to copy it to [NAME].")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="NAME",
+    help="Folder to copy it to; new, or empty.",
+)
 def command(name: str | None, output: Path | None) -> None:
     """List the sample projects, or copy the one called NAME.
 
@@ -18,6 +25,9 @@ def command(name: str | None, output: Path | None) -> None:
       mor examples
       mor examples facade && mor adjust facade/project.yaml
       mor examples building -o my_first_project
+
+    \b
+    Exit codes: 0 done; 2 input.
     """
     if name is None:
         width = max(len(folder.name) for folder in sample_projects())

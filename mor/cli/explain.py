@@ -10,7 +10,7 @@ _WIDTH = 100
 @click.command(name="explain")
 @click.argument("term", nargs=-1)
 def command(term: tuple[str, ...]) -> None:
-    """Say what TERM means, a statistic, a column, an exit code, and what to do. Without TERM, list them.
+    """Say what TERM means: a statistic, a column, an exit code; and what to do.
 
     \b
     Examples:
@@ -18,6 +18,11 @@ def command(term: tuple[str, ...]) -> None:
       mor explain nabla
       mor explain exit code 4
       mor explain Redundanzanteil
+
+    Without TERM all are listed. Names are found in English and in German.
+
+    \b
+    Exit codes: 0 done; 2 unknown term.
     """
     import textwrap
 

@@ -10,14 +10,26 @@ import click
 @click.command(name="new")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.argument("tables", nargs=-1, type=click.Path(path_type=Path))
-@click.option("-t", "--title", default="", help="Title of the project [the name of its file].")
-@click.option("--length", default="m", show_default=True, help="Unit of lengths.")
-@click.option("--angle", default="gon", show_default=True, help="Unit of angles.")
-@click.option("--camera", default="camera", show_default=True, help="Name of the camera.")
-@click.option("-c", "--constant", type=float, help="Camera constant, mm.")
-@click.option("--size", type=(int, int), help="Image width and height, px.")
-@click.option("--pixel", default="0.004 mm", show_default=True, help="Pixel size.")
-@click.option("--datum", type=click.Choice(["fixed", "free"]), default="fixed", show_default=True)
+@click.option(
+    "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
+)
+@click.option("--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more.")
+@click.option(
+    "--angle", metavar="UNIT", default="gon", show_default=True, help="Unit of angles: gon, deg, rad and more."
+)
+@click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
+@click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
+@click.option("--size", metavar="WIDTH HEIGHT", type=(int, int), help="Image format, px.")
+@click.option(
+    "--pixel", metavar="SIZE", default="0.004 mm", show_default=True, help="Pixel size with its unit."
+)
+@click.option(
+    "--datum",
+    type=click.Choice(["fixed", "free"]),
+    default="fixed",
+    show_default=True,
+    help="fixed: by control points; free: inner constraints over all points.",
+)
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
 def command(
     project: Path,
@@ -32,11 +44,7 @@ def command(
     datum: str,
     force: bool,
 ) -> None:
-    """Begin PROJECT, a commented project file, from the TABLES there are.
-
-    What a table is is told by the names of its columns: image points (image, point, x, y), distances (from, to,
-    distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi,
-    kappa) and more. Points and images that only observations name are listed; no start values are needed.
+    """Begin PROJECT, a commented project file, from TABLES (CSV).
 
     \b
     Examples:
@@ -44,6 +52,13 @@ def command(
       mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000 --pixel "0.006 mm"
       mor new net.yaml directions.csv distances.csv points.csv --angle gon
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
+
+    The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
+    directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
+    more. Points and images that only observations name are listed; no start values are needed.
+
+    \b
+    Exit codes: 0 done; 2 input.
     """
     from mor.cli.convert import write_new
     from mor.errors import InputError, Problem, nearest

@@ -7,26 +7,35 @@ from pathlib import Path
 import click
 
 _CONSTANT = click.option(
-    "-c", "--constant", "constants", type=float, multiple=True, required=True,
-    help="Camera constant; once for all images, or once for each.",
+    "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
+    help="Camera constant, in the unit of the image coordinates; once for all images, or once for each.",
 )  # fmt: skip
-_SIGMA = click.option("--sigma", type=float, default=0.001, show_default=True, help="σ of image coordinates.")
-_UNIT = click.option("--angles", type=click.Choice(["gon", "deg", "rad"]), default="gon", show_default=True)
+_SIGMA = click.option(
+    "--sigma", metavar="NUMBER", type=float, default=0.001, show_default=True,
+    help="σ of the image coordinates, in their unit.",
+)  # fmt: skip
+_UNIT = click.option(
+    "--angles", type=click.Choice(["gon", "deg", "rad"]), default="gon", show_default=True,
+    help="Unit of the angles that are told.",
+)  # fmt: skip
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 
 
 @click.group(name="orient")
 def command() -> None:
-    """Orient images with no approximate values: two images by Rinner, a plane object by Killian.
+    """Orient images without start values: two images (Rinner), a plane object (Killian).
 
     \b
     Examples:
       mor orient relative pairs.csv -c 28.8
       mor orient planar corners.csv -c 50 --length A B 2.500 --wall
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
     """
 
 
-@command.command(name="relative")
+@command.command(name="relative", short_help="Two images, from 8 or more homologous points (Rinner).")
 @click.argument("pairs", type=click.Path(path_type=Path))
 @_CONSTANT
 @_SIGMA
@@ -35,10 +44,19 @@ def command() -> None:
 def relative_command(
     pairs: Path, constants: tuple[float, ...], sigma: float, angles: str, as_json: bool
 ) -> int:
-    """Relative orientation from 8 or more homologous points (Rinner 1956).
+    """Relative orientation of two images from 8 or more homologous points (Rinner 1956).
+
+    \b
+    Examples:
+      mor orient relative pairs.csv -c 28.8
+      mor orient relative pairs.csv -c 28.8 -c 35.1 --sigma 0.003 --angles deg
+      mor orient relative pairs.csv -c 28.8 --json | jq .
 
     PAIRS has the columns id, x1, y1, x2, y2: image coordinates relative to the principal point, x right, y up, in the
-    unit of the camera constant. Degenerate data are named; exit code 4 where there is no solution.
+    unit of the camera constant. Degenerate data are named.
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
     """
     from mor.errors import ExitCode
     from mor.report import orientation
@@ -51,13 +69,20 @@ def relative_command(
     return ExitCode.DONE if orientation.is_known(found.orientation) else ExitCode.SINGULAR
 
 
-@command.command(name="planar")
+@command.command(
+    name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian)."
+)
 @click.argument("points", type=click.Path(path_type=Path))
 @_CONSTANT
 @_SIGMA
 @_UNIT
-@click.option("--length", type=(str, str, float), help="Two points and the distance between them.")
-@click.option("--wall", is_flag=True, help="The plane is a wall, not a level plane.")
+@click.option(
+    "--length",
+    type=(str, str, float),
+    metavar="A B LENGTH",
+    help="Two points and the distance between them: gives the scale.",
+)
+@click.option("--wall", is_flag=True, help="The plane is a wall; without it, a level plane.")
 @_JSON
 def planar_command(
     points: Path,
@@ -70,8 +95,16 @@ def planar_command(
 ) -> int:
     """Shape of a plane object from two or more images of 4 or more of its points (Killian).
 
+    \b
+    Examples:
+      mor orient planar corners.csv -c 50
+      mor orient planar corners.csv -c 50 --length A B 2.500 --wall
+
     POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty where a point is not seen.
     All admissible solutions are given.
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
     """
     from mor.errors import ExitCode
     from mor.report import orientation

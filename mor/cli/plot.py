@@ -16,15 +16,26 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
 
 
 @click.command(name="plot")
-@click.argument("kind", type=click.Choice(KINDS))
+@click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), required=True, help="Picture: .svg, .png or .pdf."
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Picture to write: .svg, .png or .pdf.",
 )
-@click.option("--of", "name", help="Image (residuals) or camera (camera) to draw.")
+@click.option(
+    "--of",
+    "name",
+    metavar="NAME",
+    show_default="all images; the first camera",
+    help="Image (of residuals) or camera (of camera) to draw.",
+)
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
 def command(kind: str, source: Path, output: Path, name: str | None, force: bool) -> None:
-    """Draw a picture of SOURCE: a folder of results, or a project, which is adjusted first.
+    """Draw a picture of SOURCE: network, ellipses, residuals, camera or histogram.
 
     \b
     Examples:
@@ -34,7 +45,11 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
       mor plot camera project.results -o camera.svg
       mor plot histogram project.results -o w.svg
 
-    The same results give the same bytes, so pictures can be compared. Needs matplotlib: pip install 'mor[plot]'.
+    SOURCE is a folder of results, or a project, which is adjusted first. The same results give the same bytes, so
+    pictures can be compared. Needs matplotlib: pip install 'mor[plot]'.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.errors import InputError, Problem
     from mor.report.plots.sheet import save, style

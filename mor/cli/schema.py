@@ -6,14 +6,19 @@ import click
 
 
 @click.command(name="schema")
-@click.argument("what", type=click.Choice(["project", "results"]), default="project")
+@click.argument(
+    "what", metavar="[project|results]", type=click.Choice(["project", "results"]), default="project"
+)
 def command(what: str) -> None:
-    """Print the JSON Schema of the project file (for editors), or of results.json (for programs).
+    """Print the JSON Schema of project files (for editors), or of results.json (for programs).
 
     \b
     Examples:
       mor schema > mor.schema.json
       mor schema results > mor-results.schema.json
+
+    \b
+    Exit codes: 0 done; 2 input.
     """
     from mor.project.schema import project_schema
     from mor.report.results_model import results_schema

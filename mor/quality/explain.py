@@ -8,6 +8,7 @@ from mor.adjustment.undetermined import Undetermined
 from mor.parameters.kinds import KINDS
 from mor.quality.loose_frames import why_loose
 from mor.quality.parts import Part, connected_parts
+from mor.quality.say import Say, english, enumerated
 from mor.quality.solved import Solved
 from mor.quality.tilt import tilt
 from mor.quality.weak import weak_directions
@@ -31,7 +32,7 @@ _SHOWN = 6
 """Names told of one part or direction."""
 
 
-def explain_singularity(solved: Solved) -> list[str]:
+def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
     """One line or more for everything that the observations and the datum leave open."""
     adjustment = solved.adjustment
     if adjustment.defect.undetermined:
@@ -39,64 +40,82 @@ def explain_singularity(solved: Solved) -> list[str]:
         tied = [part for part in parts if part.size > 1]
         return [
             *(
-                f"No observation refers to {_things(part)}; observe it, or leave it out."
+                say(
+                    "No observation refers to {names}; observe it, or leave it out.", names=_things(part, say)
+                )
                 for part in parts
                 if part.size == 1
             ),
-            *(_separated(tied) if len(tied) > 1 else []),
-            *_loose(solved, parts, separated=len(tied) > 1),
+            *(_separated(tied, say) if len(tied) > 1 else []),
+            *_loose(solved, parts, len(tied) > 1, say),
         ]
     if not adjustment.problem.datum.free:
-        return _open_datum(solved)
+        return _open_datum(solved, say)
+    movements = _movements(solved, say)
     return [
-        f"The chosen datum coordinates do not settle these movements: {', '.join(adjustment.defect.movements)}.",
-        "Let more points, or more of their components, carry the datum.",
+        say("The chosen datum coordinates do not settle these movements: {movements}.", movements=movements),
+        say("Let more points, or more of their components, carry the datum."),
     ]
 
 
-def _open_datum(solved: Solved) -> list[str]:
-    movements = solved.adjustment.defect.movements
+def _movements(solved: Solved, say: Say) -> str:
+    return ", ".join(say(name) for name in solved.adjustment.defect.movements)
+
+
+def _open_datum(solved: Solved, say: Say) -> list[str]:
     count = solved.adjustment.defect.datum.shape[1]
+    movements = _movements(solved, say)
+    lines = [
+        say("The observations leave 1 movement of the whole network open: {movements}.", movements=movements)
+        if count == 1
+        else say(
+            "The observations leave {count} movements of the whole network open: {movements}.",
+            count=count,
+            movements=movements,
+        )
+    ]
+    if any("combination" in name for name in solved.adjustment.defect.movements):
+        lines.append(say("What moves is {names}.", names=_moved(solved, say)))
+    about = tilt(solved.adjustment, say)
+    lines += [about] if about else []
     return [
-        f"The observations leave {count} {'movement' if count == 1 else 'movements'} of the whole network open: "
-        f"{', '.join(movements)}.",
-        *(
-            ["What moves is " + _moved(solved) + "."]
-            if any("combination" in name for name in movements)
-            else []
+        *lines,
+        say(
+            "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."
         ),
-        *([about] if (about := tilt(solved.adjustment)) else []),
-        "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network.",
     ]
 
 
-def _moved(solved: Solved) -> str:
+def _moved(solved: Solved, say: Say) -> str:
     """Names of the blocks that the open movements move."""
     index = solved.adjustment.problem.index
     moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
-    names = list(dict.fromkeys(_name(*index.label(int(column))[:2]) for column in moved))
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+    blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
+    return enumerated([_name(*block, say) for block in blocks], _SHOWN, say)
 
 
-def _separated(parts: list[Part]) -> list[str]:
+def _separated(parts: list[Part], say: Say) -> list[str]:
     return [
-        f"The network falls into {len(parts)} parts that no observation connects:",
-        *(f"  part {number}: {_things(part)}" for number, part in enumerate(parts, start=1)),
-        "To cure it: observe points of one part from the other, or points that both have in common, "
-        "or adjust the parts one by one.",
+        say("The network falls into {count} parts that no observation connects:", count=len(parts)),
+        *(
+            say("  part {number}: {names}", number=number, names=_things(part, say))
+            for number, part in enumerate(parts, start=1)
+        ),
+        say(
+            "To cure it: observe points of one part from the other, or points that both have in common, "
+            "or adjust the parts one by one."
+        ),
     ]
 
 
-def _things(part: Part) -> str:
-    words = []
-    for space, names in part.names.items():
-        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-        words.append(f"{space if len(names) == 1 else space + 's'} {', '.join(names[:_SHOWN])}{more}")
-    return "; ".join(words)
+def _things(part: Part, say: Say) -> str:
+    return "; ".join(
+        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SHOWN, say)}"
+        for space, names in part.names.items()
+    )
 
 
-def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool) -> list[str]:
+def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -> list[str]:
     """Directions inside the network, those of one block together; none that its falling apart explains already."""
     alone = {
         (space, name)
@@ -112,16 +131,16 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool) -> list[str
         if len(blocks) == 1:
             single.setdefault(blocks[0], []).append(direction)
         elif not separated:
-            lines += _together(direction, blocks)
+            lines += _together(direction, blocks, say)
     told = [
-        _one_block(kind, block, directions)
+        _one_block(kind, block, directions, say)
         for (kind, block), directions in single.items()
         if _owner(kind, block) not in alone
     ]
-    return [*told, *lines, *_geometry(solved, alone)]
+    return [*told, *lines, *_geometry(solved, alone, say)]
 
 
-def _geometry(solved: Solved, alone: set[tuple[str, str]]) -> list[str]:
+def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
     """Images and stations among what is loose that see too few points, or all on one line."""
     frames = dict.fromkeys(
         _owner(kind, block)
@@ -132,11 +151,11 @@ def _geometry(solved: Solved, alone: set[tuple[str, str]]) -> list[str]:
         line
         for space, name in frames
         if space in ("image", "station") and (space, name) not in alone
-        for line in why_loose(solved, space, name)
+        for line in why_loose(solved, space, name, say)
     ]
 
 
-def weakness(solved: Solved) -> list[str]:
+def weakness(solved: Solved, say: Say = english) -> list[str]:
     """One line for every direction that is determined, but hardly."""
     if solved.quality is None:
         return []
@@ -149,37 +168,53 @@ def weakness(solved: Solved) -> list[str]:
             quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
             angle = "deg" if units.angle == "dms" else units.angle
             factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
-            amount = f"{sigma / factor:.3g} {quantity.unit(units.length, angle, image)}"
-            parts.append(f"{component} of {_name(kind, block)} by {amount}")
-        cure = _cure(direction.unknowns[0][0])
+            parts.append(
+                say(
+                    "{component} of {names} by {amount} {unit}",
+                    component=component,
+                    names=_name(kind, block, say),
+                    amount=f"{sigma / factor:.3g}",
+                    unit=quantity.unit(units.length, angle, image),
+                )
+            )
         lines.append(
-            f"These move together, within one standard deviation: {', '.join(parts)}. It would help to {cure}."
+            say(
+                "These move together, within one standard deviation: {parts}. It would help to {cure}.",
+                parts=", ".join(parts),
+                cure=_cure(direction.unknowns[0][0], say),
+            )
         )
     return lines
 
 
-def _one_block(kind: str, block: str, directions: list[Undetermined]) -> str:
-    components = ", ".join(sorted({component for d in directions for _, _, component in d.unknowns}))
-    words = f"{_name(kind, block)} is not determined along {components}"
+def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) -> str:
+    cure = _cure(kind, say)
     if len(directions) == 1 and len(directions[0].unknowns) > 1:
-        names = " : ".join(component for _, _, component in directions[0].unknowns)
-        ratios = " : ".join(f"{amount:.3g}" for amount in directions[0].amounts)
-        words = f"{_name(kind, block)} is not determined in one direction ({names} = {ratios})"
-    return f"{words}; {_cure(kind)}."
-
-
-def _together(direction: Undetermined, blocks: list[tuple[str, str]]) -> list[str]:
-    names = ", ".join(
-        f"{_name(kind, block)} ({_components(direction, kind, block)})" for kind, block in blocks[:_SHOWN]
+        return say(
+            "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
+            names=_name(kind, block, say),
+            components=" : ".join(component for _, _, component in directions[0].unknowns),
+            ratios=" : ".join(say("{amount}", amount=f"{x:.3g}") for x in directions[0].amounts),
+            cure=cure,
+        )
+    return say(
+        "{names} is not determined along {components}; {cure}.",
+        names=_name(kind, block, say),
+        components=", ".join(sorted({component for d in directions for _, _, component in d.unknowns})),
+        cure=cure,
     )
-    more = f" and {len(blocks) - _SHOWN} more" if len(blocks) > _SHOWN else ""
+
+
+def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) -> list[str]:
+    named = [f"{_name(kind, block, say)} ({_components(direction, kind, block)})" for kind, block in blocks]
     kinds = dict.fromkeys(kind for kind, _ in blocks)
     cures = "; ".join(
-        f"{_name(kind, next(b for k, b in blocks if k == kind))}: {_cure(kind)}" for kind in kinds
+        f"{_name(kind, next(b for k, b in blocks if k == kind), say)}: {_cure(kind, say)}" for kind in kinds
     )
+    names = enumerated(named, _SHOWN, say)
     return [
-        f"These cannot be separated from each other: {names}{more}.",
-        f"To cure it, one of: {cures}.",
+        say("These cannot be separated from each other: {names}.", names=names),
+        say("To cure it, one of: {cures}.", cures=cures),
     ]
 
 
@@ -193,14 +228,18 @@ def _owner(kind: str, block: str) -> tuple[str, str]:
     return (space, name) if space in _FRAMES and name else (kind, block)
 
 
-def _name(kind: str, block: str) -> str:
+def _name(kind: str, block: str, say: Say) -> str:
+    space, name = _owner(kind, block)
+    thing = f"{say(space)} {name}"
     if kind.startswith("interior/"):
-        owner = block if block.startswith("image ") else f"camera {block}"
-        return f"the interior orientation of {owner}"
-    if _owner(kind, block) != (kind, block):
-        return f"the {'position' if kind == 'point' else kind} of {block}"
-    return f"{kind} {block}"
+        if space == "image":
+            return say("the interior orientation of {names}", names=thing)
+        return say("the interior orientation of camera {id}", id=block)
+    if (space, name) != (kind, block):
+        part = say("position" if kind == "point" else kind)
+        return say("the {part} of {names}", part=part, names=thing)
+    return thing
 
 
-def _cure(kind: str) -> str:
-    return _CURES[kind.split("/")[0]]
+def _cure(kind: str, say: Say) -> str:
+    return say(_CURES[kind.split("/")[0]])

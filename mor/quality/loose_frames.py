@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.geometry.arrays import IntArray
+from mor.quality.say import Say, english, enumerated
 from mor.quality.solved import Solved
 
 _ON_LINE = 1e-6
@@ -12,7 +13,7 @@ _ON_LINE = 1e-6
 _SHOWN = 4
 
 
-def why_loose(solved: Solved, space: str, name: str) -> list[str]:
+def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list[str]:
     """A line for a frame (``image``, ``station``) whose points cannot hold it; nothing where they could."""
     things = solved.network.things[space]
     if name not in things.numbers:
@@ -20,16 +21,26 @@ def why_loose(solved: Solved, space: str, name: str) -> list[str]:
     rotation = things.part(name, "rotation")
     points = _points_seen(solved, rotation)
     names = [solved.network.blocks["point"].ids[p] for p in points]
-    frame = f"{space} {name}"
+    frame = f"{say(space)} {name}"
     if len(points) == 0:
-        return [f"{frame} sees no point."]
+        return [say("{names} sees no point.", names=frame)]
     if len(points) == 1:
-        return [f"{frame} sees one point only, {names[0]}: it can turn about it and move around it."]
-    listed = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+        return [
+            say(
+                "{names} sees one point only, {point}: it can turn about it and move around it.",
+                names=frame,
+                point=names[0],
+            )
+        ]
+    listed = enumerated(names, _SHOWN, say)
     if len(points) == 2:
         return [
-            f"{frame} sees two points only, {listed}: it can rotate about the line of its two points "
-            "(measure a third point that is not on this line)."
+            say(
+                "{names} sees two points only, {place}: it can rotate about the line of its two points "
+                "(measure a third point that is not on this line).",
+                names=frame,
+                place=listed,
+            )
         ]
     spread = np.linalg.svd(
         solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0),
@@ -37,8 +48,12 @@ def why_loose(solved: Solved, space: str, name: str) -> list[str]:
     )
     if spread[1] <= _ON_LINE * spread[0]:
         return [
-            f"the points of {frame} ({listed}) lie on one line: it can rotate about this line "
-            "(measure a point beside it)."
+            say(
+                "the points of {names} ({place}) lie on one line: it can rotate about this line "
+                "(measure a point beside it).",
+                names=frame,
+                place=listed,
+            )
         ]
     return []
 

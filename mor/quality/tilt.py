@@ -6,12 +6,13 @@ import numpy as np
 
 from mor.adjustment.defect import similarities
 from mor.adjustment.solve import Adjustment
+from mor.quality.say import Say, english, enumerated
 
 _SMALL = 1e-5
 _SHOWN = 4
 
 
-def tilt(adjustment: Adjustment) -> str | None:
+def tilt(adjustment: Adjustment, say: Say = english) -> str | None:
     """Words for the only free movement of a network, where it is a rotation about a line; ``None`` otherwise.
 
     A movement t + ω × x with t ⊥ ω (and no change of scale) leaves the points of a line in direction ω at rest.
@@ -37,7 +38,8 @@ def tilt(adjustment: Adjustment) -> str | None:
     ids = adjustment.problem.index.blocks["point"].ids
     names = [ids[i] for i in np.flatnonzero(fixed)]
     if names:
-        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-        return f"The network can tilt about the line through {', '.join(names[:_SHOWN])}{more}."
-    along = ", ".join(f"{x:.3f}" for x in direction)
-    return f"The network can tilt about a line in the direction ({along}), X, Y, Z."
+        return say(
+            "The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say)
+        )
+    x, y, z = (say("{amount}", amount=f"{x:.3f}") for x in direction)
+    return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)

@@ -16,7 +16,7 @@ from mor.report.observation_table import SHOWN, observation_table
 from mor.report.table_files import Format, residual_writer, table_writer
 from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
-from mor.report.words.language import words_of
+from mor.report.words.language import words_of, words_of_page
 from mor.report.worst import worst_residuals
 
 MOST_LISTED = 2_000_000
@@ -34,7 +34,7 @@ class Choice:
     html: bool = True
     """True for the page for people, ``report.html``."""
     language: str = "en"
-    """Language of the text report: en, de."""
+    """Language of the reports: en, de."""
     done: Callable[[int], None] = lambda rows: None
     """Told how many more rows of the table of residuals are written."""
 
@@ -68,7 +68,7 @@ def write_results(
         writers["adjusted.yaml"] = _text(text)
         if choice.html:
             file = names.get("residuals", names.get("residuals_worst", ""))
-            writers["report.html"] = lambda path: _text(_page(solved, file))(path)
+            writers["report.html"] = lambda path: _text(_page(solved, file, choice.language))(path)
     write_folder(folder, writers, force)
 
 
@@ -105,11 +105,11 @@ def results_text(solved: Solved) -> str:
     return to_json(results(solved, {}, beside=False))
 
 
-def _page(solved: Solved, file: str) -> str:
+def _page(solved: Solved, file: str, language: str) -> str:
     from mor.report.html.page import page
     from mor.report.view import view_of
 
-    return page(view_of(solved, observation_table(solved, SHOWN), file))
+    return page(view_of(solved, observation_table(solved, SHOWN), file), words_of_page(language))
 
 
 def _text(text: str) -> Writer:

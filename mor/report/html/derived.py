@@ -10,6 +10,7 @@ import polars as pl
 from mor.geometry.arrays import FloatArray
 from mor.report.rays import Rays, Window, centres, covered, intersection_angles, places, window
 from mor.report.view import View
+from mor.report.words.language import ENGLISH, Words
 from mor.units import ANGLE_UNITS
 
 _TOUCHING = pl.col("type").str.contains("^(difference/|level$)").not_()
@@ -127,12 +128,15 @@ def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> 
     return result
 
 
-def sets_with_tests(view: View) -> pl.DataFrame:
+def sets_with_tests(view: View, words: Words = ENGLISH) -> pl.DataFrame:
     """Groups of directions by station or set, and all other groups: number, mean and smallest r, largest |w|."""
     used = view.used.filter(pl.col("type").str.contains("^(image|follower)/").not_())
     is_set = pl.col("type").str.ends_with("directions")
     named = used.with_columns(
-        pl.when(is_set).then(pl.lit("station ") + pl.col("from")).otherwise(pl.col("group")).alias("set")
+        pl.when(is_set)
+        .then(pl.lit(f"{words('station')} ") + pl.col("from"))
+        .otherwise(pl.col("group"))
+        .alias("set")
     )
     return named.group_by("set", "type", maintain_order=True).agg(_measures())
 

@@ -18,16 +18,29 @@ from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
 from mor.report.html.verdict import headline, statements
+from mor.report.text._layout import DIGITS
 from mor.report.view import View
+from mor.report.words.language import ENGLISH, Words
 
-SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "main.js")
+SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "multiples.js", "main.js")
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
+_MEANINGS = {
+    **dict.fromkeys(("c", "fx", "fy"), "camera constant"),
+    **dict.fromkeys(("xh", "yh", "cx", "cy"), "principal point"),
+    **dict.fromkeys(("A", "K", "k"), "radial distortion"),
+    **dict.fromkeys(("B", "P", "p"), "tangential distortion"),
+    **dict.fromkeys(("C", "b", "alpha"), "affinity"),
+}
+"""What the components of the interior orientations are, by their names without numbers."""
 
 
-def page(view: View) -> str:
-    """The page of an adjustment. Raises :class:`mor.errors.InputError` where the chart library is missing."""
-    data = page_data(view)
+def page(view: View, words: Words = ENGLISH) -> str:
+    """The page of an adjustment, in a language.
+
+    Raises :class:`mor.errors.InputError` where the chart library is missing.
+    """
+    data = page_data(view, words)
     cameras = camera_figures(data)
     figures: dict[str, Any] = dict(test_figures(data))
     for number, charts in enumerate(cameras):
@@ -51,7 +64,12 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"short": _short, "fixed": _fixed, "probability": _probability}
+    environment.filters |= {
+        "short": _short,
+        "fixed": _fixed,
+        "probability": _probability,
+        "coordinate": _coordinate,
+    }
     return environment
 
 
@@ -63,7 +81,7 @@ def _content(data: PageData) -> dict[str, Any]:
     view = data.view
     control = control_table(view)
     return {
-        "title": view.summary["title"] or "Adjustment",
+        "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
         "headline": headline(data),
         "statements": statements(data),
@@ -84,7 +102,11 @@ def _content(data: PageData) -> dict[str, Any]:
         "critical": view.critical,
         "residuals_file": view.residuals_file,
         "angle_unit": data.angle_unit,
-        "sigma_words": sigma_words(view),
+        "sigma_words": sigma_words(data),
+        "datum": data.datum,
+        "movements": [data.words(name) for name in view.summary["movements"]],
+        "say": data.words,
+        "language": data.words.language,
         **_movement(view),
     }
 
@@ -97,13 +119,16 @@ def _movement(view: View) -> dict[str, Any]:
     return {"movement_unit": unit, "movement_factor": factor}
 
 
-def sigma_words(view: View) -> str:
+def sigma_words(data: PageData) -> str:
     """What every σ of the page refers to."""
-    sigma0 = view.summary["sigma0"]
+    sigma0 = data.view.summary["sigma0"]
     posterior = sigma0["used_for_sigma"] != sigma0["apriori"]
-    which = "a posteriori" if posterior else "a priori"
-    used, datum = sigma0["used_for_sigma"], view.summary["datum"]
-    return f"σ: standard deviations (1σ) with σ0 {which} = {used:.4g}; datum: {datum}"
+    return data.words(
+        "σ: standard deviations (1σ) with σ0 {which} = {used}; datum: {datum}",
+        which=data.words("a posteriori") if posterior else data.words("a priori"),
+        used=f"{sigma0['used_for_sigma']:.4g}",
+        datum=data.datum,
+    )
 
 
 def _camera(camera: dict[str, Any]) -> dict[str, Any]:
@@ -114,7 +139,8 @@ def _camera(camera: dict[str, Any]) -> dict[str, Any]:
         rows.append(
             {
                 "name": name,
-                "unit": quantities[name].unit("m", "rad", camera["unit"]),
+                "meaning": _MEANINGS.get(name.rstrip("0123456789"), _MEANINGS.get(name, "")),
+                "unit": _raised(quantities[name].unit("m", "rad", camera["unit"])),
                 **component,
                 "t": t,
                 "p": float(2.0 * ndtr(-t)) if t is not None else None,
@@ -123,8 +149,19 @@ def _camera(camera: dict[str, Any]) -> dict[str, Any]:
     return {**camera, "rows": rows}
 
 
+def _raised(unit: str) -> str:
+    """A unit with its exponent raised: 1/mm² for 1/mm^2."""
+    base, _, exponent = unit.partition("^")
+    return base + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
 def _short(value: float | None, digits: int = 4) -> str:
     return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
+
+
+def _coordinate(value: float | None, unit: str) -> str:
+    """A coordinate with the decimals of its unit."""
+    return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 9)
 
 
 def _probability(value: float | None) -> str:

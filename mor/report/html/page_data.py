@@ -15,6 +15,8 @@ from mor.report.html.derived import (
 )
 from mor.report.rays import Rays, Window, rays_of
 from mor.report.view import View
+from mor.report.words.datum import datum_name
+from mor.report.words.language import ENGLISH, Words
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,13 @@ class PageData:
     points: pl.DataFrame
     images: pl.DataFrame
     sets: pl.DataFrame
+    words: Words
+    """What everything is said in."""
+
+    @property
+    def datum(self) -> str:
+        """Name of the datum, in words."""
+        return datum_name(self.view.summary["datum"], self.words)
 
     @property
     def angle_unit(self) -> str:
@@ -36,8 +45,8 @@ class PageData:
         return angle_unit_of_rays(self.view)
 
 
-def page_data(view: View) -> PageData:
-    """What a page shows of a view."""
+def page_data(view: View, words: Words = ENGLISH) -> PageData:
+    """What a page shows of a view, in a language."""
     rays, measured = rays_of(view), image_points(view)
     areas = windows(view, measured)
     return PageData(
@@ -47,7 +56,8 @@ def page_data(view: View) -> PageData:
         windows=areas,
         points=points_with_tests(view, rays, angle_unit_of_rays(view)),
         images=images_with_tests(view, measured, areas),
-        sets=sets_with_tests(view),
+        sets=sets_with_tests(view, words),
+        words=words,
     )
 
 

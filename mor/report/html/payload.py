@@ -93,7 +93,9 @@ def meta(data: PageData) -> dict[str, Any]:
         "angle": view.summary["units"]["angle"],
         "meeting": data.angle_unit,
         "critical": view.critical,
-        "datum": view.summary["datum"],
+        "datum": data.datum,
+        "language": data.words.language,
+        "words": dict(data.words.catalogue),
         "axes": drawn_axes(view.summary["axes"]["xy"]),
         "windows": {
             name: {"x": area.x, "y": area.y, "down": area.down, "known": area.known}

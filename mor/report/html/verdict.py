@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.report.html.derived import rms
 from mor.report.html.page_data import PageData
+from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
@@ -36,60 +37,70 @@ def statements(data: PageData) -> list[Statement]:
 
 def headline(data: PageData) -> Statement:
     """One sentence: accepted or not."""
-    summary = data.view.summary
-    test = summary["global_test"]
-    count = f"converged after {summary['iterations']} iterations"
+    summary, say = data.view.summary, data.words
+    test, count = summary["global_test"], summary["iterations"]
     if summary["redundancy"] == 0:
-        return Statement(
-            BAD, "Not controlled", f"The adjustment {count}, but the redundancy is 0: nothing is tested."
+        words = say(
+            "The adjustment converged after {count} iterations, but the redundancy is 0: nothing is tested.",
+            count=count,
         )
+        return Statement(BAD, say("Not controlled"), words)
+    flagged = _flagged(summary["flagged"], say)
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
-        words = "larger than" if larger else "smaller than"
-        return Statement(
-            BAD if larger else DOUBT,
-            "Not accepted",
-            f"The adjustment {count}, but the global test rejects it: residuals are {words} the σ given a priori say "
-            f"(σ0 a posteriori / a priori = {summary['sigma0']['ratio_of_sigmas']:.3f}); "
-            f"{_counted(summary['flagged'])} flagged.",
+        words = say(
+            "The adjustment converged after {count} iterations, but the global test rejects it: residuals are {size} "
+            "than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
+            count=count,
+            size=say("larger") if larger else say("smaller"),
+            ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
         )
+        return Statement(BAD if larger else DOUBT, say("Not accepted"), f"{words} {flagged}")
+    words = say("The adjustment converged after {count} iterations, the global test accepts it.", count=count)
     if summary["flagged"]:
-        return Statement(
-            DOUBT,
-            "Accepted, with observations to look at",
-            f"The adjustment {count}, the global test accepts it; {_counted(summary['flagged'])} flagged.",
-        )
-    return Statement(
-        GOOD, "Accepted", f"The adjustment {count}, the global test accepts it, nothing is flagged."
-    )
+        return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
+    return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
 
 
-def _counted(count: int) -> str:
+def _flagged(count: int, say: Words) -> str:
     if count == 0:
-        return "no observation is"
-    return "1 observation is" if count == 1 else f"{count} observations are"
+        return say("No observation is flagged.")
+    return (
+        say("1 observation is flagged.")
+        if count == 1
+        else say("{count} observations are flagged.", count=count)
+    )
 
 
 def _global(data: PageData) -> Statement | None:
-    summary = data.view.summary
+    summary, say = data.view.summary, data.words
     test, sigma0 = summary["global_test"], summary["sigma0"]
     if summary["redundancy"] == 0:
         return None
-    numbers = (
-        f"vᵀPv = {test['statistic']:.1f} with {summary['redundancy']} degrees of freedom, accepted between "
-        f"{test['lower']:.1f} and {test['upper']:.1f} (χ², level {test['level']:g}); "
-        f"σ0 a posteriori / a priori = {sigma0['ratio_of_sigmas']:.3f}."
+    numbers = say(
+        "vᵀPv = {statistic} with {redundancy} degrees of freedom, accepted between {lower} and {upper} "
+        "(χ², level {level}); σ0 a posteriori / a priori = {ratio}.",
+        statistic=f"{test['statistic']:.1f}",
+        redundancy=summary["redundancy"],
+        lower=f"{test['lower']:.1f}",
+        upper=f"{test['upper']:.1f}",
+        level=f"{test['level']:g}",
+        ratio=f"{sigma0['ratio_of_sigmas']:.3f}",
     )
-    if test["accepted"]:
-        return Statement(GOOD, "Global test", f"Residuals agree with the σ given a priori: {numbers}")
     larger = test["statistic"] > test["upper"]
-    advice = (
-        "Residuals are larger than the σ given a priori say: look for gross errors first, then for a model that "
-        "lacks something, then enlarge the σ of the groups that need it."
-        if larger
-        else "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
-    )
-    return Statement(BAD if larger else DOUBT, "Global test", f"{advice} {numbers}")
+    if test["accepted"]:
+        advice = say("Residuals agree with the σ given a priori.")
+    elif larger:
+        advice = say(
+            "Residuals are larger than the σ given a priori say: look for gross errors first, then for a model that "
+            "lacks something, then enlarge the σ of the groups that need it."
+        )
+    else:
+        advice = say(
+            "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
+        )
+    state = GOOD if test["accepted"] else BAD if larger else DOUBT
+    return Statement(state, say("Global test"), f"{advice} {numbers}")
 
 
 def _worst(data: PageData) -> Statement | None:
@@ -97,16 +108,23 @@ def _worst(data: PageData) -> Statement | None:
     if used.height == 0:
         return None
     row = used[int(used["test"].abs().arg_max() or 0)].row(0, named=True)
-    summary = data.view.summary
+    summary, say = data.view.summary, data.words
     expected = used.height * summary["snooping_level"]
-    sentence = (
-        f"{_counted(summary['flagged']).capitalize()} beyond |w| = {data.view.critical:.2f} (chance alone would make "
-        f"about {expected:.1f} of {used.height}). The worst is {place(row)}: w = {row['test']:.2f}, estimated error "
-        f"{row['error']:.3g} {row['unit']}."
+    sentence = say(
+        "{count} beyond |w| = {limit} (chance alone would make about {expected} of {all}). The worst is {place}: "
+        "w = {w}, estimated error {error} {unit}.",
+        count=summary["flagged"],
+        limit=f"{data.view.critical:.2f}",
+        expected=f"{expected:.1f}",
+        all=used.height,
+        place=place(row),
+        w=f"{row['test']:.2f}",
+        error=f"{row['error']:.3g}",
+        unit=row["unit"],
     )
     many = summary["flagged"] > expected + 3.0 * np.sqrt(max(expected, 1.0))
     state = GOOD if not summary["flagged"] else BAD if many else DOUBT
-    return Statement(state, "Single observations", sentence)
+    return Statement(state, say("Single observations"), sentence)
 
 
 def place(row: dict[str, Any]) -> str:
@@ -116,34 +134,46 @@ def place(row: dict[str, Any]) -> str:
 
 
 def _controlled(data: PageData) -> Statement | None:
-    used = data.view.used.filter(pl.col("r").is_not_null())
+    used, say = data.view.used.filter(pl.col("r").is_not_null()), data.words
     if used.height == 0:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
     loose = data.view.summary["uncontrolled"]
-    mean = float(used["r"].to_numpy().mean())
-    words = f"Mean redundancy number {mean:.2f}; {low} of {used.height} observations have r < {_LOW_R:g}"
-    words += f", {loose} of them no control at all (an error there stays unseen)." if loose else "."
+    words = say(
+        "Mean redundancy number {mean}; {low} of {all} observations have r < {limit}.",
+        mean=f"{float(used['r'].to_numpy().mean()):.2f}",
+        low=low,
+        all=used.height,
+        limit=f"{_LOW_R:g}",
+    )
+    if loose:
+        words += " " + say("Without any control: {count} (an error there stays unseen).", count=loose)
     state = DOUBT if low > 0.05 * used.height or loose else GOOD
-    return Statement(state, "Reliability", words)
+    return Statement(state, say("Reliability"), words)
 
 
 def _checks(data: PageData) -> Statement | None:
-    checks = data.view.checks
+    checks, say = data.view.checks, data.words
     if not checks:
         return None
     worst = max(checks, key=lambda row: abs(row["largest"]))
     beyond = int(sum(row["exceeding"] for row in checks))
     parts = "; ".join(
-        f"{row['group']} {row['component']}: rms {row['rms']:.3g} {row['unit']} ({int(row['count'])})"
+        f"{row['group']} {row['component']}: {say('rms')} {row['rms']:.3g} {row['unit']} ({int(row['count'])})"
         for row in checks
     )
-    words = f"{parts}. Largest deviation {worst['largest']:.3g} {worst['unit']}; {beyond} beyond their test."
-    return Statement(DOUBT if beyond else GOOD, "Checks kept out", words)
+    words = say(
+        "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test.",
+        parts=parts,
+        largest=f"{worst['largest']:.3g}",
+        unit=worst["unit"],
+        beyond=beyond,
+    )
+    return Statement(DOUBT if beyond else GOOD, say("Checks kept out"), words)
 
 
 def _points(data: PageData) -> Statement | None:
-    points = data.points.filter(pl.col("status") != "fixed")
+    points, say = data.points.filter(pl.col("status") != "fixed"), data.words
     if points.height == 0:
         return None
     sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]
@@ -154,13 +184,16 @@ def _points(data: PageData) -> Statement | None:
         0, named=True
     )
     unit = data.view.length
-    words = f"Root mean square {numbers} {unit}; the weakest point is {worst['id']}"
-    words += (
-        f" (longest semi-axis of its ellipsoid {worst['ellipsoid_a']:.3g} {unit})."
-        if worst["ellipsoid_a"]
-        else "."
+    words = say(
+        "Root mean square {numbers} {unit}; the weakest point is {id}",
+        numbers=numbers,
+        unit=unit,
+        id=worst["id"],
     )
-    return Statement(PLAIN, "Points", f"{words} Datum: {data.view.summary['datum']}.")
+    if worst["ellipsoid_a"]:
+        axis = f"{worst['ellipsoid_a']:.3g}"
+        words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
+    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}")
 
 
 def _geometry(data: PageData) -> Statement | None:
@@ -170,34 +203,43 @@ def _geometry(data: PageData) -> Statement | None:
     only = data.points.with_columns(pl.Series("n", rays)).filter(pl.col("others") == 0)
     two = only.filter(pl.col("n") <= 2).height
     narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
-    words = (
-        f"{two} points are seen by two rays only, {narrow} under less than "
-        f"{_NARROW[data.angle_unit]:g} {data.angle_unit} (points that nothing but rays determine)."
+    words = data.words(
+        "{two} points are seen by two rays only, {narrow} under less than {limit} {unit} "
+        "(points that nothing but rays determine).",
+        two=two,
+        narrow=narrow,
+        limit=f"{_NARROW[data.angle_unit]:g}",
+        unit=data.angle_unit,
     )
-    return Statement(DOUBT if two or narrow else GOOD, "Rays", words)
+    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words)
 
 
 def _cameras(data: PageData) -> list[Statement]:
-    return [_camera(camera) for camera in data.view.cameras]
+    return [_camera(camera, data.words) for camera in data.view.cameras]
 
 
-def _camera(camera: dict[str, Any]) -> Statement:
+def _camera(camera: dict[str, Any], say: Words) -> Statement:
     first, component = next(iter(camera["components"].items()))
     value = f"{first} = {component['value']:.6g}"
     value += (
         f" ± {component['sigma']:.2g} {camera['unit']}"
         if component["sigma"]
-        else f" {camera['unit']} (fixed)"
+        else f" {camera['unit']} ({say('fixed')})"
     )
     names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
     weak = [name for name, c in camera["components"].items() if _insignificant(name, c)]
     words = f"{value}."
     strong = _strongest(names, matrix)
     if strong is not None:
-        words += f" Largest correlation {strong[2]:.2f} between {strong[0]} and {strong[1]}."
-    words += f" Not significant: {', '.join(weak)}." if weak else ""
+        words += " " + say(
+            "Largest correlation {size} between {one} and {other}.",
+            size=f"{strong[2]:.2f}",
+            one=strong[0],
+            other=strong[1],
+        )
+    words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
     doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
-    return Statement(DOUBT if doubt else GOOD, f"Camera {camera['id']}", words)
+    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words)
 
 
 def _insignificant(name: str, component: dict[str, Any]) -> bool:

@@ -18,7 +18,7 @@ def heading(title: str) -> str:
     return f"{title}\n{'-' * len(title)}"
 
 
-LISTED = ("status", "flag", "action")
+LISTED = ("status", "flag", "action", "kind")
 """Columns that hold words of the program, not names of the user."""
 
 

@@ -6,6 +6,7 @@ from mor.adjustment.solve import Outcome
 from mor.quality.solved import Solved
 from mor.report.summary import summary
 from mor.report.text._layout import fixed, short
+from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
 
@@ -22,7 +23,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             "datum defect d",
             f"{data['defect']}" + (f" ({movements})" if movements else ""),
         ),
-        ("datum", words.listed(data["datum"])),
+        ("datum", datum_name(data["datum"], words)),
         ("iterations", str(data["iterations"])),
     ]
     if solved.quality is not None:
@@ -53,7 +54,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     """What to think of it, in plain words."""
     adjustment, quality = solved.adjustment, solved.quality
     if quality is None:
-        reason = f", {adjustment.reason}" if adjustment.reason else ""
+        reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
     lines = [words("Converged after {count} iterations.", count=len(adjustment.iterations))]
@@ -115,5 +116,5 @@ def _multiplied(solved: Solved, words: Words) -> str:
     quality = solved.quality
     posterior = quality is not None and quality.sigma_factor != 1.0
     which = "a posteriori" if posterior else "a priori"
-    datum = words.listed(solved.adjustment.problem.datum.name)
+    datum = datum_name(solved.adjustment.problem.datum.name, words)
     return words("with sigma0 {which}, in the datum: {datum}", which=words(which), datum=datum)

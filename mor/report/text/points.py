@@ -7,6 +7,7 @@ import numpy as np
 from mor.quality.solved import Solved
 from mor.report.tables import point_table
 from mor.report.text._layout import DIGITS, fixed, heading, table
+from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 2000
@@ -26,7 +27,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
-    datum = words.listed(solved.adjustment.problem.datum.name)
+    datum = datum_name(solved.adjustment.problem.datum.name, words)
     lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
     if frame.height > SHOWN:
         lines.append(words("{count} more points are in the table of points.", count=frame.height - SHOWN))

@@ -11,9 +11,9 @@ from mor.report.words.language import ENGLISH, Words
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Explanation of a singular system, or of directions that are hardly determined; nothing otherwise."""
-    weak = weakness(solved)
+    weak = weakness(solved, words)
     if weak:
         return "\n".join([heading(words("What is hardly determined")), *weak])
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         return ""
-    return "\n".join([heading(words("What is not determined")), *explain_singularity(solved)])
+    return "\n".join([heading(words("What is not determined")), *explain_singularity(solved, words)])

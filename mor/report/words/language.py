@@ -13,7 +13,7 @@ from importlib.resources import files
 import yaml
 
 LANGUAGES = ("en", "de")
-_NAMES = frozenset({"id", "point", "place"})
+_NAMES = frozenset({"id", "point", "place", "names"})
 """Places of a sentence that hold names of the user: 1.5 is a name there, not a number."""
 _NUMBER = re.compile(r"^-?\d+\.\d+(e[-+]?\d+)?$")
 _UNIT = re.compile(r"^(.*?)( \[[^\]]*\])$")
@@ -52,10 +52,31 @@ class Words:
 ENGLISH = Words("en")
 
 
+_SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
+_PAGE = (*_SENTENCES, "{language}_page.yaml")
+_DECIMALS = {"de": ","}
+
+
 def words_of(language: str) -> Words:
-    """Words of a language, ``en`` or ``de``. Raises ``KeyError`` for another."""
-    if language == "en":
-        return ENGLISH
-    decimal = {"de": ","}[language]
-    text = files("mor.report.words").joinpath(f"{language}.yaml").read_text(encoding="utf-8")
-    return Words(language, yaml.safe_load(text), decimal)
+    """Words of the text report in a language, ``en`` or ``de``. Raises ``KeyError`` for another."""
+    return (
+        ENGLISH
+        if language == "en"
+        else Words(language, _catalogue(language, _SENTENCES), _DECIMALS[language])
+    )
+
+
+def words_of_page(language: str) -> Words:
+    """Words of the page, whose numbers are the same in every language. Raises ``KeyError`` for an unknown one."""
+    if language in _DECIMALS:
+        return Words(language, _catalogue(language, _PAGE))
+    return {"en": ENGLISH}[language]
+
+
+def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
+    """Catalogues one after the other; a later one has the last word."""
+    catalogue: dict[str, str] = {}
+    for name in names:
+        text = files("mor.report.words").joinpath(name.format(language=language)).read_text(encoding="utf-8")
+        catalogue |= yaml.safe_load(text)
+    return catalogue

@@ -63,9 +63,9 @@ def facade_page(facade_view: View, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def opened(browser: Any, facade_page: Path) -> Any:
-    """The browser with the page of the facade, everything drawn."""
+    """The browser with the page of the facade, everything drawn. Other modules open other pages in it."""
     browser.get_log("browser")
     browser.get(facade_page.as_uri())
     wait_until(browser, "document.documentElement.dataset.ready === 'all'")

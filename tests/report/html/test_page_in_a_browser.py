@@ -69,6 +69,7 @@ def test_network_draws_every_point_and_image(opened: Any) -> None:
         "return document.querySelector('#chart-space .plot').data.map((t) => [t.type, t.name, t.x.length])"
     )
     drawn = {name.split(" ×")[0]: (kind, count) for kind, name, count in counts}
+    assert "10 mm in the ellipsoids" in drawn
     assert drawn["points"] == ("scatter3d", opened.execute_script("return report.points.rows"))
     assert drawn["images"] == ("scatter3d", 14)
     assert drawn["ellipsoids"][0] == "mesh3d"

@@ -8,18 +8,31 @@ from pathlib import Path
 
 import pytest
 
+import mor.quality
 import mor.report.text
+from mor.adjustment.defect import MOVEMENTS
+from mor.parameters.kinds import KINDS
+from mor.quality import explain, parts
 from mor.report.text._layout import table
-from mor.report.words.language import ENGLISH, words_of
+from mor.report.words.datum import datum_name
+from mor.report.words.language import ENGLISH, words_of, words_of_page
 
-SECTIONS = sorted(Path(mor.report.text.__file__).parent.glob("*.py"))
+QUALITY = Path(mor.quality.__file__).parent
+SECTIONS = [
+    *sorted(Path(mor.report.text.__file__).parent.glob("*.py")),
+    *(QUALITY / f"{name}.py" for name in ("explain", "loose_frames", "say", "tilt")),
+]
 
 
 def sentences(path: Path) -> set[str]:
     """Texts that a section says in the language of the report."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        is_call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "words"
+        is_call = (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in ("words", "say")
+        )
         if is_call and isinstance(node.args[0], ast.Constant):  # type: ignore[attr-defined]
             found.add(node.args[0].value)  # type: ignore[attr-defined]
     return found
@@ -41,13 +54,38 @@ def test_every_sentence_and_heading_is_there_in_german(path: Path) -> None:
     assert sorted((sentences(path) | headers(path)) - set(german)) == []
 
 
+def test_what_is_put_into_sentences_is_there_in_german() -> None:
+    names = {*MOVEMENTS, *parts._NAMED, *(f"{name}s" for name in parts._NAMED), *explain._FRAMES}
+    kinds = {kind for kind in KINDS if not kind.startswith("interior/")} | {"position"}
+    assert sorted((names | kinds | set(explain._CURES.values())) - set(words_of("de").catalogue)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "german"),
+    [
+        ("fixed", "fest"),
+        ("free, inner constraints over all points", "freies Netz, Gesamtspurminimierung über alle Punkte"),
+        (
+            "free, inner constraints over x, y of 12 named points or groups and z of 3 named points or groups",
+            "freies Netz, Teilspurminimierung über x, y von 12 genannten Punkten oder Gruppen "
+            "und z von 3 genannten Punkten oder Gruppen",
+        ),
+        ("minimal, xyz of A, xy of B of C, 1.5, z of D", "minimal, xyz von A, xy von B of C, 1.5, z von D"),
+    ],
+)
+def test_datum_names(name: str, german: str) -> None:
+    assert datum_name(name, words_of("de")) == german
+    assert datum_name(name, ENGLISH) == name
+
+
 def test_the_sections_were_really_looked_at() -> None:
     assert len(set().union(*map(sentences, SECTIONS))) > 40
 
 
-def test_sentences_keep_their_places() -> None:
+@pytest.mark.parametrize("catalogue", [words_of("de").catalogue, words_of_page("de").catalogue])
+def test_sentences_keep_their_places(catalogue: dict[str, str]) -> None:
     """Both languages have the same {places}."""
-    for english, german in words_of("de").catalogue.items():
+    for english, german in catalogue.items():
         places = [
             {name for _, name, _, _ in string.Formatter().parse(text) if name} for text in (english, german)
         ]

@@ -26,6 +26,12 @@ async function readData() {
   Object.assign(report, head);
 }
 
+// A sentence in the language of the page; the English one is the key.
+function say(english, values = {}) {
+  const text = (report.meta && report.meta.words[english]) || english;
+  return text.replace(/\{(\w+)\}/g, (place, name) => (name in values ? values[name] : place));
+}
+
 function value(table, name, row) {
   const column = table.columns[name];
   if (!column) return undefined;

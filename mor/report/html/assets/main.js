@@ -4,16 +4,16 @@ function tableColumns() {
   const { length, angle, meeting, image_unit: unit } = report.meta;
   const digits = { m: 4, mm: 3, cm: 3, dm: 4, um: 1, km: 7, ft: 4, "us-ft": 4, in: 3 }[length];
   const angles = { gon: 4, deg: 4, rad: 6, mrad: 3, mgon: 1 }[angle];
-  const text = (key, title) => ({ key, title, text: true });
+  const text = (key, title, words = false) => ({ key, title, text: true, words });
   const fixed = (key, title, places, u = "1") => ({ key, title, unit: u, fixed: places });
   const short = (key, title, u = "", size = false) => ({ key, title, unit: u, digits: 3, size });
   const positions = ["x", "y", "z"].map((key) => fixed(key, key.toUpperCase(), digits, length));
   const sigmas = ["x", "y", "z"].map((key) => short(`s${key}`, `σ${key.toUpperCase()}`, length));
   return {
-    points: [text("id", "point"), ...positions, ...sigmas, short("ellipsoid_a", "ellipsoid a", length), fixed("rays", "rays", 0), fixed("others", "others", 0), fixed("angle", "intersection", 1, meeting), fixed("mean_r", "mean r", 3), fixed("smallest_r", "smallest r", 3), fixed("largest_w", "largest |w|", 2), text("status", "status")],
-    images: [text("id", "image"), text("camera", "camera"), ...positions, ...sigmas, ...["omega", "phi", "kappa"].map((key, k) => fixed(key, "ωφκ"[k], angles, angle)), fixed("points", "points", 0), fixed("coverage", "coverage", 0, "%"), short("rms", "rms v", typeof unit === "string" ? unit : "image unit"), fixed("mean_r", "mean r", 3), fixed("largest_w", "largest |w|", 2)],
-    stations: [text("id", "station"), ...positions, ...sigmas, fixed("orientation", "orientation", angles, angle), short("sorientation", "σ orientation", angle), fixed("height", "height", digits, length)],
-    residuals: [text("type", "type"), text("group", "group"), text("at", "at"), text("from", "from"), text("to", "to"), text("component", "component"), text("unit", "unit"), { key: "observed", title: "observed", digits: 9 }, short("v", "v", "", true), short("sigma", "σ"), fixed("r", "r", 3), { key: "test", title: "w", unit: "1", fixed: 2, size: true }, short("error", "error", "", true), short("nabla", "∇"), short("external", "external", "1"), short("influence", "effect", length, true), text("flag", "flag")],
+    points: [text("id", say("point")), ...positions, ...sigmas, short("ellipsoid_a", say("ellipsoid a"), length), fixed("rays", say("rays"), 0), fixed("others", say("others"), 0), fixed("angle", say("intersection"), 1, meeting), fixed("mean_r", say("mean r"), 3), fixed("smallest_r", say("smallest r"), 3), fixed("largest_w", say("largest |w|"), 2), text("status", say("status"), true)],
+    images: [text("id", say("image")), text("camera", say("camera")), ...positions, ...sigmas, ...["omega", "phi", "kappa"].map((key, k) => fixed(key, "ωφκ"[k], angles, angle)), fixed("points", say("points"), 0), fixed("coverage", say("coverage"), 0, "%"), short("rms", say("rms v"), typeof unit === "string" ? unit : say("image unit")), fixed("mean_r", say("mean r"), 3), fixed("largest_w", say("largest |w|"), 2)],
+    stations: [text("id", say("station")), ...positions, ...sigmas, fixed("orientation", say("orientation"), angles, angle), short("sorientation", say("σ orientation"), angle), fixed("height", say("height"), digits, length)],
+    residuals: [text("type", say("type")), text("group", say("group")), text("at", say("at")), text("from", say("from")), text("to", say("to")), text("component", say("component")), text("unit", say("unit")), { key: "observed", title: say("observed"), digits: 9 }, short("v", "v", "", true), short("sigma", "σ"), fixed("r", "r", 3), { key: "test", title: "w", unit: "1", fixed: 2, size: true }, short("error", say("error"), "", true), short("nabla", "∇"), short("external", say("external"), "1"), short("influence", say("effect"), length, true), text("flag", say("flag"), true)],
   };
 }
 
@@ -29,7 +29,7 @@ function longTables() {
   report.tables = {};
   for (const element of document.querySelectorAll("[data-table]")) {
     const name = element.dataset.table;
-    if (report[name].rows) report.tables[name] = new LongTable(element, report[name], columns[name], options[name]); else element.textContent = "none";
+    if (report[name].rows) report.tables[name] = new LongTable(element, report[name], columns[name], options[name]); else element.textContent = say("none");
   }
 }
 
@@ -47,7 +47,7 @@ async function start() {
   await drawNetwork();
   if (document.getElementById("chart-image")) {
     prepareImages();
-    if (images.order.length) { imageControls(); await showImage(0); }
+    if (images.order.length) { imageControls(); await showMultiples(); await showImage(0); }
   }
   root.dataset.ready = "first";
   for (const element of document.querySelectorAll("[data-figure]")) {
@@ -68,6 +68,6 @@ addEventListener("afterprint", () => Object.values(report.tables || {}).forEach(
 start().catch((error) => {
   const notice = document.getElementById("broken");
   notice.hidden = false;
-  notice.textContent = `The charts could not be drawn (${error.message}). A current browser is needed: Firefox 113, Chrome 80, Safari 16.4 or later.`;
+  notice.textContent = say("The charts could not be drawn ({message}). A current browser is needed: Firefox 113, Chrome 80, Safari 16.4 or later.", { message: error.message });
   console.error(error);
 });

@@ -34,8 +34,8 @@ function prepareNetwork() {
   const axes = Array.from({ length: points.rows }, (_, k) => value(points, "ellipsoid_a", k)).filter((a) => a > 0).sort((a, b) => a - b);
   network.scale = axes.length ? roundLength(0.03 * network.extent / axes[Math.floor(0.9 * (axes.length - 1))]) : 1;
   network.colours = [
-    ["", "nothing", ""], ["ellipsoid_a", "longest semi-axis", report.meta.length], ["mean_r", "mean r", "1"], ["smallest_r", "smallest r", "1"],
-    ["largest_w", "largest |w|", "1"], ["angle", "best intersection", report.meta.meeting], ["rays", "rays", "1"],
+    ["", say("nothing"), ""], ["ellipsoid_a", say("longest semi-axis"), report.meta.length], ["mean_r", say("mean r"), "1"], ["smallest_r", say("smallest r"), "1"],
+    ["largest_w", say("largest |w|"), "1"], ["angle", say("best intersection"), report.meta.meeting], ["rays", say("rays"), "1"],
   ].filter(([key]) => !key || has(points, key));
   network.colour = has(points, "ellipsoid_a") && axes.length ? "ellipsoid_a" : "";
   network.confidence = axes.length ? "1" : "0";
@@ -68,25 +68,25 @@ function root(matrix) {
 
 function pointTrace(x, y, z) {
   const { points, meta } = report, rows = network.shown;
-  const marker = { size: z ? 3.5 : 6, color: PALETTE.blue };
+  const marker = { size: z ? 2.8 : 6, color: PALETTE.blue };
   if (network.colour) {
     const [, title, unit] = network.colours.find(([key]) => key === network.colour);
     const values = points.columns[network.colour].values;
     const sorted = rows.map((k) => values[k]).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
     const at = (share) => sorted[Math.floor(share * (sorted.length - 1))];
-    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : values[k])), colorscale: "Viridis", cmin: at(0.02), cmax: at(0.98), showscale: true, colorbar: { title: { text: `${title} [${unit}]`, side: "right" }, thickness: 14, len: 0.7 } });
+    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: at(0.02), cmax: at(0.98), showscale: true, colorbar: { title: { text: `${title} [${unit}]`, side: "right" }, thickness: 14, len: 0.7 } });
   }
   const column = (name) => rows.map((k) => points.columns[name].values[k]);
-  const trace = { mode: "markers", name: "points", marker, x: column(x), y: column(y), text: rows.map((k) => value(points, "id", k)), customdata: rows.map((k) => ["point", k]), hovertemplate: `%{text}<br>${x.toUpperCase()} %{x:.4f} ${meta.length}<br>${y.toUpperCase()} %{y:.4f} ${meta.length}<extra></extra>` };
+  const trace = { mode: "markers", name: say("points"), meta: "points", marker, x: column(x), y: column(y), text: rows.map((k) => value(points, "id", k)), customdata: rows.map((k) => ["point", k]), hovertemplate: `%{text}<br>${x.toUpperCase()} %{x:.4f} ${meta.length}<br>${y.toUpperCase()} %{y:.4f} ${meta.length}<extra></extra>` };
   if (z) trace.z = column(z);
   return trace;
 }
 
 function frameTraces(x, y, z) {
-  const looks = [["image", report.images, "images", "diamond", PALETTE.orange], ["station", report.stations, "stations", z ? "square" : "triangle-up", PALETTE.red]];
+  const looks = [["image", report.images, say("images"), "diamond", PALETTE.orange], ["station", report.stations, say("stations"), z ? "square" : "triangle-up", PALETTE.red]];
   return looks.filter(([, table]) => has(table, "x")).map(([kind, table, name, symbol, color]) => {
     const column = (key) => numbers(table, key);
-    const trace = { mode: "markers", name, marker: { symbol, color, size: z ? 5 : 9 }, x: column(x), y: column(y), text: texts(table, "id"), customdata: Array.from({ length: table.rows }, (_, k) => [kind, k]), hovertemplate: `%{text}<extra>${kind}</extra>` };
+    const trace = { mode: "markers", name, meta: `${kind}s`, marker: { symbol, color, size: (z ? 5 : 9) * (table.rows > 150 ? 0.5 : 1) }, x: column(x), y: column(y), text: texts(table, "id"), customdata: Array.from({ length: table.rows }, (_, k) => [kind, k]), hovertemplate: `%{text}<extra>${say(kind)}</extra>` };
     if (z) trace.z = column(z);
     return trace;
   });
@@ -113,8 +113,8 @@ function rayTraces(keys) {
     for (const point of network.ofFrame.get(number) || []) add(here, place(report.points, point));
   }
   const axis = (list) => Object.fromEntries(list.map((data, k) => ["xyz"[k], data]));
-  const lines = { mode: "lines", name: "rays of the picked", line: { color: PALETTE.purple, width: keys.length === 3 ? 3 : 1.6 }, hoverinfo: "skip", ...axis(coordinates) };
-  const ring = { mode: "markers", name: "picked", marker: { symbol: "circle-open", size: keys.length === 3 ? 10 : 15, color: PALETTE.purple, line: { width: 3, color: PALETTE.purple } }, hoverinfo: "skip", ...axis(keys.map((key) => [here["xyz".indexOf(key)]])) };
+  const lines = { mode: "lines", name: say("rays of the picked"), meta: "rays", line: { color: PALETTE.purple, width: keys.length === 3 ? 3 : 1.6 }, hoverinfo: "skip", ...axis(coordinates) };
+  const ring = { mode: "markers", name: say("picked"), marker: { symbol: "circle-open", size: keys.length === 3 ? 10 : 15, color: PALETTE.purple, line: { width: 3, color: PALETTE.purple } }, hoverinfo: "skip", ...axis(keys.map((key) => [here["xyz".indexOf(key)]])) };
   return [lines, ring];
 }
 
@@ -144,7 +144,19 @@ function ellipsoids() {
       mesh.i.push(p, q); mesh.j.push(q, q + spokes); mesh.k.push(p + spokes, p + spokes);
     }
   }
-  return [{ type: "mesh3d", name: `ellipsoids × ${network.scale}`, ...mesh, color: PALETTE.grey, opacity: 0.35, flatshading: false, hoverinfo: "skip", showlegend: true }];
+  return [scaleBarInSpace(), { type: "mesh3d", name: say("ellipsoids × {scale}", { scale: network.scale }), meta: "ellipsoids", ...mesh, color: PALETTE.grey, opacity: 0.35, flatshading: false, hoverinfo: "skip", showlegend: true }];
+}
+
+// How long an enlarged semi-axis is drawn in space: a bar along X from the lower left corner.
+function scaleBarInSpace() {
+  const length = roundLength((0.08 * network.extent) / network.scale), [x, y, z] = ["x", "y", "z"].map(lowest);
+  const words = say("{length} in the ellipsoids", { length: readable(length, report.meta.length) });
+  return { mode: "lines", name: words, meta: "bar", x: [x, x + length * network.scale], y: [y, y], z: [z, z], line: { color: PALETTE.orange, width: 8 }, hoverinfo: "skip", showlegend: true };
+}
+function lowest(name) {
+  let low = Infinity;
+  for (const table of [report.points, report.images, report.stations]) for (const v of has(table, name) ? table.columns[name].values : []) if (v < low) low = v;
+  return low;
 }
 
 function ellipses(x, y) {
@@ -159,16 +171,16 @@ function ellipses(x, y) {
     }
     line.x.push(null); line.y.push(null);
   }
-  return rows.length ? [{ type: "scatter", mode: "lines", name: `ellipses × ${network.scale}`, ...line, line: { color: PALETTE.grey, width: 1.2 }, hoverinfo: "skip" }] : [];
+  return rows.length ? [{ type: "scatter", mode: "lines", name: say("ellipses × {scale}", { scale: network.scale }), meta: "ellipses", ...line, line: { color: PALETTE.grey, width: 1.2 }, hoverinfo: "skip" }] : [];
 }
 
 function space() {
   const { axes, length } = report.meta;
   const [x, y] = [axes.right, axes.up];
   const data = [pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...rayTraces([x, y, "z"])].map((trace) => ({ type: "scatter3d", ...trace }));
-  for (const mesh of ellipsoids()) data.push({ ...mesh, x: mesh[x], y: mesh[y] });
+  for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const axis = (name, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, ...(reversed ? { autorange: "reversed" } : {}) });
-  const scene = { aspectmode: "data", xaxis: axis(x, axes.right_reversed), yaxis: axis(y, axes.up_reversed), zaxis: axis("z"), camera: { eye: { x: 1.15, y: -1.85, z: 1.05 }, center: { x: 0, y: 0, z: -0.1 } } };
+  const scene = { aspectmode: "data", xaxis: axis(x, axes.right_reversed), yaxis: axis(y, axes.up_reversed), zaxis: axis("z"), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
 }
 
@@ -186,20 +198,19 @@ function plan() {
 function scaleBar() {
   if (network.confidence === "0" || !withEllipses(1).length) return {};
   const length = roundLength((0.08 * network.extent) / network.scale);
-  const words = `${readable(length, report.meta.length)} in the ellipses`;
+  const words = say("{length} in the ellipses", { length: readable(length, report.meta.length) });
   const bar = { type: "line", xref: "x", yref: "paper", ...barPlace(length * network.scale) };
   return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: bar.x1, y: 0.03, text: words, showarrow: false, xanchor: "left", xshift: 6, font: { color: css("--ink") } }] };
 }
 function barPlace(width) {
   const chosen = document.getElementById("plane").value, [x] = PLANES[chosen] || [report.meta.axes.right];
-  let low = Infinity;
-  for (const table of [report.points, report.images, report.stations]) for (const v of has(table, x) ? table.columns[x].values : []) if (v < low) low = v;
+  const low = lowest(x);
   return { x0: low, x1: low + width, y0: 0.03, y1: 0.03 };
 }
 
 function pick(found) {
   network.picked = found;
-  document.getElementById("picked").textContent = found ? words(found) : "Click a point, an image or a station: its rays and numbers appear here.";
+  document.getElementById("picked").textContent = found ? words(found) : say("Click a point, an image or a station: its rays and numbers appear here.");
   document.getElementById("picked").classList.toggle("some", Boolean(found));
   document.documentElement.dataset.picked = found ? `${found.kind} ${found.row}` : "";
   drawNetwork();
@@ -207,18 +218,18 @@ function pick(found) {
 
 function words({ kind, row }) {
   const { meta } = report, table = { point: report.points, image: report.images, station: report.stations }[kind];
-  const parts = [`${kind[0].toUpperCase()}${kind.slice(1)} ${value(table, "id", row)}`];
+  const title = say(kind), parts = [`${title[0].toUpperCase()}${title.slice(1)} ${value(table, "id", row)}`];
   for (const name of ["x", "y", "z"]) {
     const sigma = value(table, `s${name}`, row);
     parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}${sigma > 0 ? "" : ` ${meta.length}`}`);
   }
   if (kind === "point") {
-    parts.push(`ellipsoid ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
-    parts.push(`${value(table, "rays", row)} rays, ${value(table, "others", row)} other rows`);
-    if (has(table, "angle")) parts.push(`best intersection ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
-    if (has(table, "mean_r")) parts.push(`mean r ${shown(value(table, "mean_r", row), { fixed: 2 })}, largest |w| ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
-  } else if (kind === "image") parts.push(`${value(table, "points", row)} points`);
-  return `${parts.join(" · ")} (σ in the datum: ${meta.datum})`;
+    parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
+    parts.push(say("{rays} rays, {others} other rows", { rays: value(table, "rays", row), others: value(table, "others", row) }));
+    if (has(table, "angle")) parts.push(`${say("best intersection")} ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
+    if (has(table, "mean_r")) parts.push(`${say("mean r")} ${shown(value(table, "mean_r", row), { fixed: 2 })}, ${say("largest |w|")} ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
+  } else if (kind === "image") parts.push(say("{count} points", { count: value(table, "points", row) }));
+  return `${parts.join(" · ")} (${say("σ in the datum: {datum}", { datum: meta.datum })})`;
 }
 
 // In space a click is said again with every frame while the button is down: it counts once, and is drawn afterwards.
@@ -234,10 +245,10 @@ function clicked(event) {
 async function drawNetwork() {
   await draw(document.getElementById("chart-space"), space, clicked);
   await draw(document.getElementById("chart-plan"), plan, clicked);
-  const notes = [`Ellipsoids and ellipses are enlarged ${network.scale} times.`];
+  const notes = [say("Ellipsoids and ellipses are enlarged {scale} times.", { scale: network.scale })];
   const all = report.points.rows;
-  if (network.shown.length < all) notes.push(`${network.shown.length} of ${all} points are drawn; the table has all.`);
-  if (withEllipses(MOST_ELLIPSOIDS).length === MOST_ELLIPSOIDS) notes.push(`In space the ${MOST_ELLIPSOIDS} largest ellipsoids are drawn.`);
+  if (network.shown.length < all) notes.push(say("{count} of {all} points are drawn; the table has all.", { count: network.shown.length, all }));
+  if (withEllipses(MOST_ELLIPSOIDS).length === MOST_ELLIPSOIDS) notes.push(say("In space the {count} largest ellipsoids are drawn.", { count: MOST_ELLIPSOIDS }));
   document.getElementById("network-note").textContent = notes.join(" ");
 }
 

@@ -8,6 +8,7 @@ class LongTable {
     this.element = element;
     this.table = table;
     this.columns = columns.filter((column) => filled(table.columns[column.key]));
+    for (const { key } of this.columns.filter((column) => column.words)) table.columns[key].shown = table.columns[key].t.map((word) => say(word));
     this.options = options;
     this.filters = new Map();
     this.sorted = options.sorted || null;
@@ -26,7 +27,7 @@ class LongTable {
       title.append(button);
       titles.append(title);
       const cell = document.createElement("th"), input = document.createElement("input");
-      input.setAttribute("aria-label", `Filter ${column.title}`);
+      input.setAttribute("aria-label", say("Filter {column}", { column: column.title }));
       input.addEventListener("input", () => this.filterBy(column.key, input.value));
       cell.append(input);
       inputs.append(cell);
@@ -56,9 +57,9 @@ class LongTable {
     this.heads();
     this.scroller.scrollTop = 0;
     this.show();
-    const words = rows.length === this.table.rows ? `${rows.length} rows` : `${rows.length} of ${this.table.rows} rows`;
-    const noted = rows.length > PRINTED ? ` In print: the first ${PRINTED} in the order shown.` : "";
-    this.element.querySelector(".state").textContent = words + "." + noted;
+    const words = rows.length === this.table.rows ? say("{count} rows.", { count: rows.length }) : say("{count} of {all} rows.", { count: rows.length, all: this.table.rows });
+    const noted = rows.length > PRINTED ? ` ${say("In print: the first {count} in the order shown.", { count: PRINTED })}` : "";
+    this.element.querySelector(".state").textContent = words + noted;
   }
 
   sort(rows) {
@@ -67,7 +68,7 @@ class LongTable {
     const size = this.columns.find((column) => column.key === key).size;
     let rank = values;
     if (t) {
-      const order = t.map((_, k) => k).sort((a, b) => t[a].localeCompare(t[b], "en", { numeric: true }));
+      const order = t.map((_, k) => k).sort((a, b) => t[a].localeCompare(t[b], report.meta.language, { numeric: true }));
       rank = new Int32Array(t.length);
       order.forEach((k, place) => { rank[k] = place; });
       rank = Array.from(values, (k) => rank[k]);
@@ -84,6 +85,7 @@ class LongTable {
     this.element.querySelectorAll("thead tr:first-child th").forEach((head, k) => {
       const column = this.columns[k], mine = this.sorted && this.sorted.key === column.key;
       head.firstChild.textContent = `${column.title}${mine ? (this.sorted.down ? " ▼" : " ▲") : ""}\n${column.unit ? `[${column.unit}]` : "\u00a0"}`;
+      head.dataset.title = head.firstChild.textContent;
       head.setAttribute("aria-sort", mine ? (this.sorted.down ? "descending" : "ascending") : "none");
     });
   }
@@ -105,11 +107,13 @@ class LongTable {
     return row;
   }
 
+  word(key, number) { const { shown, values } = this.table.columns[key]; return shown[values[number]]; }
+
   line(number) {
     const row = document.createElement("tr");
     for (const column of this.columns) {
       const cell = row.insertCell();
-      cell.textContent = shown(value(this.table, column.key, number), column);
+      cell.textContent = shown(column.words ? this.word(column.key, number) : value(this.table, column.key, number), column);
       if (column.text) { cell.className = "text"; cell.title = cell.textContent; }
     }
     const flag = value(this.table, "flag", number);
@@ -134,7 +138,7 @@ function test(text, column) {
   if (column.t) {
     const wanted = text.toLowerCase();
     const exact = wanted.startsWith("=");
-    const passes = column.t.map((entry) => (exact ? entry.toLowerCase() === wanted.slice(1) : entry.toLowerCase().includes(wanted)));
+    const passes = (column.shown || column.t).map((entry) => (exact ? entry.toLowerCase() === wanted.slice(1) : entry.toLowerCase().includes(wanted)));
     return (entry) => passes[entry];
   }
   const match = /^(\|)?\s*(<=|>=|<|>|=)?\s*([-+\u2212]?[\d.,]+(?:e[-+]?\d+)?)\s*\|?$/i.exec(text);

@@ -1,6 +1,11 @@
 "use strict";
 // Charts take their colours from the page, light or dark, and leave a picture of themselves for print.
 const PALETTE = { blue: "#3b8fd0", orange: "#e69f00", green: "#009e73", red: "#d55e00", purple: "#cc79a7", grey: "#8a8f98" };
+// Viridis without the end that the ground would swallow: small values far from the ground first, large ones last.
+const SEQUENCES = {
+  light: [[0, "#440154"], [0.35, "#31688e"], [0.7, "#35b779"], [1, "#d8a800"]],
+  dark: [[0, "#5b7fc7"], [0.35, "#2fa3a0"], [0.7, "#7ad151"], [1, "#fde725"]],
+};
 const charts = new Map();
 
 function css(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
@@ -55,7 +60,8 @@ async function takePictures() {
     stale.delete(element);
     const plot = element.querySelector(".plot");
     const { data, layout } = charts.get(element)();
-    const width = 1000, height = Math.round(1000 * (element.classList.contains("tall") ? 0.62 : 0.5));
+    const small = element.closest(".columns"), width = small ? 560 : 1000;
+    const height = Math.round(width * (Number(element.dataset.share) || (element.classList.contains("tall") ? 0.62 : small ? 0.72 : 0.5)));
     const kept = plot.layout.scene ? { ...layout, scene: { ...layout.scene, camera: plot.layout.scene.camera } } : layout;
     const root = document.documentElement, before = root.dataset.theme;
     root.dataset.theme = "light";

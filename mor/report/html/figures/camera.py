@@ -14,6 +14,7 @@ from mor.report.html.figures.layout import Figure, figure, joined, numbers, roun
 from mor.report.html.page_data import PageData
 from mor.report.palette import BAND, BLUE, DIVERGING, ORANGE, RED
 from mor.report.rays import Window, window
+from mor.report.words.language import ENGLISH, Words
 from mor.units import LENGTH_UNITS
 
 CONFIDENCE = 0.95
@@ -32,8 +33,8 @@ def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
     area = camera_window(camera, data.windows.get(camera["id"]), _measured_unit(data, camera))
     if area is not None:
-        figures["curve"] = distortion_curve(camera, area)
-        figures["field"] = distortion_field(camera, area)
+        figures["curve"] = distortion_curve(camera, area, data.words)
+        figures["field"] = distortion_field(camera, area, data.words)
     if camera["correlations"]["matrix"] is not None and len(camera["correlations"]["components"]) > 1:
         figures["correlations"] = correlations(camera)
     mean = mean_residuals(data, camera)
@@ -64,7 +65,7 @@ def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) ->
     )
 
 
-def distortion_curve(camera: dict[str, Any], area: Window) -> Figure:
+def distortion_curve(camera: dict[str, Any], area: Window, words: Words = ENGLISH) -> Figure:
     """Radial distortion by radius with its band of confidence."""
     largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
     curve = radial_curve(camera, largest)
@@ -74,7 +75,7 @@ def distortion_curve(camera: dict[str, Any], area: Window) -> Figure:
     band = {
         "type": "scatter",
         "mode": "lines",
-        "name": f"{CONFIDENCE:.0%} confidence",
+        "name": words("{share} confidence", share=f"{CONFIDENCE:.0%}"),
         "x": numbers(np.append(radius, radius[::-1])),
         "y": numbers(np.append(shift + beside, (shift - beside)[::-1])),
         "fill": "toself",
@@ -85,7 +86,7 @@ def distortion_curve(camera: dict[str, Any], area: Window) -> Figure:
     line = {
         "type": "scatter",
         "mode": "lines",
-        "name": "radial distortion",
+        "name": words("radial distortion"),
         "x": numbers(radius),
         "y": numbers(shift),
         "customdata": numbers(curve.sigma * factor),
@@ -93,11 +94,13 @@ def distortion_curve(camera: dict[str, Any], area: Window) -> Figure:
         "hovertemplate": f"r %{{x:.3f}} {camera['unit']}: %{{y:.4g}} ± %{{customdata:.2g}} {unit} (σ)<extra></extra>",
     }
     return figure(
-        [band, line], f"distance from the principal point [{camera['unit']}]", f"distortion [{unit}]"
+        [band, line],
+        words("distance from the principal point [{unit}]", unit=camera["unit"]),
+        words("distortion [{unit}]", unit=unit),
     )
 
 
-def distortion_field(camera: dict[str, Any], area: Window) -> Figure:
+def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLISH) -> Figure:
     """Distortion vectors over the image, with ellipses of confidence, both enlarged."""
     x, y = (np.linspace(low, high, count) for (low, high), count in ((area.x, 13), (area.y, 9)))
     ideal = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -110,12 +113,12 @@ def distortion_field(camera: dict[str, Any], area: Window) -> Figure:
     enlarged = round_length(0.5 * spacing / (_AROUND * largest)) if largest > 0.0 else scale
     around = _ellipses(tips, outcome.covariance, enlarged * _AROUND)
     unit = str(camera["unit"])
-    traces = _vectors(ideal, tips, f"distortion × {scale:g}", BLUE)
+    traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)
     traces.append(
         {
             "type": "scatter",
             "mode": "lines",
-            "name": f"{CONFIDENCE:.0%} confidence × {enlarged:g}",
+            "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
             "x": around[0],
             "y": around[1],
             "line": {"color": ORANGE, "width": 1.2},
@@ -147,7 +150,12 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
     size = float(np.hypot(*mean[kept].T).max(initial=0.0))
     scale = round_length(float(edges[0][1] - edges[0][0]) / size) if size > 0.0 else 1.0
     unit = str(rays["unit"][0])
-    traces = _vectors(middle[kept], middle[kept] + scale * mean[kept], f"mean v × {scale:g}", RED)
+    traces = _vectors(
+        middle[kept],
+        middle[kept] + scale * mean[kept],
+        data.words("mean v × {scale}", scale=f"{scale:g}"),
+        RED,
+    )
     return _image_chart(traces, unit, area, _scale_bar(size, scale, unit, area))
 
 

@@ -9,12 +9,13 @@ from mor.geometry.arrays import FloatArray
 from mor.report.html.figures.layout import Figure, figure, numbers
 from mor.report.html.page_data import PageData
 from mor.report.palette import BLUE, GREEN, GREY, ORANGE, RED
+from mor.report.words.language import ENGLISH, Words
 
 _BARS = 60
 _MOST_FRAMES = 400
 
 
-def normal_histogram(w: FloatArray, critical: float) -> Figure:
+def normal_histogram(w: FloatArray, critical: float, words: Words = ENGLISH) -> Figure:
     """Density of the test values with the standard normal density and the critical values."""
     limit = max(float(np.ceil(np.abs(w).max(initial=1.0) * 2.0) / 2.0), critical + 0.5)
     edges = np.arange(-limit, limit + 0.125, 0.25)
@@ -27,7 +28,7 @@ def normal_histogram(w: FloatArray, critical: float) -> Figure:
         "y": numbers(density),
         "width": 0.25,
         "marker": {"color": BLUE, "line": {"width": 0}},
-        "hovertemplate": "w %{x}: density %{y:.4f}<extra></extra>",
+        "hovertemplate": f"w %{{x}}: {words('density')} %{{y:.4f}}<extra></extra>",
     }
     normal = {
         "type": "scatter",
@@ -37,7 +38,9 @@ def normal_histogram(w: FloatArray, critical: float) -> Figure:
         "y": numbers(np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi)),
         "line": {"color": ORANGE, "width": 2.5},
     }
-    return figure([bars, normal], "w [1]", "density", shapes=[_limit(critical), _limit(-critical)], bargap=0)
+    shapes = [_limit(critical), _limit(-critical)]
+    counted = {"rangemode": "tozero"}
+    return figure([bars, normal], "w [1]", words("density [1]"), yaxis=counted, shapes=shapes, bargap=0)
 
 
 def _limit(x: float) -> dict[str, object]:
@@ -76,12 +79,17 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
 
 def redundancy_of_frames(data: PageData) -> Figure | None:
     """Mean redundancy number of each image, and of each set and group, in their order."""
-    parts = []
+    parts, words = [], data.words
     if data.images.height and "mean_r" in data.images.columns:
-        parts.append(("images", data.images.select("id", "mean_r"), BLUE, "circle"))
+        parts.append((words("images"), data.images.select("id", "mean_r"), BLUE, "circle"))
     if data.sets.height:
         parts.append(
-            ("sets and groups", data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
+            (
+                words("sets and groups"),
+                data.sets.select(pl.col("set").alias("id"), "mean_r"),
+                ORANGE,
+                "diamond",
+            )
         )
     traces = [
         {
@@ -91,30 +99,36 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
             "x": [str(label) for label in frame["id"]][:_MOST_FRAMES],
             "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:_MOST_FRAMES],
             "marker": {"color": colour, "symbol": symbol, "size": 8},
-            "hovertemplate": "%{x}: mean r %{y:.3f}<extra></extra>",
+            "hovertemplate": f"%{{x}}: {words('mean r')} %{{y:.3f}}<extra></extra>",
         }
         for name, frame, colour, symbol in parts
     ]
     if not traces:
         return None
-    xaxis = {"type": "category", "tickangle": -60, "automargin": True, "nticks": 40}
-    return figure(traces, "", "mean r [1]", yaxis={"range": [0, 1.02]}, xaxis=xaxis)
+    xaxis = {"type": "category", "tickangle": -60, "automargin": True, "nticks": 60}
+    return figure(traces, "", words("mean r [1]"), yaxis={"range": [0, 1.02]}, xaxis=xaxis)
 
 
 def test_figures(data: PageData) -> dict[str, Figure]:
     """All charts of the section on tests."""
-    used = data.view.used
+    used, words = data.view.used, data.words
     tested = used["test"].drop_nulls().to_numpy()
     figures = {
-        "w": normal_histogram(tested, data.view.critical),
-        "r": histogram(used["r"].drop_nulls().to_numpy(), "r [1]", "observations", GREEN),
+        "w": normal_histogram(tested, data.view.critical, words),
+        "r": histogram(
+            used["r"].drop_nulls().to_numpy(), words("redundancy number r [1]"), words("observations"), GREEN
+        ),
     }
     by_frame = redundancy_of_frames(data)
     if by_frame is not None:
         figures["r_frames"] = by_frame
     if len(data.rays.frame):
         rays = np.bincount(data.rays.point, minlength=data.points.height).astype(float)
-        figures["rays"] = histogram(rays, "rays and sights of a point", "points", BLUE, whole=True)
+        figures["rays"] = histogram(
+            rays, words("rays and sights of a point"), words("points"), BLUE, whole=True
+        )
         angle = data.points["angle"].fill_null(np.nan).to_numpy()
-        figures["angles"] = histogram(angle, f"best intersection [{data.angle_unit}]", "points", GREY)
+        figures["angles"] = histogram(
+            angle, words("best intersection [{unit}]", unit=data.angle_unit), words("points"), GREY
+        )
     return figures

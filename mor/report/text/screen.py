@@ -1,0 +1,154 @@
+"""The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mor.quality.solved import Solved
+from mor.report.checks import check_rows
+from mor.report.reliability import place
+from mor.report.summary import summary
+from mor.report.tables import group_table, interior_rows, point_table
+from mor.report.text._layout import fixed, short, table
+from mor.report.text.head import verdict
+from mor.report.text.undetermined import section as undetermined
+from mor.report.words.datum import datum_name
+from mor.report.words.language import ENGLISH, Words
+
+WIDTH = 100
+WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
+"""Observations, cameras, checks and groups that are shown."""
+
+
+def screen(solved: Solved, words: Words = ENGLISH) -> str:
+    """At most 24 lines of 100 columns; without a solution what the report says of the reason."""
+    if solved.quality is None:
+        return "\n".join(part for part in (*verdict(solved, words), undetermined(solved, words)) if part)
+    lines = [
+        *verdict(solved, words),
+        *_figures(solved, words),
+        *_worst(solved, words),
+        *_points(solved, words),
+        *_cameras(solved, words),
+        *_checks(solved, words),
+        *_groups(solved, words),
+    ]
+    return "\n".join(_cut(line) for line in lines)
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
+
+
+def _figures(solved: Solved, words: Words) -> list[str]:
+    data = summary(solved)
+    counts = words(
+        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
+        n=data["observations"],
+        u=data["unknowns"],
+        d=data["defect"],
+        redundancy=data["redundancy"],
+        after=short(data["sigma0"]["aposteriori"], 5),
+        before=short(data["sigma0"]["apriori"], 5),
+    )
+    return [counts, words("Datum: {datum}", datum=datum_name(data["datum"], words))]
+
+
+def _worst(solved: Solved, words: Words) -> list[str]:
+    """The observations with the largest test values."""
+    quality = solved.quality
+    if quality is None:
+        return []
+    found: list[tuple[float, int, int, int]] = []
+    for number, outcome in enumerate(quality.reliability):
+        size = np.where(np.isfinite(outcome.test), np.abs(outcome.test), -1.0)
+        for flat in np.argsort(-size, axis=None, kind="stable")[:WORST]:
+            row, component = divmod(int(flat), size.shape[1])
+            if size[row, component] >= 0.0:
+                found.append((float(size[row, component]), number, row, component))
+    lines = []
+    for test, number, row, component in sorted(found, key=lambda entry: -entry[0])[:WORST]:
+        line = words(
+            "Worst: {place}: |w| = {w}, r = {r}",
+            place=_named(place(solved.adjustment.problem.groups[number], row, component), words),
+            w=fixed(test, 2),
+            r=fixed(float(quality.groups[number].r[row, component]), 2),
+        )
+        lines.append(
+            line + (f" ({words.listed('flagged')})" if quality.flagged[number][row, component] else "")
+        )
+    return lines
+
+
+def _named(row: dict[str, Any], words: Words) -> str:
+    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
+    return f"{row['type']} {names}, {row['component']}"
+
+
+def _points(solved: Solved, words: Words) -> list[str]:
+    frame = point_table(solved)
+    free = frame.filter(frame["status"] != "fixed") if frame.height else frame
+    if free.height == 0:
+        return []
+    unit = solved.network.project.units.length
+    rms = [float(np.sqrt(np.nanmean(free[f"s{name}"].cast(float).to_numpy() ** 2))) for name in "xyz"]
+    worst = free.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(0, named=True)
+    return [
+        words(
+            "Points: sigma (rms) X {x}, Y {y}, Z {z} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
+            **{name: short(value, 3) for name, value in zip("xyz", rms, strict=True)},
+            id=worst["id"],
+            axis=short(worst["ellipsoid_a"], 3),
+            unit=unit,
+        )
+    ]
+
+
+def _cameras(solved: Solved, words: Words) -> list[str]:
+    lines = []
+    for row in interior_rows(solved)[:CAMERAS]:
+        name, constant = next(iter(row["components"].items()))
+        value = words.number(short(constant["value"], 7))
+        sigma = f" ± {words.number(short(constant['sigma'], 2))}" if constant["sigma"] else ""
+        fixed_words = "" if constant["sigma"] else f" ({words.listed('fixed')})"
+        lines.append(
+            f"{words('Camera {id}', id=row['id'])}: {name} = {value}{sigma} {row['unit']}{fixed_words}"
+        )
+    return lines
+
+
+def _checks(solved: Solved, words: Words) -> list[str]:
+    return [
+        words(
+            "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
+            id=row["group"],
+            component=row["component"],
+            rms=short(row["rms"], 3),
+            largest=short(row["largest"], 3),
+            unit=row["unit"],
+            count=row["count"],
+        )
+        for row in check_rows(solved)[:CHECKS]
+    ]
+
+
+def _groups(solved: Solved, words: Words) -> list[str]:
+    groups = group_table(solved).to_dicts()
+    rows = [
+        [
+            row["name"][:36],
+            str(row["observations"]),
+            fixed(row["redundancy"], 1),
+            fixed(row["sigma0"], 3),
+            fixed(row["largest_w"], 2),
+            str(row["flagged"]),
+        ]
+        for row in groups[:GROUPS]
+    ]
+    headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
+    lines = ["", *table(headers, rows, words=words).splitlines()]
+    if len(groups) > GROUPS:
+        lines.append(words("and {count} more groups in report.txt", count=len(groups) - GROUPS))
+    return lines

@@ -1,0 +1,139 @@
+"""What a person sees who runs ``mor adjust`` at a terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from small_projects import LEVELLING, mor, write
+
+from mor.adjustment.solve import Iteration
+from mor.cli._iterations import MOST, iteration_line, iteration_table
+from mor.pipeline import read_document, read_network, solve_network
+from mor.quality.solved import Solved
+from mor.report.text.screen import WIDTH, screen
+from mor.report.words.language import words_of
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
+LINES = 24
+CONTROLS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+def solved(name: str) -> Solved:
+    folder = SAMPLES / name
+    return solve_network(read_network(read_document(folder / "project.yaml"), folder))
+
+
+@pytest.fixture(scope="module", params=["building", "machine_part", "facade"])
+def outcome(request: pytest.FixtureRequest) -> Solved:
+    return solved(request.param)
+
+
+def rows(steps: list[Iteration], most: int | None = MOST) -> list[list[str]]:
+    console = Console(file=io.StringIO(), width=100, force_terminal=False)
+    console.print(iteration_table(steps, "adjusted", most))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    return [
+        line.split()
+        for line in text.splitlines()
+        if line.split() and line.split()[0] in ("…", *"123456789", "10", "11", "12")
+    ]
+
+
+def step(number: int, damping: float = 0.0) -> Iteration:
+    return Iteration(number, 400.0, 0.25, damping, 100)
+
+
+def test_iterations_show_sigma0_change_and_step() -> None:
+    assert rows([step(1), step(2, 1e-3)]) == [
+        ["1", "2", "0.25", "full", "step"],
+        ["2", "2", "0.25", "damping", "1e-03"],
+    ]
+    assert iteration_line(step(1)) == "iteration 1: sigma0 / a priori 2, largest change 0.25 sigma, full step"
+
+
+def test_of_many_iterations_the_first_and_the_last_are_shown() -> None:
+    many = [step(number) for number in range(1, 13)]
+    assert [row[0] for row in rows(many)] == ["1", "…", *map(str, range(7, 13))]
+    assert len(rows(many)) == MOST
+    assert [row[0] for row in rows(many, None)] == [str(number) for number in range(1, 13)]
+    assert [row[0] for row in rows(many[:MOST])] == [str(number) for number in range(1, MOST + 1)]
+
+
+def test_nothing_redundant_has_no_sigma0() -> None:
+    free = Iteration(1, 0.0, 0.25, 0.0, 0)
+    assert rows([free])[0][1] == "–"
+    assert "vTPv 0" in iteration_line(free)
+
+
+def test_last_sigma0_is_that_of_the_result(outcome: Solved) -> None:
+    assert outcome.quality is not None
+    last = outcome.adjustment.iterations[-1].sigma0
+    assert last == pytest.approx(outcome.quality.sigma0, rel=1e-9)
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_summary_fits_one_screen(outcome: Solved, language: str) -> None:
+    lines = screen(outcome, words_of(language)).splitlines()
+    assert len(lines) < LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert not any(line.endswith("…") for line in lines)
+
+
+def test_summary_answers_what_is_asked_first() -> None:
+    facade = solved("facade")
+    text = screen(facade)
+    assert "Global test accepted at the level 0.05." in text
+    assert "Worst: image/mor image IMG_4711, point W50, x: |w| = 3.46, r = 0.71 (flagged)" in text
+    assert "weakest K03: longest semi-axis 0.0046 m" in text
+    assert "Camera D7: c = 28.37459 ± 0.0038 mm" in text
+    assert "Datum: fixed" in text
+    assert re.search(r"^image_points.csv +2062 +1606.1 +0.989 +3.46 +3$", text, re.MULTILINE)
+
+
+def test_long_lines_are_cut(tmp_path: Path) -> None:
+    name = "B" * 150
+    run = mor("adjust", write(tmp_path, LEVELLING.replace("[B,", f"[{name},").replace(" B,", f" {name},")))
+    assert max(len(line) for line in run.err.splitlines()[:-1]) == WIDTH
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_a_terminal_gets_a_live_table_and_keeps_it(tmp_path: Path) -> None:
+    text = at_a_terminal(["adjust", str(write(tmp_path, LEVELLING)), "--no-html"])
+    assert "iteration   σ0 / a priori   largest change [σ]        step" in text
+    assert "adjusted" in text
+    assert "iteration 1:" not in text
+    assert "Converged after " in text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_quiet_says_nothing_at_a_terminal_either(tmp_path: Path) -> None:
+    assert at_a_terminal(["adjust", str(write(tmp_path, LEVELLING)), "--quiet"]) == ""
+
+
+def at_a_terminal(arguments: list[str]) -> str:
+    """What a command line writes to a terminal of 100 columns, without control sequences."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+    command = [sys.executable, "-m", "mor", *arguments]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment):
+        os.close(theirs)
+        said = bytearray()
+        while True:
+            try:
+                part = os.read(ours, 65536)
+            except OSError:  # the other end is closed
+                break
+            if not part:
+                break
+            said += part
+    os.close(ours)
+    return CONTROLS.sub("", said.decode("utf-8"))
