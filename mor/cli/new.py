@@ -13,9 +13,15 @@ import click
 @click.option(
     "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
 )
-@click.option("--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more.")
 @click.option(
-    "--angle", metavar="UNIT", default="gon", show_default=True, help="Unit of angles: gon, deg, rad and more."
+    "--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more."
+)
+@click.option(
+    "--angle",
+    metavar="UNIT",
+    default="gon",
+    show_default=True,
+    help="Unit of angles: gon, deg, rad and more.",
 )
 @click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
 @click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
