@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -101,6 +102,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "limits": {"rows": MOST_ROWS, "vectors": MOST_VECTORS},
         "critical": view.critical,
         "residuals_file": view.residuals_file,
+        "points_file": f"points{Path(view.residuals_file).suffix}" if view.residuals_file else "",
         "angle_unit": data.angle_unit,
         "sigma_words": sigma_words(data),
         "datum": data.datum,
