@@ -35,7 +35,7 @@ CHAPTERS = {
     ),
     "Projects": ("project-file", "observation-types", "camera-models", "conventions", "start-values"),
     "Results": ("reports", "results", "statistics", "reliability"),
-    "Scripts and developers": ("commands", "exit-codes", "adding-an-observation-type"),
+    "Scripts and developers": ("commands", "exit-codes", "adding-an-observation-type", "benchmarks"),
 }
 """The pages in the order of reading, as index.md has them."""
 

@@ -9,8 +9,8 @@ Three kinds of blocks of a page mean something:
 * ``diff``: ``--- file``, then the lines of that file that go (−), come (+) or stay (blank);
 * ``text`` whose first line is the name of a file and a colon: an excerpt of that file.
 
-A line "…" stands for any lines, one that ends with "…" goes on. Blanks are not compared, and of decimal numbers not
-the last digit.
+A line "…" stands for any lines, one that ends with "…" goes on. Blanks and numbers of iterations are not
+compared, and of decimal numbers not the last digit.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from typing import NamedTuple
 FOLDER = Path(__file__).parent / "tutorials"
 BLOCK = re.compile(r"^```(console|diff|text)\n(.*?)^```$", re.M | re.S)
 DECIMAL = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?")
+COUNT = re.compile(r"\d+ iterations")
 MORE = "…"
 
 
@@ -160,7 +161,7 @@ def _same(shown: str, found: str) -> bool:
 
 
 def _words(line: str) -> tuple[str, list[str]]:
-    text = " ".join(line.split())
+    text = COUNT.sub("# iterations", " ".join(line.split()))
     return DECIMAL.sub("#", text), DECIMAL.findall(text)
 
 

@@ -156,7 +156,7 @@ def _advance(state: Adjustment) -> Adjustment:
     change = float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
     redundancy = _redundancy(state)
-    still = change <= TINY_STEP or _stalled(state, change)
+    still = change <= TINY_STEP or _stalled(state, change) or _next_is_nothing(state, change)
     if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):
         iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
@@ -231,6 +231,13 @@ def _stalled(state: Adjustment, change: float) -> bool:
         return False
     last = state.iterations[-1]
     return last.damping == 0.0 and last.largest_change < ROUND_OFF_STEP and change > 0.5 * last.largest_change
+
+
+def _next_is_nothing(state: Adjustment, change: float) -> bool:
+    """True where the steps shrink so fast that the next one would not leave the place, with a margin of four."""
+    if change > ROUND_OFF_STEP or not state.iterations or state.iterations[-1].damping:
+        return False
+    return 4.0 * change * change <= SAME_PLACE * state.iterations[-1].largest_change
 
 
 class _Taken(NamedTuple):

@@ -61,6 +61,7 @@ def test_excerpts_agree_only_with_what_is_there(tutorials: ModuleType) -> None:
     assert tutorials.agrees(["…", "c 3.26"], found), "one unit of the last digit"
     assert not tutorials.agrees(["…", "c 3.27"], found)
     assert tutorials.agrees(["-0.0000 1.8972e-06 x"], ["0.0000  0.0000018972001 x"])
+    assert tutorials.agrees(["Converged after 5 iterations."], ["Converged after 6 iterations."])
     assert not tutorials.agrees(["b 0.123456789"], ["b 0.123466789"])
 
 
