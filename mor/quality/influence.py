@@ -107,7 +107,7 @@ def influence_on_points(quality: Quality) -> tuple[FloatArray, ...]:
         share = 0.25 * (forms[0] - forms[1]) + np.sum((own @ weak) * (rows.jacobian @ weak), axis=2)
         correction = quality.datum.correction(rows.columns, rows.columns)
         share = share + np.einsum("nmk,nkl,nml->nm", own, correction, rows.jacobian)
-        error = quality.reliability[row_set.group].error[row_set.rows]
+        error = quality.reliability[row_set.group].at(row_set.rows).error
         if is_image:
             length = 1.0 / np.linalg.norm(rows.jacobian[:, :, -3:], axis=2)
         else:

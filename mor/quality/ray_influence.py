@@ -29,7 +29,6 @@ from mor.quality.assess import Quality
 
 OF_IMAGES = frozenset(kind.key for kind in (*IMAGE_TYPES.values(), *FOLLOWER_TYPES.values()))
 """Keys of the observation types that are image coordinates of a point, their last block."""
-_RAYS_AT_A_TIME = 4096
 
 
 def fill_influence_of_rays(quality: Quality, cofactors: BlockMatrix, result: tuple[FloatArray, ...]) -> None:
@@ -58,7 +57,7 @@ def _fill_chunk(
             continue
         here = chunk.group == number
         rows = chunk.row[here]
-        error = quality.reliability[number].error[rows]
+        error = quality.reliability[number].at(rows).error
         result[number][rows] = share[here] * length[here] * error
 
 
@@ -85,10 +84,13 @@ def _share_of_points(quality: Quality, lane: RayPlan, chunk: RayChunk, cofactors
 
 
 def _by_frames(rays: Rays, of_frame: FloatArray) -> FloatArray:
-    """(n, 2) j Q_oo jᵀ, from Q_oo (f, K, K) of every frame."""
-    result = np.empty((rays.rays, 2))
-    for first in range(0, rays.rays, _RAYS_AT_A_TIME):
-        part = slice(first, first + _RAYS_AT_A_TIME)
-        j = rays.by_others[part]
-        result[part] = np.sum((j @ of_frame[rays.frame[part]]) * j, axis=2)
+    """(n, 2) j Q_oo jᵀ, from Q_oo (f, K, K) of every frame: the rays of a frame together, its free columns only."""
+    result = np.zeros((rays.rays, 2))
+    order = np.argsort(rays.frame, kind="stable")
+    ends = np.cumsum(np.bincount(rays.frame, minlength=len(of_frame)))
+    for frame, (first, end) in enumerate(zip(np.concatenate([[0], ends[:-1]]), ends, strict=True)):
+        here, free = order[first:end], np.flatnonzero(rays.columns[frame] >= 0)
+        if len(here) and len(free):
+            j = rays.by_others[here][:, :, free]
+            result[here] = np.sum((j @ of_frame[frame][np.ix_(free, free)]) * j, axis=2)
     return result
