@@ -7,8 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-
 
 class ExitCode(IntEnum):
     """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
@@ -68,6 +66,8 @@ MANY_NAMES = 20_000
 
 def _alike(name: str, names: list[str]) -> list[str]:
     """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
+    import numpy as np
+
     width = len(name) + 1
     score = np.zeros(len(names), dtype=np.int64)
     for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):

@@ -15,7 +15,12 @@ def test_events_tell_phases_iterations_and_the_end(tmp_path: Path) -> None:
     arguments = ["adjust", str(PROJECT), "-o", str(folder), "--quiet", "--no-html", "--events", str(log)]
     assert run([*arguments, "--strict"]) == 1
     events = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
-    assert [e["name"] for e in events if e["event"] == "phase"] == ["reading", "adjusting", "writing"]
+    assert [e["name"] for e in events if e["event"] == "phase"] == [
+        "reading",
+        "adjusting",
+        "precision and reliability",
+        "writing",
+    ]
     steps = [e for e in events if e["event"] == "iteration"]
     expected = json.loads((folder / "results.json").read_text(encoding="utf-8"))["iteration_log"]
     assert [{k: v for k, v in step.items() if k != "event"} for step in steps] == expected
