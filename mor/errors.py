@@ -66,7 +66,7 @@ MANY_NAMES = 20_000
 
 def _alike(name: str, names: list[str]) -> list[str]:
     """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
-    import numpy as np  # takes a while, and help texts need none of it
+    import numpy as np
 
     width = len(name) + 1
     score = np.zeros(len(names), dtype=np.int64)

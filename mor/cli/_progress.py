@@ -101,7 +101,7 @@ class Progress:
         self.steps.append(step)
         if self.status is not None:
             self.status.update(iteration_table(self.steps, "adjusting …"))
-        elif not self.quiet:
+        elif self.verbose and not self.quiet:
             click.echo(iteration_line(step), err=True)
 
     def _leave_iterations(self) -> None:

@@ -13,13 +13,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import polars as pl
 
 from mor.errors import Problem
-from mor.geometry.arrays import SmallIntArray
+from mor.geometry.arrays import IntArray, SmallIntArray
 from mor.project.columns import Column, Source, tell_rows
 from mor.project.model import Table
 
+_PART = 1 << 24
+"""Bytes of a file that are looked at together."""
 _SKIPPED = "skip {}"
 """Name of a column that is left out."""
 
@@ -88,7 +91,7 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
     if delimiter == " ":
         text = re.sub(rb"[ \t]+", b" ", text).replace(b" \n", b"\n").replace(b"\n ", b"\n").strip(b" ")
     data = np.frombuffer(text, dtype=np.uint8)
-    ends = np.flatnonzero(data == ord("\n"))
+    ends = _line_ends(data)
     if text and not text.endswith(b"\n"):
         ends = np.append(ends, len(text))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -97,6 +100,13 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
     full = np.logical_or.reduceat(data > ord(" "), starts) if len(ends) else np.zeros(0, dtype=bool)
     kept = np.repeat(full, ends - starts + 1)[: len(data)]
     return _Text(data[kept].tobytes(), (np.flatnonzero(full) + 1).astype(np.int32))
+
+
+def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
+    """Places of the line ends, looked for in one part of the file after the other."""
+    starts = range(0, len(data), _PART)
+    found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in starts]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
 def _without_comments(text: bytes) -> bytes:

@@ -62,19 +62,28 @@ def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> No
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        for name, write in writers.items():
-            write(beside / name)
-        beside.chmod(0o755)
-        if not folder.exists():
-            beside.rename(folder)
-            return
-        for name in writers:
-            os.replace(beside / name, folder / name)
-        for path in folder.iterdir():
-            if path.name not in writers and _is_result(path.name):
-                path.unlink()
-    finally:
+        try:
+            _write_beside(folder, beside, writers)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+    except KeyboardInterrupt:
+        # polars raises an interruption by itself, and Python once more: it may have hit the clearing away
         shutil.rmtree(beside, ignore_errors=True)
+        raise
+
+
+def _write_beside(folder: Path, beside: Path, writers: Mapping[str, Writer]) -> None:
+    for name, write in writers.items():
+        write(beside / name)
+    beside.chmod(0o755)
+    if not folder.exists():
+        beside.rename(folder)
+        return
+    for name in writers:
+        os.replace(beside / name, folder / name)
+    for path in folder.iterdir():
+        if path.name not in writers and _is_result(path.name):
+            path.unlink()
 
 
 def _is_result(name: str) -> bool:

@@ -177,3 +177,20 @@ def test_interrupted_in_the_middle_of_a_table(
         write_results(solved, document, project.parent, tmp_path / "out", True, choice)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_interrupted_once_more_while_clearing_away(
+    solved: Solved, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(rows: int) -> None:
+        raise KeyboardInterrupt
+
+    def clearing(path: Path, ignore_errors: bool) -> None:
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mor.report.folder.shutil.rmtree", clearing)
+    choice = Choice(html=False, done=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_results(solved, read_document(project), project.parent, tmp_path / "out", False, choice)
+    assert not list(tmp_path.iterdir())

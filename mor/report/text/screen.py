@@ -61,24 +61,17 @@ def _worst(solved: Solved, words: Words) -> list[str]:
     quality = solved.quality
     if quality is None:
         return []
-    found: list[tuple[float, int, int, int]] = []
-    for number, outcome in enumerate(quality.reliability):
-        size = np.where(np.isfinite(outcome.test), np.abs(outcome.test), -1.0)
-        for flat in np.argsort(-size, axis=None, kind="stable")[:WORST]:
-            row, component = divmod(int(flat), size.shape[1])
-            if size[row, component] >= 0.0:
-                found.append((float(size[row, component]), number, row, component))
     lines = []
-    for test, number, row, component in sorted(found, key=lambda entry: -entry[0])[:WORST]:
+    for effect in solved.effects[:WORST]:
+        group, row, component = effect.entry
         line = words(
             "Worst: {place}: |w| = {w}, r = {r}",
-            place=_named(place(solved.adjustment.problem.groups[number], row, component), words),
-            w=fixed(test, 2),
-            r=fixed(float(quality.groups[number].r[row, component]), 2),
+            place=_named(place(solved.adjustment.problem.groups[group], row, component), words),
+            w=fixed(abs(effect.test), 2),
+            r=fixed(effect.r, 2),
         )
-        lines.append(
-            line + (f" ({words.listed('flagged')})" if quality.flagged[number][row, component] else "")
-        )
+        flagged = quality.flagged[group][row, component]
+        lines.append(f"{line} ({words.listed('flagged')})" if flagged else line)
     return lines
 
 
