@@ -108,7 +108,8 @@ def fastest(work: Callable[[], object], times: int) -> Seconds:
 
 def sizes_of(problem: Problem, scene: scenes.Scene) -> dict[str, int]:
     """Numbers of observations, unknowns and image points."""
-    image_points = len(scene.image) if isinstance(scene, scenes.Block) else 0
+    block = scene.block if isinstance(scene, scenes.Mixed) else scene
+    image_points = len(block.image) if isinstance(block, scenes.Block) else 0
     return {
         "observations": problem.observations,
         "unknowns": problem.index.count,
