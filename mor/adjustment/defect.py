@@ -52,10 +52,11 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     span, sizes, _ = np.linalg.svd(generators, full_matrices=False)
     span = span[:, sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)]
     deformation = on_points - span @ (span.T @ on_points)
-    _, stretches, right = np.linalg.svd(deformation, full_matrices=True)
+    # The triangle of QR has the same stretches: the left side of a hundred thousand points would fill the memory.
+    _, stretches, right = np.linalg.svd(np.linalg.qr(deformation, mode="r"), full_matrices=True)
     stretches = np.concatenate([stretches, np.zeros(len(right) - len(stretches))])
     rigid = right[stretches <= _SMALL].T
-    _, motion, inner = np.linalg.svd(on_points @ rigid, full_matrices=True)
+    _, motion, inner = np.linalg.svd(np.linalg.qr(on_points @ rigid, mode="r"), full_matrices=True)
     motion = np.concatenate([motion, np.zeros(len(inner) - len(motion))])
     datum = basis @ rigid @ inner[motion > _SMALL].T
     undetermined = loose_directions(basis, datum, problem.index)
