@@ -11,14 +11,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.frames import SLACKS, Frame
-from mor.approximate.intersect_points import SMALLEST_ANGLE, meet, posed_frames
+from mor.approximate.intersect_points import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.approximate.part import Part
 from mor.approximate.pose_frame import pose_frame
+from mor.approximate.settle import settle
 from mor.approximate.sightings import Sightings
 from mor.geometry.arrays import IntArray
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
+SHARE = 0.5
+"""Frames are posed in one round that see so large a part of the most known points that any of them sees."""
+FIRST = 200
+"""Frames just joined to given positions that settle with those posed first."""
+BATCH = 6
+"""Frames at least that are posed before they settle."""
+FRONT = 5
+"""Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial block."""
 FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 
@@ -35,24 +44,44 @@ def grow_bundles(
     refused = np.zeros(seen.frames, dtype=np.int64)
     counts = _seen(seen, np.flatnonzero(np.isfinite(part.points).all(axis=1)))
     posed = sorted(part.poses)
+    just_tied = part.place_sigma > 0.0 and len(posed) <= FIRST
+    front = [[number for number in posed if just_tied and frames[number].name in part.how]]
     before, grown = len(posed), False
     while True:
-        for number in posed:
-            part.seen_by[frames[number].points] = number
-            poses.centres[number], poses.turns[number] = part.poses[number]
-        points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(frames[n].points for n in posed)]))
-        points = points[~part.fixed[points]]
-        known = part.known(points)
-        found = meet(points, seen, poses, max(part.slack, SLACKS[1]))
-        part.points[points[found.good]] = found.X[found.good]
-        fresh = points[found.good & ~known]
+        _enter(part, frames, poses, posed)
+        fresh = _intersect(part, frames, seen, poses, posed)
+        if front[-1] and (len(front[-1]) >= BATCH or not posed):
+            moving = [number for batch in front for number in batch]
+            settle(part, frames, seen, poses, moving)
+            _intersect(part, frames, seen, poses, moving)
+            front = [*front[-FRONT:], []]
         counts += _seen(seen, fresh)
         paused = most is not None and len(part.poses) - before >= most
         without = np.isnan(poses.centres[:, 0])
         posed = [] if paused else _pose_best(part, frames, np.where(without, counts, 0), refused, fewest)
+        front[-1].extend(posed)
         grown |= bool(len(fresh) or posed)
         if not (len(fresh) or posed) or paused:
             return grown
+
+
+def _enter(part: Part, frames: Sequence[Frame], poses: PosedFrames, numbers: Sequence[int]) -> None:
+    for number in numbers:
+        part.seen_by[frames[number].points] = number
+        poses.centres[number], poses.turns[number] = part.poses[number]
+
+
+def _intersect(
+    part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFrames, posed: Sequence[int]
+) -> IntArray:
+    """Intersect the points that some frames see, also again; those newly known."""
+    points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(frames[n].points for n in posed)]))
+    points = points[~part.fixed[points]]
+    known = part.known(points)
+    found = meet(points, seen, poses, max(part.slack, SLACKS[1]))
+    part.points[points[found.good]] = found.X[found.good]
+    fresh: IntArray = points[found.good & ~known]
+    return fresh
 
 
 def _seen(seen: Sightings, points: IntArray) -> IntArray:
@@ -67,7 +96,7 @@ def _pose_best(
     usable = (counts >= fewest) & (counts > refused)
     posed: list[int] = []
     while usable.any() and not posed:
-        threshold = max(fewest, int(0.5 * counts[usable].max()))
+        threshold = max(fewest, int(SHARE * counts[usable].max()))
         chosen = np.flatnonzero(usable & (counts >= threshold))
         for number in chosen[np.argsort(-counts[chosen], kind="stable")].tolist():
             if pose_frame(part, frames[number], number):

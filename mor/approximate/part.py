@@ -37,7 +37,7 @@ class Part:
     sigma: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
     place_sigma: float = 0.0
-    """σ with which given positions of frames were found to agree with the rays; counts where their own is smaller."""
+    """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""

@@ -23,11 +23,7 @@ _EXACT = 1e-6
 
 def pose_frame(part: Part, frame: Frame, number: int) -> bool:
     """Add the pose of a frame to the part; true where the points it sees allow one."""
-    known = np.flatnonzero(part.known(frame.points))
-    if len(known) > _SAMPLE:
-        known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
-    targets = part.points[frame.points[known]]
-    targets[:, 2] += frame.heights[known]
+    known, targets = _known_points(part, frame)
     if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
         return True
     for slack in [s for s in SLACKS if s >= part.slack]:
@@ -41,6 +37,16 @@ def pose_frame(part: Part, frame: Frame, number: int) -> bool:
             _enter(part, frame, number, pose, agreeing, len(known))
             return True
     return False
+
+
+def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
+    """Rays of a frame to known points, not more than it takes, and where these are."""
+    known = np.flatnonzero(part.known(frame.points))
+    if len(known) > _SAMPLE:
+        known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
+    targets = part.points[frame.points[known]]
+    targets[:, 2] += frame.heights[known]
+    return known, targets
 
 
 def _enter(part: Part, frame: Frame, number: int, pose: Pose, agreeing: int, of: int) -> None:
@@ -60,7 +66,7 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
     values, counts = np.unique(neighbours, return_counts=True)
     start = Pose(*part.poses[int(values[counts.argmax()])])
     bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
-    pose = adjust_pose(bundle, targets, start, 15, _observed(part, frame, start, targets))
+    pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
     pose = _tied(part, frame, bundle, targets, pose)
     agreeing = misfits(bundle, star_of(targets, pose)[None])[0] < AGREES
     if np.count_nonzero(agreeing) < 0.8 * len(known):
@@ -71,15 +77,16 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
 
 def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: Pose) -> Pose:
     """The pose that also agrees with a given position, so that nothing drifts away from it."""
-    observed = _observed(part, frame, pose, targets)
+    observed = observed_centre(part, frame, pose, targets)
     return pose if observed is None else adjust_pose(bundle, targets, pose, 15, observed)
 
 
-def _observed(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
+def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
     """Projection centre that a given position says at this attitude, O = X0 + h e_Z − Dᵀ r0*, and its σ."""
     if not part.fixed[frame.position]:
         return None
     lifted = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
     centre = lifted - pose.rotation.T @ frame.offset[1:]
     exact = _EXACT * float(np.max(np.abs(targets - centre)))
-    return Observed(centre, np.maximum(np.fmax(part.sigma[frame.position], part.place_sigma), exact))
+    own = part.sigma[frame.position]
+    return Observed(centre, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact))
