@@ -14,7 +14,7 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("errors", "units"),
+    ("errors", "units", "compilation"),
     ("geometry",),
     ("parameters",),
     ("observations",),

@@ -5,7 +5,10 @@ Images and full theodolite bundles are the same thing here: a frame with unit ra
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,44 +51,78 @@ def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     return np.hypot(sigma, slack)
 
 
+class _Rays(NamedTuple):
+    """Rays of images, image after image."""
+
+    image: IntArray
+    point: IntArray
+    rays: FloatArray
+    sigma: FloatArray
+
+    def take(self, chosen: IntArray | BoolArray | slice) -> _Rays:
+        return _Rays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
+
+
 def image_frames(network: Network) -> list[Frame]:
-    """Frames of all images that have measured points."""
-    frames: dict[
-        tuple[int, int, int], list[tuple[str, FloatArray, FloatArray, IntArray, ObservationGroup, int]]
-    ] = {}
+    """Frames of all images that have measured points; their arrays are parts of common ones."""
+    groups = [group for group in network.groups if group.type.key.partition("/")[0] in ("image", "follower")]
+    if not groups:
+        return []
+    keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
+    found = [_measured_rays(network, group, owners, keys) for group in groups]
+    together = found[0] if len(found) == 1 else _joined(found)
+    order = np.argsort(together.image, kind="stable")
+    together = together.take(order)
+    cuts = np.flatnonzero(np.diff(together.image)) + 1
+    edges = np.concatenate([[0], cuts, [len(order)]])
+    return [
+        _image_frame(network, together.take(slice(start, end)))
+        for start, end in pairwise(edges.tolist())
+        if end > start
+    ]
+
+
+def _joined(found: Sequence[_Rays]) -> _Rays:
+    return _Rays(
+        np.concatenate([one.image for one in found]),
+        np.concatenate([one.point for one in found]),
+        np.concatenate([one.rays for one in found]),
+        np.concatenate([one.sigma for one in found]),
+    )
+
+
+def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:
+    """One number (n,) for the blocks that hold a pose: images of one pose are one frame."""
+    rotations = len(network.blocks["rotation"].ids) + 1
+    relative = blocks.get("relative rotation", np.full(len(blocks["rotation"]), -1))
+    key: IntArray = (blocks["position"] * rotations + blocks["rotation"]) * rotations + relative + 1
+    return key
+
+
+def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _Rays:
+    """Rays of the completely measured rows of a group, and the images they belong to."""
+    slots = zip(group.type.slots, group.blocks, strict=True)
+    blocks = {slot.part: numbers for slot, numbers in slots if slot.of == "image"}
+    rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])
+    image = owners[np.searchsorted(keys, _pose_key(network, blocks))]
+    return _Rays(image, group.blocks[-1], rays, sigma).take(np.asarray(group.mask.all(axis=1)))
+
+
+def _image_frame(network: Network, rays: _Rays) -> Frame:
     images = network.things["image"]
-    for group in network.groups:
-        prefix, _, model = group.type.key.partition("/")
-        if prefix not in ("image", "follower"):
-            continue
-        rays, sigma = _image_rays(network, group, CAMERA_MODELS[model])
-        names = np.array(group.references[0])
-        measured = np.flatnonzero(group.mask.all(axis=1))
-        order = measured[np.argsort(names[measured], kind="stable")]
-        cuts = np.flatnonzero(names[order][1:] != names[order][:-1]) + 1
-        for rows in np.split(order, cuts):
-            number = images.numbers[str(names[rows[0]])]
-            frames.setdefault((number, 0, 0), []).append(
-                (str(names[rows[0]]), rays[rows], sigma[rows], group.blocks[-1][rows], group, number)
-            )
-    return [_image_frame(network, number, parts) for (number, _, _), parts in sorted(frames.items())]
-
-
-def _image_frame(network: Network, number: int, parts) -> Frame:  # type: ignore[no-untyped-def]
-    blocks = {part: int(numbers[number]) for part, numbers in network.things["image"].parts.items()}
-    points = np.concatenate([part[3] for part in parts])
-    relative = None if blocks["base"] < 0 else (blocks["relative rotation"], blocks["base"])
+    number = int(rays.image[0])
+    blocks = {part: int(numbers[number]) for part, numbers in images.parts.items()}
     return Frame(
-        name=f"image {parts[0][0]}",
+        name=f"image {images.ids[number]}",
         position=blocks["position"],
         rotation=blocks["rotation"],
         height=blocks["height"],
         eccentricity=blocks["eccentricity"],
-        relative=relative,
-        points=points,
-        heights=np.zeros(len(points)),
-        rays=np.concatenate([part[1] for part in parts]),
-        sigma=np.concatenate([part[2] for part in parts]),
+        relative=None if blocks["base"] < 0 else (blocks["relative rotation"], blocks["base"]),
+        points=rays.point,
+        heights=np.zeros(len(rays.point)),
+        rays=rays.rays,
+        sigma=rays.sigma,
         offset=_offset(network, blocks["height"], blocks["eccentricity"]),
     )
 

@@ -18,6 +18,7 @@ import numpy as np
 from mor.approximate.bearings_and_arcs import arc_section
 from mor.approximate.polar import bearing, orient
 from mor.approximate.similarity import congruence
+from mor.approximate.vectors import principal_rows
 from mor.geometry.arrays import BoolArray, FloatArray
 
 SEED_PAIRS = 30
@@ -136,10 +137,8 @@ def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[Float
     sine, cosine = np.sin(directions), np.cos(directions)
     # Across the direction r in the instrument: (cos r, −sin r); R turns object into instrument axes by κ.
     rows = np.column_stack([cosine * x - sine * y, cosine * y + sine * x, -cosine, sine])
-    _, values, right = np.linalg.svd(rows)
+    padded, right = principal_rows(rows)
     solution = right[3] / np.hypot(right[3, 0], right[3, 1])
-    padded = np.zeros(4)
-    padded[: len(values)] = values
     c, s, u, v = solution
     if _looking_back(x, y, directions, c, s, u, v):
         c, s, u, v = -c, -s, -u, -v

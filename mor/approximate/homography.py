@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.approximate.bundle import Bundle
-from mor.approximate.vectors import tangent_axes, unit
+from mor.approximate.vectors import principal_rows, tangent_axes, unit
 from mor.geometry.arrays import FloatArray
 
 
@@ -58,7 +58,7 @@ def linear_homography(a: Bundle, b: Bundle) -> FloatArray:
     turn_a, turn_b = _whitening(start), _whitening(target)
     start, target = unit(start @ turn_a.T), unit(target @ turn_b.T)
     rows = np.einsum("nij,nk->njik", tangent_axes(target), start).reshape(-1, 9)
-    solution = np.linalg.svd(rows, full_matrices=True)[2][8].reshape(3, 3)
+    solution = principal_rows(rows)[1][8].reshape(3, 3)
     matrix = np.linalg.solve(turn_b, solution @ turn_a)
     return np.asarray(matrix / np.linalg.norm(matrix))
 

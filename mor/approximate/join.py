@@ -12,6 +12,11 @@ from mor.approximate.sights import Lengths
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
+FEWEST_POSITIONS = 8
+"""Given positions from which a part that is still growing may be tied to them."""
+TURN = 0.01
+"""σ of the turn (radians) up to which given positions tie a part while it is still growing."""
+
 
 def join(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
     """Carry a part into the object system and take over what it knows; true where that was possible."""
@@ -22,7 +27,33 @@ def join(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
         return False
     part.transform(found)
     take_over(system, part)
+    system.place_sigma = max(system.place_sigma, _disagreement(system, part, frames))
     return True
+
+
+def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
+    """Root mean square difference of a coordinate between given positions of frames and those of the joined part."""
+    off = [
+        system.points[frames[number].position] - part.points[frames[number].position]
+        for number in part.poses
+        if system.fixed[frames[number].position]
+    ]
+    return float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
+
+
+def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
+    """True where given positions of most of the frames of a part determine its place and its turns well."""
+    blocks = np.array(sorted({frames[number].position for number in part.poses}), dtype=np.int64)
+    given = blocks[system.fixed[blocks]]
+    if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
+        return False
+    spread_positions(part, frames)
+    source, target = part.points[given], system.points[given]
+    found = (congruence if part.scaled else similarity)(source, target)
+    if found.outcome is not SimilarityOutcome.DETERMINED:
+        return False
+    spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
+    return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
 
 
 def take_over(system: Part, part: Part) -> None:

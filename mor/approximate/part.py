@@ -32,8 +32,12 @@ class Part:
     """Radians that rays are allowed beside their σ."""
     seen_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(point blocks,) a posed frame that sees the point, −1 where there is none."""
-    fixed: set[int] = field(default_factory=set)
-    """Points whose coordinates were given: they are not worked out again."""
+    fixed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """(point blocks,) true where coordinates were given: they are not worked out again."""
+    sigma: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
+    place_sigma: float = 0.0
+    """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
@@ -50,4 +54,9 @@ class Part:
 
 def empty_part(points: int) -> Part:
     """A part of which nothing is known."""
-    return Part(np.full((points, 3), np.nan), seen_by=np.full(points, -1, dtype=np.int64))
+    return Part(
+        np.full((points, 3), np.nan),
+        seen_by=np.full(points, -1, dtype=np.int64),
+        fixed=np.zeros(points, dtype=bool),
+        sigma=np.full((points, 3), np.nan),
+    )

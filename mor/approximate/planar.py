@@ -17,7 +17,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.homography import Homography, fit_homography
 from mor.approximate.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.rinner import nearest_rotation
-from mor.approximate.vectors import unit
+from mor.approximate.vectors import principal_rows, unit
 from mor.geometry.arrays import FloatArray, IntArray
 
 COLLINEAR = 3.0
@@ -102,7 +102,7 @@ def _orientation(
 ) -> PlaneOrientation:
     centre_a, centre_b = in_a.mean(axis=0), in_b.mean(axis=0)
     rotation = nearest_rotation((in_b - centre_b).T @ (in_a - centre_a))
-    normal = np.linalg.svd(in_a - centre_a)[2][2]
+    normal = principal_rows(in_a - centre_a)[1][2]
     distance = float(normal @ centre_a)
     if distance < 0.0:
         normal, distance = -normal, -distance

@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from mor.approximate.vectors import tangent_axes
+from mor.approximate.vectors import principal_rows, tangent_axes
 from mor.geometry.arrays import FloatArray
 
 LINE = 1e-9
@@ -111,9 +111,7 @@ def _principal(
     if not np.all(np.isfinite(points)) or not np.all(weight > 0.0):
         return FitOutcome.INVALID, *nothing
     origin = weight @ points / np.sum(weight)
-    _, found, axes = np.linalg.svd((points - origin) * np.sqrt(weight / np.sum(weight))[:, None])
-    values = np.zeros(3)
-    values[: len(found)] = found
+    values, axes = principal_rows((points - origin) * np.sqrt(weight / np.sum(weight))[:, None])
     if values[0] <= 1e-14 * float(np.max(np.abs(points))):
         return FitOutcome.COINCIDENT, *nothing
     return FitOutcome.DETERMINED, origin, values, axes

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.coplanarity import Coplanarity, in_front
@@ -15,6 +16,8 @@ from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
+BY_ITSELF = 2.9e-7
+"""Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
 APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
 WEAK = 0.1
@@ -62,7 +65,7 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
     if not judged.adjusted:
         return failed(RelativeOutcome.NO_BASE, len(a))
-    chosen, rivals = _choice(a, b, judged.adjusted)
+    chosen, rivals = _choice(a, b, judged)
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     return RelativeOrientation(
@@ -85,20 +88,27 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     )
 
 
-def _choice(a: Bundle, b: Bundle, adjusted: list[Coplanarity]) -> tuple[Coplanarity, list[Coplanarity]]:
-    """Of all that fit the one with most points in front, then of least objective; rivals that are as good."""
+def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
+    """Of all that fit the one with most points in front, then of least objective; rivals that are as good.
+
+    The orientations of a plane fit its collineation equally well, whatever their objectives are: each measures the
+    errors across its own base only, and these are different parts of the same errors. There each is judged by itself.
+    """
+    adjusted = judged.adjusted
     redundancy = len(a) - 5
-    excess = AS_GOOD * max(1.0, adjusted[0].objective / redundancy)
-    limit = max(adjusted[0].objective + excess, redundancy + 5.0 * np.sqrt(2.0 * redundancy))
+    variance = max(1.0, adjusted[0].objective / redundancy)
+    excess = AS_GOOD * variance
+    limit = max(adjusted[0].objective + excess, variance * float(chdtri(redundancy, BY_ITSELF)))
     fitting = [one for one in adjusted if one.objective <= limit]
     chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
+    as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     most = _front_count(a, b, chosen)
     tolerance = APART * float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
         for one in fitting
         if _front_count(a, b, one) >= BEHIND * most
-        and one.objective <= chosen.objective + excess
+        and one.objective <= as_good
         and _distance(one, chosen) > tolerance + 1e-6
     ]
     return chosen, _one_each(rivals, tolerance)

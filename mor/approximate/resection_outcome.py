@@ -17,6 +17,8 @@ AS_GOOD = 25.0
 """Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
 WEAK = 0.1
 """σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is weak."""
+SAME = 1e-4
+"""Rotations of three-point solutions closer than this are one."""
 HALF = 0.5
 """Part of the points that must agree."""
 
@@ -97,7 +99,8 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
             rivals.append(refined[index][0])
     covariance = _covariance(bundle.take(agreeing), points[agreeing], pose)
     spread = float(np.sqrt(np.max(np.diag(covariance)[3:])))
-    rivals = _different(pose, rivals, 8.0 * spread + 1e-6)
+    # Without redundancy every pose fits exactly: two close to one another, near the dangerous cylinder, are two.
+    rivals = _different(pose, rivals, 8.0 * spread + 1e-6 if redundancy > 0 else SAME)
     return Resection(
         _outcome(points, pose, agreeing, rivals, covariance),
         pose.position,

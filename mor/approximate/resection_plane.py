@@ -13,7 +13,7 @@ import numpy as np
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.rinner import nearest_rotation
-from mor.approximate.vectors import cross, tangent_axes, unit
+from mor.approximate.vectors import cross, principal_rows, tangent_axes, unit
 from mor.geometry.arrays import FloatArray
 
 FLAT = 1e-3
@@ -33,12 +33,10 @@ class ObjectPlane(NamedTuple):
 def object_plane(points: FloatArray) -> ObjectPlane:
     """Plane through points (n, 3) by principal axes."""
     origin = points.mean(axis=0)
-    _, values, axes = np.linalg.svd(points - origin, full_matrices=True)
-    padded = np.zeros(3)
-    padded[: len(values)] = values
+    values, axes = principal_rows(points - origin)
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])[:, None]
-    return ObjectPlane(origin, axes, padded / np.sqrt(len(points)))
+    return ObjectPlane(origin, axes, values / np.sqrt(len(points)))
 
 
 def is_plane(plane: ObjectPlane) -> bool:
@@ -55,7 +53,7 @@ def resect_plane(bundle: Bundle, points: FloatArray) -> tuple[FloatArray, FloatA
     flat = np.column_stack([(points - plane.origin) @ plane.axes[:2].T / size, np.ones(len(points))])
     directions = unit(bundle.rays)
     rows = np.einsum("nij,nk->njik", tangent_axes(directions), flat).reshape(-1, 9)
-    matrix = np.linalg.svd(rows, full_matrices=True)[2][8].reshape(3, 3)
+    matrix = principal_rows(rows)[1][8].reshape(3, 3)
     if np.sum(np.einsum("ni,ni->n", flat @ matrix.T, directions)) < 0.0:
         matrix = -matrix
     scale = np.linalg.norm(matrix[:, 0]) + np.linalg.norm(matrix[:, 1])

@@ -35,7 +35,8 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     start = network.start
     part = empty_part(len(network.blocks["point"].ids))
     part.points[:] = start["point"]
-    part.fixed = {int(n) for n in np.flatnonzero(np.isfinite(start["point"]).all(axis=1))}
+    part.fixed = np.asarray(np.isfinite(start["point"]).all(axis=1))
+    part.sigma = network.sigma["point"]
     part.levelled = part.oriented = part.scaled = True
     for number, frame in enumerate(frames):
         rotation, position = start["rotation"][frame.rotation], start["point"][frame.position]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.vectors import cross, unit
+from mor.approximate.vectors import cross, principal_rows, unit
 from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import cross_matrix
 
@@ -54,10 +54,8 @@ def coplanarity_rows(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 
 def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
     """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least value."""
-    _, values, right = np.linalg.svd(rows, full_matrices=True)
-    padded = np.zeros(9)
-    padded[: len(values)] = values
-    return LinearSolution(right[8].reshape(3, 3) * NORM, rows.T @ rows, padded)
+    values, right = principal_rows(rows)
+    return LinearSolution(right[8].reshape(3, 3) * NORM, rows.T @ rows, values)
 
 
 def inhomogeneous_unknowns(rows: FloatArray, lm: tuple[int, int]) -> FloatArray:

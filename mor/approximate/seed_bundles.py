@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -12,19 +14,51 @@ from mor.approximate.frames import SLACKS, Frame, loosened
 from mor.approximate.part import Part, empty_part
 from mor.approximate.relative_outcome import RelativeOutcome
 from mor.approximate.relative_robust import RobustOrientation, robust_relative_orientation
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.approximate.sightings import Sightings
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 PAIRS_TRIED = 24
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+WINDOW = 64
+"""Rays of a point among which frames are paired."""
+FEWEST_COMMON = 8
 _SAMPLE = 80
 
 
-def seed_bundles(frames: Sequence[Frame], free: Sequence[int], points: int) -> Part | None:
-    """A part of two frames, base 1, or ``None`` where no pair of the ``free`` frames can be oriented."""
+class Pairs(NamedTuple):
+    """Pairs of frames that see common points, those with most of them first."""
+
+    first: IntArray
+    second: IntArray
+
+
+def common_pairs(seen: Sightings) -> Pairs:
+    """All pairs of frames with eight common points or more, as far as they are worth a count.
+
+    Sorted by point, the rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
+    a point that ten thousand images see does not make fifty million pairs.
+    """
+    frame, lengths = seen.frame[seen.order], np.diff(seen.pointers)
+    rank = np.arange(len(frame)) - np.repeat(seen.pointers[:-1], lengths)
+    windows = -(-lengths // WINDOW)
+    column = np.repeat(np.cumsum(windows) - windows, lengths) + rank // WINDOW
+    shape = (seen.frames, int(windows.sum()))
+    by_frame = scipy.sparse.csr_array((np.ones(len(frame), dtype=np.int32), (frame, column)), shape=shape)
+    by_frame.data[:] = 1
+    common = scipy.sparse.triu(by_frame @ by_frame.T, k=1).tocoo()
+    enough = np.flatnonzero(common.data >= FEWEST_COMMON)
+    enough = enough[np.argsort(-common.data[enough], kind="stable")]
+    return Pairs(common.row[enough].astype(np.int64), common.col[enough].astype(np.int64))
+
+
+def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points: int) -> Part | None:
+    """A part of two frames, base 1, or ``None`` where no pair of the ``free`` (frames,) ones can be oriented."""
     best: tuple[float, Part] | None = None
-    for tried, (i, j) in enumerate(_pairs(frames, free, points)):
-        if tried >= PAIRS_TRIED and (best is not None or tried >= 4 * PAIRS_TRIED):
+    both = free[pairs.first] & free[pairs.second]
+    first, second = pairs.first[both], pairs.second[both]
+    for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
+        if tried >= PAIRS_TRIED and best is not None:
             break
         found = _oriented(frames, i, j, points)
         if found is not None and (best is None or found[0] > best[0]):
@@ -34,31 +68,19 @@ def seed_bundles(frames: Sequence[Frame], free: Sequence[int], points: int) -> P
     return best[1] if best is not None else None
 
 
-def _pairs(frames: Sequence[Frame], free: Sequence[int], points: int) -> list[tuple[int, int]]:
-    """Pairs of frames by the number of their common points, at most a few for each frame: never all of them."""
-    rows = np.concatenate([np.full(len(frames[n].points), k) for k, n in enumerate(free)])
-    columns = np.concatenate([frames[n].points for n in free])
-    seen = scipy.sparse.csr_array(
-        (np.ones(len(rows), dtype=np.int32), (rows, columns)), shape=(len(free), points)
-    )
-    seen.data[:] = 1
-    common = scipy.sparse.triu(seen @ seen.T, k=1).tocoo()
-    enough = common.data >= 8
-    order = np.argsort(-common.data[enough], kind="stable")
-    first, second = common.row[enough][order].tolist(), common.col[enough][order].tolist()
-    return [(free[i], free[j]) for i, j in _spread(first, second)]
-
-
-def _spread(first: list[int], second: list[int]) -> list[tuple[int, int]]:
+def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
     """The pairs in their order, those of frames that were named often already put off to the end."""
     named: dict[int, int] = {}
-    early: list[tuple[int, int]] = []
-    late: list[tuple[int, int]] = []
-    for i, j in zip(first, second, strict=True):
+    late: list[int] = []
+    for pair, (i, j) in enumerate(zip(first, second, strict=True)):
         times = max(named.get(i, 0), named.get(j, 0))
-        (early if times < 3 else late).append((i, j))
         named[i], named[j] = named.get(i, 0) + 1, named.get(j, 0) + 1
-    return early + late
+        if times < 3:
+            yield int(i), int(j)
+        else:
+            late.append(pair)
+    for pair in late:
+        yield int(first[pair]), int(second[pair])
 
 
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | None:

@@ -15,16 +15,19 @@ import numpy as np
 from mor.approximate.frames import Frame, image_frames, theodolite_frames
 from mor.approximate.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.grow_levelled import grow_levelled
-from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over
+from mor.approximate.join import join, scale_by_lengths, spread_positions, take_over, tied_by_positions
 from mor.approximate.part import Part, empty_part
 from mor.approximate.result import fill_in, starting_part, with_observed
-from mor.approximate.seed_bundles import seed_bundles
+from mor.approximate.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.seed_levelled import seed_levelled
 from mor.approximate.sightings import Sightings, sightings
 from mor.approximate.sights import Terrestrial, terrestrial
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.project.network import Network
+
+FIRST_FRAMES = 20
+"""Frames a part is grown by before given positions are asked whether they tie it."""
 
 
 @dataclass(frozen=True)
@@ -83,15 +86,28 @@ def _scene(network: Network) -> Scene:
     return Scene(frames, sights, sightings(frames, count), count, len(images), measured)
 
 
-def _grow(part: Part, scene: Scene, fewest: int) -> None:
-    """Levelled and bundle growth in turns, until neither adds anything."""
+def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
+    """Levelled and bundle growth in turns, until neither adds anything; false where ``most`` frames made it pause."""
+    before = len(part.poses)
     while True:
         grown = grow_levelled(part, scene.terrestrial) if part.levelled else False
         _poses_of_sets(part, scene)
-        grown |= grow_bundles(part, scene.frames, scene.seen, fewest)
+        grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
         spread_positions(part, scene.frames)
         if not grown:
-            return
+            return True
+        if most is not None and len(part.poses) - before >= most:
+            return False
+
+
+def _grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
+    """Growth of a part of its own, only as far as needed where positions of its frames are given.
+
+    In the object system every given position then holds the growth; alone, a large block would bend.
+    """
+    most = FIRST_FRAMES
+    while not _grow(part, scene, fewest, most) and not tied_by_positions(system, part, scene.frames):
+        most *= 2
 
 
 def _poses_of_sets(part: Part, scene: Scene) -> None:
@@ -110,9 +126,15 @@ def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
     """Parts of their own for what does not tie to the object system, joined one after the other."""
     tried: set[int] = set()
     waiting: list[Part] = []
-    given_up: set[int] = set()
+    given_up = np.zeros(len(scene.frames), dtype=bool)
+    pairs: Pairs | None = None
     while True:
-        part = _seed(system, scene, tried, given_up, waiting)
+        part = seed_levelled(scene.terrestrial, _unknown_stations(system, scene), scene.points, tried)
+        free = _free_frames(system, scene, waiting) & ~given_up
+        if part is None and np.count_nonzero(free) > 1:
+            pairs = common_pairs(scene.seen) if pairs is None else pairs
+            part = seed_bundles(scene.frames, free, pairs, scene.points)
+            given_up |= free if part is None else False
         if part is None and waiting and not system.poses and not system.kappas:
             # Nothing ties any part to what is given: the largest one becomes the object system as it is.
             part = max(waiting, key=_size)
@@ -123,30 +145,22 @@ def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
             continue
         if part is None:
             return
-        _grow(part, scene, fewest)
+        _grow_until_tied(system, part, scene, fewest)
         waiting.append(part)
         _join_all(system, waiting, scene, fewest)
 
 
-def _seed(
-    system: Part, scene: Scene, tried: set[int], given_up: set[int], waiting: list[Part]
-) -> Part | None:
-    elsewhere = {number for part in waiting for number in part.poses} | given_up
-    unknown = {
-        sight.position
-        for sight in scene.terrestrial.sights
-        if np.isnan(system.points[sight.position, :2]).any()
-    }
-    part = seed_levelled(scene.terrestrial, unknown, scene.points, tried)
-    if part is not None:
-        return part
-    free = [n for n in range(len(scene.frames)) if n not in system.poses and n not in elsewhere]
-    if len(free) < 2:
-        return None
-    part = seed_bundles(scene.frames, free, scene.points)
-    if part is None:
-        given_up.update(free)
-    return part
+def _unknown_stations(system: Part, scene: Scene) -> set[int]:
+    places = np.array([sight.position for sight in scene.terrestrial.sights], dtype=np.int64)
+    return set(places[np.isnan(system.points[places, :2]).any(axis=1)].tolist())
+
+
+def _free_frames(system: Part, scene: Scene, waiting: list[Part]) -> BoolArray:
+    """Frames (n,) that neither the object system nor a part has a pose of."""
+    free = np.ones(len(scene.frames), dtype=bool)
+    for part in (system, *waiting):
+        free[list(part.poses)] = False
+    return free
 
 
 def _join_all(system: Part, waiting: list[Part], scene: Scene, fewest: int) -> None:

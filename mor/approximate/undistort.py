@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.approximate.vectors import tangent_axes, unit
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CameraModel
 
 _ITERATIONS = 12
+_CHUNK = 5000
 
 
 def ideal_rays(
@@ -18,34 +20,41 @@ def ideal_rays(
     Newton's method in the tangent plane of the ray, so that fisheye rays beyond 90° are reached too. Where it does not
     converge (a polynomial beyond its range), the ray of the undistorted central projection is kept.
     """
+    rays = np.empty((len(measured), 3))
+    # Some thousand rays at a time stay in the cache, and ten million do not fill the memory with derivatives.
+    for first in range(0, len(measured), _CHUNK):
+        chosen = slice(first, first + _CHUNK)
+        rays[chosen] = _chunk_of_rays(model, interior[chosen], constants[chosen], measured[chosen])
+    return rays
+
+
+def _chunk_of_rays(
+    model: CameraModel, interior: FloatArray, constants: FloatArray, measured: FloatArray
+) -> FloatArray:
     plain = np.concatenate([measured - interior[:, 1:3], -np.abs(interior[:, :1])], axis=1)
-    start = plain / np.linalg.norm(plain, axis=1, keepdims=True)
-    ray = start.copy()
+    start = unit(plain)
+    ray = start
     with np.errstate(all="ignore"):
         for _ in range(_ITERATIONS):
             projection = model.project(ray, interior, constants, measured)
-            across = np.stack(_tangents(ray), axis=2)
+            across = tangent_axes(ray)
             jacobian = projection.by_star @ across
-            determinant = np.linalg.det(jacobian)
-            good = np.isfinite(determinant) & (np.abs(determinant) > 1e-12 * interior[:, 0] ** 2)
-            jacobian[~good] = np.eye(2)
-            wrong = np.where(good[:, None], measured - projection.xy, 0.0)
-            step = np.einsum("nij,nj->ni", np.linalg.inv(jacobian), wrong)
+            step = _solved(jacobian, measured - projection.xy, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
-            ray = ray + np.einsum("nij,nj->ni", across, step)
-            ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+            ray = unit(ray + np.einsum("nij,nj->ni", across, step))
             if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
                 break
         reached = model.project(ray, interior, constants, measured).xy
     missed: BoolArray = np.asarray(~(np.abs(reached - measured).max(axis=1) < 1e-6 * interior[:, 0]))
-    result: FloatArray = np.where(missed[:, None], start, ray)
-    return result
+    return np.where(missed[:, None], start, ray)
 
 
-def _tangents(ray: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors (n, 3) perpendicular to each ray."""
-    helper = np.zeros_like(ray)
-    helper[np.arange(len(ray)), np.argmin(np.abs(ray), axis=1)] = 1.0
-    first = np.cross(ray, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(ray, first)
+def _solved(jacobian: FloatArray, wrong: FloatArray, least: FloatArray) -> FloatArray:
+    """Solutions (n, 2) of n pairs of equations, 0 where their determinant is at most ``least``."""
+    (a, b), (c, d) = np.moveaxis(jacobian, 0, 2)
+    determinant = a * d - b * c
+    good = np.isfinite(determinant) & (np.abs(determinant) > least)
+    divisor = np.where(good, determinant, 1.0)
+    x, y = wrong.T
+    solution = np.stack([d * x - b * y, a * y - c * x], axis=1) / divisor[:, None]
+    return np.where(good[:, None], solution, 0.0)

@@ -25,6 +25,18 @@ def unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.where(length == 0.0, 1.0, length))
 
 
+def principal_rows(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All k singular values of a matrix (n, k), descending, and its right singular vectors (k, k) as rows.
+
+    By the triangle of QR: the left vectors of ten thousand rows, which nobody asks for, would fill the memory.
+    """
+    triangle = np.linalg.qr(matrix, mode="r") if len(matrix) > matrix.shape[1] else matrix
+    _, found, right = np.linalg.svd(triangle, full_matrices=True)
+    values = np.zeros(matrix.shape[1])
+    values[: len(found)] = found
+    return values, right
+
+
 def tangent_axes(normals: FloatArray) -> FloatArray:
     """Two orthonormal vectors (…, 3, 2) across each of the vectors (…, 3)."""
     direction = unit(np.asarray(normals, dtype=float))

@@ -12,9 +12,9 @@ PLAIN = "the Python package numba is missing: same results, but much slower (pip
 @contextmanager
 def compiler_announced(say: Callable[[str], None]) -> Iterator[None]:
     """Within, say once where kernels have to be compiled, or at once where there is no compiler."""
-    from mor.adjustment import compiled
+    from mor import compilation
 
-    if not compiled.available:
+    if not compilation.available:
         say(PLAIN)
-    with compiled.compilation_announced(lambda: say(FIRST_RUN)):
+    with compilation.compilation_announced(lambda: say(FIRST_RUN)):
         yield

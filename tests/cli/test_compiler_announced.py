@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mor.adjustment import compiled
+from mor import compilation
 from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
 
 
@@ -22,7 +22,7 @@ def test_compiling_is_announced_once_and_only_then():
 
 
 def test_a_machine_without_compiler_is_told(monkeypatch):
-    monkeypatch.setattr(compiled, "available", False)
+    monkeypatch.setattr(compilation, "available", False)
     said: list[str] = []
     with compiler_announced(said.append):
         assert said == [PLAIN]
