@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
 from mor.geometry.arrays import FloatArray, IntArray
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import Names
 from mor.project.axes import external_image
@@ -16,6 +18,8 @@ from mor.project.observation_rows import Group, group_name, own_or_common, sigma
 from mor.project.reading import Reading
 from mor.project.tables import Column, Place, Rows
 from mor.units import IMAGE
+
+Repeated = TypeVar("Repeated", FloatArray, IntArray)
 
 
 def units_of_values(entry: Observations) -> Observations:
@@ -85,13 +89,13 @@ def _image_group(
     except UnitError as error:
         reading.problems.append(place.problem(str(error), "units"))
         return None
-    constants = np.concatenate([observed, np.zeros((len(chosen), len(type_.constants) - 2))], axis=1)
+    r0 = 0.0
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
-        constants[:, 2] = reading.edge.number(camera.r0, IMAGE, "", scale)
+        r0 = reading.edge.number(camera.r0, IMAGE, "", scale)
     blocks = tuple(
         points.parts["position"][point.numbers]
         if slot.of == "point"
-        else images.parts[slot.part][image.numbers]
+        else _once(images.parts[slot.part][image.numbers])
         for slot in type_.slots
     )
     group = ObservationGroup(
@@ -99,8 +103,8 @@ def _image_group(
         type=type_,
         blocks=blocks,
         observed=observed,
-        sigma=sigma * entry.factor,
-        constants=constants,
+        sigma=_once(sigma * entry.factor),
+        constants=_constants(CAMERA_MODELS[camera.model], observed, r0),
         references=(image, point),
         external=external_image(scale),
         image_unit=scale.unit,
@@ -110,6 +114,21 @@ def _image_group(
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
     return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _constants(model: CameraModel, observed: FloatArray, r0: float) -> FloatArray:
+    """Constants (n, q) of image coordinates: the measured ones where the model looks at them, and its own."""
+    if model.corrects_measured:
+        own = np.full((len(observed), len(model.constants)), r0)
+        return np.concatenate([observed, own], axis=1)
+    row = np.array([0.0, 0.0, *(r0 for _ in model.constants)])
+    return np.broadcast_to(row, (len(observed), len(row)))
+
+
+def _once(array: Repeated) -> Repeated:
+    """The array (n,) or (n, m), of which only one row is kept where all are the same: ten million of them add up."""
+    same = len(array) > 1 and bool((array == array[0]).all())
+    return np.broadcast_to(array[0], array.shape) if same else array
 
 
 def _image_values(

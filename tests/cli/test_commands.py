@@ -126,7 +126,9 @@ class TestWhatGoesWhere:
         assert run.code == 4
         assert "NO SOLUTION" in run.err
 
-    def test_iterations_are_plain_lines_where_nobody_looks_and_only_if_asked_for(self, tmp_path: Path) -> None:
+    def test_iterations_are_plain_lines_where_nobody_looks_and_only_if_asked_for(
+        self, tmp_path: Path
+    ) -> None:
         run = mor("adjust", write(tmp_path, LEVELLING), "-v")
         assert "\niteration 1: sigma0 / a priori " in run.err
         assert "\x1b" not in run.err

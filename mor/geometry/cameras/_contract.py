@@ -37,3 +37,5 @@ class CameraModel:
     project: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Projection]
     sees_behind: bool = False
     """True where points with Z* ≥ 0 can be imaged (fisheye beyond 180 degrees)."""
+    corrects_measured: bool = False
+    """True where ``project`` looks at the measured coordinates at all."""

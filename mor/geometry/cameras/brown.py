@@ -123,5 +123,6 @@ BROWN = CameraModel(
     ),
     constants=(),
     project=project,
+    corrects_measured=True,
 )
 """Camera model ``brown``."""
