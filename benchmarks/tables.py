@@ -99,7 +99,8 @@ def agreement(cases: Cases) -> Table:
     """Whether Ceres solves the same problem."""
     header = (
         "Same solution?", "σ0, mor", "σ0, Ceres", "vᵀPv, relative difference", "σ of c, relative difference",
-        "Ceres' steps", "its solve, CPU s", "its solve, wall s", "linear algebra",
+        "Ceres' steps", "its solve, CPU s", "its solve, wall s",
+        "steps and CPU s with its default trust region", "linear algebra",
     )  # fmt: skip
     rows = []
     for name, one in cases.items():
@@ -117,6 +118,7 @@ def agreement(cases: Cases) -> Table:
                 str(ceres["iterations"]),
                 _seconds(ceres["solve_cpu"]),
                 _seconds(ceres["fastest_solve_wall"]),
+                _default_radius(ceres),
                 ceres["blas"],
             )
         )
@@ -155,6 +157,12 @@ def judged_figures(cases: Cases) -> Table:
     """What was aimed at, and what this run measured."""
     rows = [(one.what, one.aim, one.measured, "yes" if one.reached else "no") for one in judged(cases)]
     return Table("What was aimed at", ("What", "aim", "measured", "reached"), rows)
+
+
+def _default_radius(ceres: dict[str, Any]) -> str:
+    if "solve_cpu_default_radius" not in ceres:
+        return "–"
+    return f"{ceres['iterations_default_radius']}, {_seconds(ceres['solve_cpu_default_radius'])}"
 
 
 def _machine(machine: dict[str, Any]) -> str:
