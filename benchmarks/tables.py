@@ -176,7 +176,8 @@ def _machine(machine: dict[str, Any]) -> str:
 def _notes(results: dict[str, Any]) -> Iterator[str]:
     busy = [one["load"] for one in results["cases"].values() if one.get("load") is not None]
     if busy:
-        yield f"Processes that wanted a core while this ran (load average), this one included: {min(busy):.1f} to {max(busy):.1f}."
+        span = f"{min(busy):.1f} to {max(busy):.1f}"
+        yield f"Processes that wanted a core while this ran (load average), this one included: {span}."
     gflops = [one["kernel"]["dgemm_gflops"] for one in results["cases"].values()]
     if gflops:
         yield f"dgemm on one core: {min(gflops):.0f} to {max(gflops):.0f} GFLOP/s."
