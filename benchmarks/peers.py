@@ -71,6 +71,9 @@ def adjust_by_ceres(program: Path, block: Path, dense: bool, covariance: bool, b
     result["iteration_cpu_of_solvers"] = {name: one["iteration_cpu"] for name, one in analytic.items()}
     automatic = _run(program, block, blas, best, derivatives="automatic")
     result["iteration_cpu_automatic"] = automatic["iteration_cpu"]
+    careful = _run(program, block, blas, best, more="default-radius")
+    for name in ("iterations", "solve_cpu", "solve_wall"):
+        result[f"{name}_default_radius"] = careful[name]
     quickest = [one["solve_wall"] for one in analytic.values()]
     cores = os.cpu_count() or 1
     if cores > 1:

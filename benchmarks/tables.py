@@ -99,7 +99,8 @@ def agreement(cases: Cases) -> Table:
     """Whether Ceres solves the same problem."""
     header = (
         "Same solution?", "σ0, mor", "σ0, Ceres", "vᵀPv, relative difference", "σ of c, relative difference",
-        "Ceres' steps", "its solve, CPU s", "its solve, wall s", "linear algebra",
+        "Ceres' steps", "its solve, CPU s", "its solve, wall s",
+        "steps and CPU s with its default trust region", "linear algebra",
     )  # fmt: skip
     rows = []
     for name, one in cases.items():
@@ -117,6 +118,7 @@ def agreement(cases: Cases) -> Table:
                 str(ceres["iterations"]),
                 _seconds(ceres["solve_cpu"]),
                 _seconds(ceres["fastest_solve_wall"]),
+                _default_radius(ceres),
                 ceres["blas"],
             )
         )
@@ -157,6 +159,12 @@ def judged_figures(cases: Cases) -> Table:
     return Table("What was aimed at", ("What", "aim", "measured", "reached"), rows)
 
 
+def _default_radius(ceres: dict[str, Any]) -> str:
+    if "solve_cpu_default_radius" not in ceres:
+        return "–"
+    return f"{ceres['iterations_default_radius']}, {_seconds(ceres['solve_cpu_default_radius'])}"
+
+
 def _machine(machine: dict[str, Any]) -> str:
     memory = machine["memory_bytes"] / 2**30
     return (
@@ -168,7 +176,8 @@ def _machine(machine: dict[str, Any]) -> str:
 def _notes(results: dict[str, Any]) -> Iterator[str]:
     busy = [one["load"] for one in results["cases"].values() if one.get("load") is not None]
     if busy:
-        yield f"Processes that wanted a core while this ran, this one included: {min(busy):.1f} to {max(busy):.1f}."
+        span = f"{min(busy):.1f} to {max(busy):.1f}"
+        yield f"Processes that wanted a core while this ran (load average), this one included: {span}."
     gflops = [one["kernel"]["dgemm_gflops"] for one in results["cases"].values()]
     if gflops:
         yield f"dgemm on one core: {min(gflops):.0f} to {max(gflops):.0f} GFLOP/s."
