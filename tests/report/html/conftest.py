@@ -38,6 +38,11 @@ def building_view() -> View:
 
 
 @pytest.fixture(scope="session")
+def stereo_view() -> View:
+    return make_view("stereo_rig")
+
+
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
     binary = next(filter(None, map(shutil.which, BROWSERS)), None)

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from mor.report.html.figures.camera import camera_figures
 from mor.report.html.packing import Packer
 from mor.report.html.page import page
 from mor.report.html.page_data import page_data
@@ -109,6 +110,24 @@ def test_very_many_residuals_are_those_with_the_largest_tests(facade_view: View)
     left_out = many.height - MOST_ROWS
     smallest = many["test"].abs().sort(nulls_last=True).head(left_out)
     assert smallest[-1] <= shown["test"].abs().drop_nulls().min()  # type: ignore[operator]
+
+
+def test_ellipses_of_confidence_have_a_scale(facade_view: View) -> None:
+    """The bar is at the scale of the vectors; for the ellipses it stands for as much less as they are enlarged more."""
+    field = camera_figures(page_data(facade_view))[0]["field"]
+    scales = [float(trace["name"].split("× ")[1]) for trace in field["data"] if "×" in trace.get("name", "")]
+    assert scales == [20.0, 200.0]
+    bar = next(shape for shape in field["layout"]["shapes"] if shape["type"] == "line")
+    assert field["layout"]["annotations"][0]["text"] == "0.1 mm; 10 µm in the ellipses"
+    assert bar["x1"] - bar["x0"] == pytest.approx(0.1 * scales[0])
+    assert bar["x1"] - bar["x0"] == pytest.approx(0.010 * scales[1])
+
+
+def test_fixed_cameras_have_no_confidence(stereo_view: View) -> None:
+    figures = camera_figures(page_data(stereo_view))[0]
+    assert [t["name"] for t in figures["curve"]["data"]] == ["radial distortion"]
+    assert not any("confidence" in t.get("name", "") for t in figures["field"]["data"])
+    assert "ellipses" not in figures["field"]["layout"]["annotations"][0]["text"]
 
 
 @pytest.mark.parametrize(

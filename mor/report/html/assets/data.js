@@ -58,9 +58,14 @@ function roundLength(x) {
   const power = 10 ** Math.floor(Math.log10(x));
   return power * [5, 2, 1].find((step) => step * power <= x * (1 + 1e-12));
 }
-function readable(x, unit) {
-  const finer = { m: [["mm", 1e3], ["\u00b5m", 1e6]], mm: [["\u00b5m", 1e3]] }[unit] || [];
+// Unit and factor in which a length reads well: mm instead of 0.0004 m
+function finer(x, unit) {
+  const smaller = { m: [["mm", 1e3], ["\u00b5m", 1e6]], mm: [["\u00b5m", 1e3]] }[unit] || [];
   let said = [unit, 1];
-  for (const [name, factor] of finer) if (x * said[1] < 0.1) said = [name, factor];
-  return `${Number((x * said[1]).toPrecision(4))} ${said[0]}`;
+  for (const [name, factor] of smaller) if (x * said[1] < 0.1) said = [name, factor];
+  return said;
+}
+function readable(x, unit) {
+  const [name, factor] = finer(x, unit);
+  return `${Number((x * factor).toPrecision(4))} ${name}`;
 }

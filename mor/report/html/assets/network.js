@@ -74,7 +74,8 @@ function pointTrace(x, y, z) {
     const values = points.columns[network.colour].values;
     const sorted = rows.map((k) => values[k]).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
     const at = (share) => sorted[Math.floor(share * (sorted.length - 1))];
-    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: at(0.02), cmax: at(0.98), showscale: true, colorbar: { title: { text: `${title} [${unit}]`, side: "right" }, thickness: 14, len: 0.7 } });
+    const [said, factor] = finer(at(0.98), unit);
+    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : factor * values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: factor * at(0.02), cmax: factor * at(0.98), showscale: true, colorbar: { title: { text: `${title} [${said}]`, side: "right" }, thickness: 14, len: 0.7 } });
   }
   const column = (name) => rows.map((k) => points.columns[name].values[k]);
   const trace = { mode: "markers", name: say("points"), meta: "points", marker, x: column(x), y: column(y), text: rows.map((k) => value(points, "id", k)), customdata: rows.map((k) => ["point", k]), hovertemplate: `%{text}<br>${x.toUpperCase()} %{x:.4f} ${meta.length}<br>${y.toUpperCase()} %{y:.4f} ${meta.length}<extra></extra>` };

@@ -11,7 +11,7 @@ const charts = new Map();
 function css(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
 
 function themed(layout) {
-  const axis = { gridcolor: css("--grid"), zerolinecolor: css("--line"), linecolor: css("--line"), automargin: true };
+  const axis = { exponentformat: "power", minexponent: 5, gridcolor: css("--grid"), zerolinecolor: css("--line"), linecolor: css("--line"), automargin: true };
   const result = {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     font: { color: css("--ink"), family: 'system-ui, "Segoe UI", "DejaVu Sans", sans-serif', size: 12 },
@@ -22,7 +22,7 @@ function themed(layout) {
   };
   for (const name of ["xaxis", "yaxis"]) result[name] = { ...axis, ...result[name] };
   if (layout.scene) {
-    const wall = { gridcolor: css("--line"), zerolinecolor: css("--line"), color: css("--ink"), showbackground: false };
+    const wall = { exponentformat: "power", minexponent: 5, gridcolor: css("--line"), zerolinecolor: css("--line"), color: css("--ink"), showbackground: false };
     result.scene = { ...layout.scene };
     for (const name of ["xaxis", "yaxis", "zaxis"]) result.scene[name] = { ...wall, ...layout.scene[name] };
   }

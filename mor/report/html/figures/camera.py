@@ -94,7 +94,7 @@ def distortion_curve(camera: dict[str, Any], area: Window, words: Words = ENGLIS
         "hovertemplate": f"r %{{x:.3f}} {camera['unit']}: %{{y:.4g}} ± %{{customdata:.2g}} {unit} (σ)<extra></extra>",
     }
     return figure(
-        [band, line],
+        [band, line] if curve.sigma.any() else [line],
         words("distance from the principal point [{unit}]", unit=camera["unit"]),
         words("distortion [{unit}]", unit=unit),
     )
@@ -114,18 +114,26 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLIS
     around = _ellipses(tips, outcome.covariance, enlarged * _AROUND)
     unit = str(camera["unit"])
     traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)
-    traces.append(
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
-            "x": around[0],
-            "y": around[1],
-            "line": {"color": ORANGE, "width": 1.2},
-            "hoverinfo": "skip",
-        }
-    )
-    return _image_chart(traces, unit, area, _scale_bar(size, scale, unit, area))
+    bar = _scale_bar(size, scale, unit, area)
+    if largest > 0.0:
+        traces.append(_confidence(around, words, enlarged))
+        said, factor = small_unit(unit, round_length(size) * scale / enlarged)
+        length = f"{round_length(size) * scale / enlarged * factor:g} {said}"
+        bar["annotations"][0]["text"] += words("; {length} in the ellipses", length=length)
+    return _image_chart(traces, unit, area, bar)
+
+
+def _confidence(around: tuple[list[Any], list[Any]], words: Words, enlarged: float) -> dict[str, Any]:
+    """The ellipses of confidence as one line."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
+        "x": around[0],
+        "y": around[1],
+        "line": {"color": ORANGE, "width": 1.2},
+        "hoverinfo": "skip",
+    }
 
 
 def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:

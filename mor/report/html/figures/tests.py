@@ -55,15 +55,17 @@ def _limit(x: float) -> dict[str, object]:
     }
 
 
-def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: bool = False) -> Figure:
-    """Counts of values; whole numbers each for itself."""
+def histogram(
+    values: FloatArray, x: str, y: str, colour: str = BLUE, whole: bool = False, top: float = 0.0
+) -> Figure:
+    """Counts of values from 0 to the largest, at least to ``top``; whole numbers each for itself."""
     there = values[np.isfinite(values)]
     if whole:
-        top = int(there.max(initial=1))
-        step = max(1, top // _BARS)
-        edges = np.arange(-0.5, top + step + 0.5, step)
+        last = int(there.max(initial=1))
+        step = max(1, last // _BARS)
+        edges = np.arange(-0.5, last + step + 0.5, step)
     else:
-        high = float(there.max(initial=0.0)) or 1.0
+        high = float(there.max(initial=top)) or 1.0
         edges = np.linspace(0.0, high, 41)
     count = np.histogram(there, edges)[0]
     bars = {
@@ -74,7 +76,8 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
         "marker": {"color": colour},
         "hovertemplate": "%{x}: %{y}<extra></extra>",
     }
-    return figure([bars], x, y, bargap=0.04, showlegend=False)
+    xaxis = {"range": [float(edges[0]), float(edges[-1])]}
+    return figure([bars], x, y, xaxis=xaxis, bargap=0.04, showlegend=False)
 
 
 def redundancy_of_frames(data: PageData) -> Figure | None:
@@ -116,7 +119,11 @@ def test_figures(data: PageData) -> dict[str, Figure]:
     figures = {
         "w": normal_histogram(tested, data.view.critical, words),
         "r": histogram(
-            used["r"].drop_nulls().to_numpy(), words("redundancy number r [1]"), words("observations"), GREEN
+            used["r"].drop_nulls().to_numpy(),
+            words("redundancy number r [1]"),
+            words("observations"),
+            GREEN,
+            top=1.0,
         ),
     }
     by_frame = redundancy_of_frames(data)
