@@ -18,7 +18,6 @@ from __future__ import annotations
 import contextlib
 import difflib
 import io
-import os
 import re
 import shlex
 import subprocess
@@ -234,5 +233,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("COLUMNS", "100")
     raise SystemExit(main(sys.argv[1:]))
