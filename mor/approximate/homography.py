@@ -27,6 +27,8 @@ class Homography(NamedTuple):
     redundancy: int
     same_side: bool
     """True if every ray of B is a positive multiple of H times its ray of A."""
+    covariance: FloatArray
+    """(9, 9) of the elements of H, row by row, up to their common scale; for the a-priori σ of the rays."""
 
 
 def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
@@ -46,10 +48,35 @@ def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
         matrix = matrix / np.linalg.norm(matrix)
         if float(np.max(np.abs(step))) < 1e-13:
             break
-    _, residuals, _ = _conditions(a, b, matrix, corrections)
-    matrix, same_side = scaled_homography(matrix, a.rays, b.rays)
+    design, residuals, _ = _conditions(a, b, matrix, corrections)
+    scaled, same_side = scaled_homography(matrix, a.rays, b.rays)
     lengths = np.linalg.norm(residuals.reshape(-1, 2), axis=1)
-    return Homography(matrix, lengths, float(residuals @ residuals), 2 * len(a) - 8, same_side)
+    covariance = _covariance(design, matrix) * float(np.sum(scaled**2))
+    return Homography(scaled, lengths, float(residuals @ residuals), 2 * len(a) - 8, same_side, covariance)
+
+
+def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Of the elements of H at norm one; their common scale, which is no unknown, is held."""
+    scale = matrix.ravel() / np.linalg.norm(matrix)
+    rows = design - np.outer(design @ scale, scale)
+    normal = rows.T @ rows
+    held = normal + np.trace(normal) * np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
+
+
+def significance_of_gaps(homography: Homography) -> float:
+    """The smaller of ln(σ1/σ2) and ln(σ2/σ3) of the singular values of H, in units of its standard deviation.
+
+    Where two singular values are equal both centres lie on one normal of the plane.
+    """
+    left, values, right = np.linalg.svd(homography.matrix)
+    slopes = [np.outer(left[:, k], right[k]).ravel() / values[k] for k in range(3)]
+    gaps = []
+    for k in (0, 1):
+        slope = slopes[k] - slopes[k + 1]
+        sigma = np.sqrt(max(float(slope @ homography.covariance @ slope), 1e-300))
+        gaps.append(float(np.log(values[k] / values[k + 1])) / sigma)
+    return min(gaps)
 
 
 def linear_homography(a: Bundle, b: Bundle) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from mor.approximate.bundle import Bundle
-from mor.approximate.homography import Homography, fit_homography
+from mor.approximate.homography import Homography, fit_homography, significance_of_gaps
 from mor.approximate.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.rinner import nearest_rotation
 from mor.approximate.vectors import principal_rows, unit
@@ -22,6 +22,9 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
+
+CERTAIN = 5.0
+"""Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded."""
 
 
 class PlaneOutcome(Enum):
@@ -34,8 +37,8 @@ class PlaneOutcome(Enum):
     COLLINEAR = "three of four points, or all, lie in one line"
     NO_BASE = "no base: the second image is the first one turned, the shape of the plane is open"
     BASE_ALONG_NORMAL = (
-        "dangerous locus: both projection centres lie on one normal of the plane; the two solutions coincide "
-        "and errors of the image coordinates enter with their square root"
+        "dangerous locus: both projection centres lie on one normal of the plane, or the measurements cannot tell; "
+        "the two solutions coincide and errors of the image coordinates enter with their square root"
     )
     NOT_VISIBLE = (
         "no solution has all points in front of both images: mirrored coordinates or mismatched points"
@@ -208,12 +211,12 @@ def _three_in_line(bundle: Bundle) -> bool:
 def _outcome(homography: Homography, solutions: list[PlaneOrientation], a: Bundle, b: Bundle) -> PlaneOutcome:
     values = np.linalg.svd(homography.matrix, compute_uv=False)
     noise = np.hypot(a.noise, b.noise) / max(min(thickness(a), thickness(b)), 1e-300)
-    spread, gaps = values[0] - values[2], (values[0] - values[1], values[1] - values[2])
+    spread = values[0] - values[2]
     visible = sum(solution.front == len(a) for solution in solutions)
     if spread < COLLINEAR * noise:
         return PlaneOutcome.NO_BASE
     if not homography.same_side or visible == 0:
         return PlaneOutcome.NOT_VISIBLE
-    if min(gaps) < COLLINEAR * noise:
+    if significance_of_gaps(homography) < CERTAIN:
         return PlaneOutcome.BASE_ALONG_NORMAL
     return PlaneOutcome.UNIQUE if visible == 1 else PlaneOutcome.AMBIGUOUS

@@ -44,23 +44,56 @@ def test_exactly_eight_points_are_enough(scenes):
         assert distance(found, *scenes.relative_truth(made.cameras)) < 1e-9
 
 
-def test_another_library_finds_the_same_orientation_and_four_candidates(scenes):
-    cv2 = pytest.importorskip("cv2")
-    turned = np.diag([1.0, -1.0, -1.0])  # x right, y down, looking along +z
-    for seed in range(10):
+TURNED = np.diag([1.0, -1.0, -1.0])
+"""Between image axes x right, y up, looking along −z, and those of OpenCV: y down, looking along +z."""
+
+
+def opencv_pose(cv2, matrix, a, b):
+    """Base and rotation in our axes that OpenCV takes from an essential matrix, with the points in front."""
+    count, rotation, shift, _ = cv2.recoverPose(matrix, a, b, np.eye(3))
+    assert count == len(a)
+    return -TURNED @ rotation.T @ shift.ravel(), TURNED @ rotation @ TURNED
+
+
+def test_without_noise_the_orientation_is_exact(scenes):
+    for seed in range(100):
         made = scenes.scene(seed, n=20)
-        found = oriented(made)
+        assert distance(oriented(made), *scenes.relative_truth(made.cameras)) < 1e-12
+
+
+def test_another_library_finds_the_same_orientation(scenes):
+    """To 1e-9. OpenCV keeps the solution of one sample of five points, which alone can cost it that many digits:
+
+    where its own distance from the truth is larger (1 scene in 20) its digits are the limit, not ours. The essential
+    matrix of all points, from the linear system and decomposed by OpenCV, has no such limit.
+    """
+    cv2 = pytest.importorskip("cv2")
+    sharp = 0
+    for seed in range(40):
+        made = scenes.scene(seed, n=20)
+        found, truth = oriented(made), scenes.relative_truth(made.cameras)
         a, b = (rays[:, :2] / scenes.c * [1.0, -1.0] for rays in made.rays)
-        matrix = cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, 1e-8)[0][:3]
-        count, rotation, shift, _ = cv2.recoverPose(matrix, a, b, np.eye(3))
-        assert count == 20
-        np.testing.assert_allclose(found.rotation, turned @ rotation @ turned, atol=1e-8)
-        np.testing.assert_allclose(found.base, -turned @ rotation.T @ shift.ravel(), atol=1e-8)
-        r1, r2, t = cv2.decomposeEssentialMat(turned @ found.unknowns.T @ turned)
+        sampled = opencv_pose(
+            cv2, cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, 1e-8)[0][:3], a, b
+        )
+        own = np.linalg.norm(sampled[0] - truth[0]) + np.linalg.norm(sampled[1] - truth[1]) / np.sqrt(2)
+        sharp += own < 1e-9
+        assert distance(found, *sampled) < max(1e-9, 1.001 * own)
+        rows = np.einsum("ni,nj->nij", np.c_[b, np.ones(20)], np.c_[a, np.ones(20)]).reshape(20, 9)
+        linear = opencv_pose(cv2, np.linalg.svd(rows)[2][8].reshape(3, 3), a, b)
+        assert distance(found, *linear) < 1e-12
+    assert sharp >= 36
+
+
+def test_another_library_decomposes_into_the_same_four_candidates(scenes):
+    cv2 = pytest.importorskip("cv2")
+    for seed in range(10):
+        found = oriented(scenes.scene(seed, n=20))
+        r1, r2, t = cv2.decomposeEssentialMat(TURNED @ found.unknowns.T @ TURNED)
         for rotation in (r1, r2):
             for sign in (1.0, -1.0):
-                base = -sign * turned @ rotation.T @ t.ravel()
-                candidates = [distance(c, base, turned @ rotation @ turned) for c in found.candidates]
+                base = -sign * TURNED @ rotation.T @ t.ravel()
+                candidates = [distance(c, base, TURNED @ rotation @ TURNED) for c in found.candidates]
                 assert min(candidates) < 1e-9
 
 
