@@ -71,7 +71,7 @@ def significance_of_gaps(homography: Homography) -> float:
     """
     left, values, right = np.linalg.svd(homography.matrix)
     slopes = [np.outer(left[:, k], right[k]).ravel() / values[k] for k in range(3)]
-    gaps = []
+    gaps: list[float] = []
     for k in (0, 1):
         slope = slopes[k] - slopes[k + 1]
         sigma = np.sqrt(max(float(slope @ homography.covariance @ slope), 1e-300))
