@@ -101,7 +101,7 @@ def _step(
     size = np.trace(of_points, axis1=1, axis2=2)
     tie = np.where(size > 0.0, np.where(rays.held, 1e12, _LOOSE) * size, 1.0)
     of_points += tie[:, None, None] * np.eye(3)
-    inverse: FloatArray = np.linalg.inv(of_points)
+    inverse = np.linalg.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
     m = rays.column >= 0
     of_frames = _summed(by_pose[m], by_pose[m], rays.column[m], len(moving))
