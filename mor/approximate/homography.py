@@ -76,7 +76,7 @@ def significance_of_gaps(homography: Homography) -> float:
         slope = slopes[k] - slopes[k + 1]
         sigma = np.sqrt(max(float(slope @ homography.covariance @ slope), 1e-300))
         gaps.append(float(np.log(values[k] / values[k + 1])) / sigma)
-    return min(gaps)
+    return float(min(gaps))
 
 
 def linear_homography(a: Bundle, b: Bundle) -> FloatArray:

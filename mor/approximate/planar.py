@@ -45,6 +45,11 @@ class PlaneOutcome(Enum):
     )
     NOT_PLANE = "the points do not lie in one plane, or identities are mismatched"
 
+    @property
+    def usable(self) -> bool:
+        """True if the solution, or one of several, can serve as a start value."""
+        return self in (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL)
+
 
 class PlaneOrientation(NamedTuple):
     """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X = 1."""

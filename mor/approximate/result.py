@@ -14,6 +14,9 @@ from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.project.network import Network
 
+LISTED = 5
+"""Unknowns without a start value that are named one by one."""
+
 
 def with_observed(network: Network) -> dict[str, FloatArray]:
     """Start values, those not given taken from observed parameters."""
@@ -169,7 +172,11 @@ def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[str, ...]:
     words = []
     for kind, values in start.items():
         lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        for number in np.flatnonzero(lost):
-            name = network.blocks[kind].ids[number]
-            words.append(f"{kind} {name}: {reasons.get(kind, 'no start value is given')}")
+        names = [network.blocks[kind].ids[number] for number in np.flatnonzero(lost)]
+        reason = reasons.get(kind, "no start value is given")
+        if len(names) > LISTED:
+            first = ", ".join(names[:LISTED])
+            words.append(f"{kind} {first} and {len(names) - LISTED} more: {reason}")
+        else:
+            words += [f"{kind} {name}: {reason}" for name in names]
     return tuple(words)

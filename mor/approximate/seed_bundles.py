@@ -20,6 +20,8 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 PAIRS_TRIED = 24
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+DOUBTFUL = 2e-3
+"""Slack (radians) from which it is said that rays meet so badly."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 FEWEST_COMMON = 8
@@ -31,10 +33,20 @@ class Pairs(NamedTuple):
 
     first: IntArray
     second: IntArray
+    common: IntArray
+    """Number of points that both see."""
+
+
+class Seed(NamedTuple):
+    """A part of two frames, or why there is none."""
+
+    part: Part | None
+    reason: str
+    """What the best pair lacks, empty where there is a part."""
 
 
 def common_pairs(seen: Sightings) -> Pairs:
-    """All pairs of frames with eight common points or more, as far as they are worth a count.
+    """All pairs of frames that see common points, as far as they are worth a count.
 
     Sorted by point, the rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
     a point that ten thousand images see does not make fifty million pairs.
@@ -47,25 +59,39 @@ def common_pairs(seen: Sightings) -> Pairs:
     by_frame = scipy.sparse.csr_array((np.ones(len(frame), dtype=np.int32), (frame, column)), shape=shape)
     by_frame.data[:] = 1
     common = scipy.sparse.triu(by_frame @ by_frame.T, k=1).tocoo()
-    enough = np.flatnonzero(common.data >= FEWEST_COMMON)
-    enough = enough[np.argsort(-common.data[enough], kind="stable")]
-    return Pairs(common.row[enough].astype(np.int64), common.col[enough].astype(np.int64))
+    order = np.argsort(-common.data, kind="stable")
+    return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points: int) -> Part | None:
-    """A part of two frames, base 1, or ``None`` where no pair of the ``free`` (frames,) ones can be oriented."""
+def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points: int) -> Seed:
+    """A part of two frames, base 1, of the pair of ``free`` (frames,) ones that is oriented best."""
     best: tuple[float, Part] | None = None
-    both = free[pairs.first] & free[pairs.second]
+    reason = ""
+    among = np.flatnonzero(free[pairs.first] & free[pairs.second])
+    both = among[pairs.common[among] >= FEWEST_COMMON]
     first, second = pairs.first[both], pairs.second[both]
+    if len(both) == 0:
+        return Seed(None, _too_few(frames, pairs, among))
     for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
         if tried >= PAIRS_TRIED and best is not None:
             break
         found = _oriented(frames, i, j, points)
-        if found is not None and (best is None or found[0] > best[0]):
+        if isinstance(found, str):
+            reason = reason or found
+            continue
+        if best is None or found[0] > best[0]:
             best = found
         if best is not None and best[0] >= GOOD_ENOUGH:
             break
-    return best[1] if best is not None else None
+    return Seed(None, reason) if best is None else Seed(best[1], "")
+
+
+def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> str:
+    if len(among) == 0:
+        return ""
+    one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
+    common = int(pairs.common[among[0]])
+    return f"{one.name} and {other.name} share {common} points, relative orientation needs {FEWEST_COMMON}"
 
 
 def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
@@ -83,14 +109,14 @@ def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
         yield int(first[pair]), int(second[pair])
 
 
-def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | None:
+def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | str:
     _, at_i, at_j = np.intersect1d(frames[i].points, frames[j].points, return_indices=True)
     if len(at_i) > _SAMPLE:
         chosen = np.linspace(0, len(at_i) - 1, _SAMPLE).astype(int)
         at_i, at_j = at_i[chosen], at_j[chosen]
     found = _with_least_slack(frames[i], frames[j], at_i, at_j)
-    if found is None:
-        return None
+    if isinstance(found, RelativeOutcome):
+        return f"{frames[i].name} and {frames[j].name}, relative orientation: {found.value}"
     slack, result = found
     orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
     angle = _median_angle(
@@ -101,25 +127,35 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     part.poses[i] = (np.zeros(3), np.eye(3))
     part.poses[j] = (orientation.base, orientation.rotation)
     words = f"relative orientation of {frames[i].name} and {frames[j].name}, {count} points"
+    if slack >= DOUBTFUL:
+        words += f", only within {1e3 * slack:g} mrad: camera constant, distortion or identities may be wrong"
     part.how[frames[i].name] = part.how[frames[j].name] = words
     return count * min(angle, 0.6), part
 
 
 def _with_least_slack(
     one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
-) -> tuple[float, RobustOrientation] | None:
-    """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter."""
-    best = None
+) -> tuple[float, RobustOrientation] | RelativeOutcome:
+    """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter.
+
+    Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
+    looseness: they are mirrored.
+    """
+    best: tuple[float, RobustOrientation] | None = None
+    outcome = RelativeOutcome.DOES_NOT_FIT
     for slack in reversed(SLACKS):
         a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
         b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
         result = robust_relative_orientation(a, b)
-        good = result.orientation.outcome is RelativeOutcome.DETERMINED
+        outcome = result.orientation.outcome
+        good = outcome is RelativeOutcome.DETERMINED
         if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(at_one)):
             best = slack, result
         elif best is not None:
             break
-    return best
+    if outcome is RelativeOutcome.DETERMINED:
+        outcome = RelativeOutcome.DOES_NOT_FIT
+    return outcome if best is None or outcome is RelativeOutcome.MIRRORED else best
 
 
 def _median_angle(rays_a: FloatArray, rays_b: FloatArray, rotation: FloatArray) -> float:

@@ -62,11 +62,13 @@ def approximate(network: Network) -> Approximation:
     network = replace(network, start=with_observed(network))
     scene = _scene(network)
     system = starting_part(network, scene.frames)
+    reasons: list[str] = []
     for fewest in (ENOUGH, FEWEST):
         _grow(system, scene, fewest)
-        _orient_the_rest(system, scene, fewest)
+        reasons = _orient_the_rest(system, scene, fewest)
     intersect_the_rest(system, scene.seen)
-    return Approximation(*fill_in(network, system, scene.frames, scene.terrestrial))
+    start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
+    return Approximation(start, how, (*reasons, *missing) if missing else ())
 
 
 def _complete(start: Mapping[str, FloatArray]) -> bool:
@@ -122,8 +124,12 @@ def _poses_of_sets(part: Part, scene: Scene) -> None:
         part.poses[frame] = (centre, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
 
 
-def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
-    """Parts of their own for what does not tie to the object system, joined one after the other."""
+def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> list[str]:
+    """Parts of their own for what does not tie to the object system, joined one after the other.
+
+    Returned is why the frames that are left could not begin a part.
+    """
+    reasons: list[str] = []
     tried: set[int] = set()
     waiting: list[Part] = []
     given_up = np.zeros(len(scene.frames), dtype=bool)
@@ -133,8 +139,9 @@ def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
         free = _free_frames(system, scene, waiting) & ~given_up
         if part is None and np.count_nonzero(free) > 1:
             pairs = common_pairs(scene.seen) if pairs is None else pairs
-            part = seed_bundles(scene.frames, free, pairs, scene.points)
+            part, reason = seed_bundles(scene.frames, free, pairs, scene.points)
             given_up |= free if part is None else False
+            reasons += [reason] if reason else []
         if part is None and waiting and not system.poses and not system.kappas:
             # Nothing ties any part to what is given: the largest one becomes the object system as it is.
             part = max(waiting, key=_size)
@@ -144,7 +151,7 @@ def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> None:
             _join_all(system, waiting, scene, fewest)
             continue
         if part is None:
-            return
+            return reasons
         _grow_until_tied(system, part, scene, fewest)
         waiting.append(part)
         _join_all(system, waiting, scene, fewest)

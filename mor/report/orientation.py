@@ -96,6 +96,7 @@ def relative_data(measured: Measured, found: RobustOrientation, unit: str) -> di
     return {
         "outcome": o.outcome.name.lower(),
         "words": o.outcome.value,
+        "usable": o.outcome.usable,
         "geometry": o.geometry.value,
         "points": int(both.sum()),
         "used": int(np.count_nonzero(found.agreeing)),
@@ -118,7 +119,12 @@ def relative_text(data: dict[str, Any]) -> str:
     """Relative orientation for reading."""
     lines = [f"Relative orientation: {data['words']}", f"object: {data['geometry']}"]
     lines.append(f"{data['used']} of {data['points']} points used, sigma0 {short(data['sigma0'], 4)} [1]")
-    if data["base"] is not None and data["base"][0] is not None:
+    if 10 * data["used"] < 9 * data["points"] and data["usable"]:
+        lines.append(
+            f"{data['points'] - data['used']} points do not agree: more than a few wrong pairs can be a wrong camera "
+            "constant, image coordinates not relative to the principal point, or mismatched identities."
+        )
+    if data["usable"]:
         unit = data["angles"]["unit"]
         rows = [
             [name, "1", fixed(value, 7), fixed(sigma, 7)]
@@ -162,7 +168,7 @@ def planar_data(
         "redundancy": shape.redundancy,
         "scaled": length is not None,
         "system": "wall Y = 0, Z up" if wall else "level plane Z = 0",
-        "solutions": solutions if np.isfinite(shape.points).any() else [],
+        "solutions": solutions if shape.outcome.usable else [],
     }
 
 
@@ -229,8 +235,7 @@ def planar_text(data: dict[str, Any]) -> str:
 
 def is_known(found: RelativeOrientation | PlaneShape) -> bool:
     """True where the outcome names a solution, unambiguous or not."""
-    values = found.base if isinstance(found, RelativeOrientation) else found.points
-    return bool(np.isfinite(values).any())
+    return found.outcome.usable
 
 
 def _candidate(candidate: Any) -> dict[str, Any]:
