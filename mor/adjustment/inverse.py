@@ -62,8 +62,13 @@ class Inverse:
 
     def step(self, normals: Normals) -> FloatArray:
         """Gauss-Newton step (u,) of normal equations whose reduced right-hand side is there already."""
+        regular, weak = self.parts_of_step(normals)
+        return regular + weak
+
+    def parts_of_step(self, normals: Normals) -> tuple[FloatArray, FloatArray]:
+        """The Gauss-Newton step (u,) without the weak directions, and (u,) along them."""
         reduced = self._reduced(normals.reduced_rhs[:, None])[:, 0]
-        return full_step(self.plan, self.values, reduced) + self.weak @ (self.weak.T @ normals.rhs)
+        return full_step(self.plan, self.values, reduced), self.weak @ (self.weak.T @ normals.rhs)
 
     def refined(self, null: FloatArray) -> FloatArray:
         """Null vectors (u, d) with the round-off of the normal equations taken out of them.

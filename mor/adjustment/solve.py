@@ -10,17 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
 from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
 from mor.adjustment.defect import Defect, explain_defect
 from mor.adjustment.eliminable import eliminable_rays
-from mor.adjustment.inverse import Inverse, damped_step, find_anchors, invert, invert_alike
-from mor.adjustment.normals import Normals, build_normals, objective
+from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
+from mor.adjustment.normals import Normals, build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
+from mor.adjustment.step_control import Stride, Taken, accept
+from mor.adjustment.weak_turns import NOTHING_KNOWN, weak_turns
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.parameters.index import Values, move
 
@@ -35,8 +36,8 @@ ROUND_OFF_STEP = 1e-3
 """Changes below this that no longer shrink are round-off of the data, not progress."""
 
 
-_CORRECTIONS = 3
-"""Steps back to the solution that a shift of the whole network may need."""
+A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
+"""Reason of an outcome."""
 
 
 class Outcome(Enum):
@@ -92,6 +93,7 @@ class Adjustment:
     defect: Defect
     constraint: Constraint
     iterations: tuple[Iteration, ...]
+    stride: Stride
 
 
 Watcher = Callable[[Iteration], None]
@@ -131,6 +133,7 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
         defect=defect,
         constraint=bound,
         iterations=(),
+        stride=Stride(np.zeros(0)),
     )
     return _judge_defect(state)
 
@@ -151,28 +154,38 @@ def _judge_defect(state: Adjustment) -> Adjustment:
 
 def _advance(state: Adjustment) -> Adjustment:
     """One accepted step, or the end."""
-    step = state.inverse.step(state.normals)
+    regular, weak = state.inverse.parts_of_step(state.normals)
+    stride = state.stride.next(weak)
+    step = regular + stride.weak
     shift = _into_datum(state, step)
-    change = float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
+    change = float(np.sqrt(max(float((regular + weak) @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
     redundancy = _redundancy(state)
     still = change <= TINY_STEP or _stalled(state, change) or _next_is_nothing(state, change)
-    if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0):
+    if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0, change):
         iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
-    taken = _accept(state, step, shift)
+    taken = accept(state, regular, stride.weak + shift)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)
     moved = _at(state, taken, (*state.iterations, iteration), last=still)
-    still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share)
+    moved = replace(moved, stride=Stride(stride.whole, stride.share * taken.share))
+    still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share, change)
     return _converged(moved) if still else moved
 
 
 def _converged(state: Adjustment) -> Adjustment:
-    """The solution, its movements of the network and what binds them to full accuracy."""
+    """The solution, its movements of the network and what binds them to full accuracy.
+
+    No solution where the network as a whole may stand any way about: where the observations say less of a turn of it
+    than nothing at all.
+    """
     if state.outcome is not Outcome.NOT_CONVERGED:
         return state
+    turns = weak_turns(state.inverse.weak, state.problem, state.values)
+    if turns and turns[0].sigma > NOTHING_KNOWN:
+        return replace(state, outcome=Outcome.SINGULAR, reason=A_WEAK_TURN)
     datum = state.defect.datum
     if datum.shape[1]:
         datum = state.inverse.refined(datum)
@@ -211,8 +224,8 @@ def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
     return into_datum(step, state.defect.datum, state.constraint, total) - step
 
 
-def _in_datum(state: Adjustment, shift: FloatArray, share: float) -> bool:
-    """True where the network has stopped moving as a whole, or all but, and another round brought no more.
+def _in_datum(state: Adjustment, shift: FloatArray, share: float, change: float) -> bool:
+    """True where the network has stopped moving as a whole, or all but, and another round would bring no more.
 
     The constraint is that of the place before the shift; it changes by the shift times the corrections.
     """
@@ -220,9 +233,12 @@ def _in_datum(state: Adjustment, shift: FloatArray, share: float) -> bool:
     coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
     extent = float(np.ptp(coordinates, axis=0).max(initial=0.0))
     digits = 4.0 * float(np.finfo(float).eps) * float(np.abs(coordinates).max(initial=0.0))
-    last = [iteration.largest_change for iteration in state.iterations[-2:]]
-    again = len(last) == 2 and max(last) <= TINY_STEP
-    near = 1e-9 if again else 1e-12
+    changes = [*(iteration.largest_change for iteration in state.iterations[-2:]), change]
+    near = 1e-12
+    if len(changes) == 3 and max(changes) <= ROUND_OFF_STEP and max(changes) <= 4.0 * min(changes):
+        near = 1e-7
+    elif len(changes) == 3 and max(changes) <= TINY_STEP:
+        near = 1e-9
     return share == 1.0 and moving <= near * extent + digits
 
 
@@ -240,68 +256,7 @@ def _next_is_nothing(state: Adjustment, change: float) -> bool:
     return 4.0 * change * change <= SAME_PLACE * state.iterations[-1].largest_change
 
 
-class _Taken(NamedTuple):
-    """A step that was taken: where it leads, its damping, the share of the shift, the system there if known."""
-
-    values: Mapping[str, FloatArray]
-    damping: float
-    share: float
-    normals: Normals | None = None
-
-
-def _accept(state: Adjustment, step: FloatArray, shift: FloatArray) -> _Taken | None:
-    """The first step that does not make the objective larger.
-
-    The whole step nearly always does, so the system is built there at once.
-    """
-    values = move(state.problem.index, state.values, step + shift)
-    normals = build_normals(state.plan, values)
-    if normals.objective <= _limit(state):
-        return _Taken(values, 0.0, 1.0, normals)
-    if shift.any() and (taken := _along(state, step, shift)) is not None:
-        return taken
-    return _damped(state)
-
-
-def _limit(state: Adjustment) -> float:
-    return state.normals.objective * (1.0 + 1e-6) + 1e-6
-
-
-def _along(state: Adjustment, step: FloatArray, shift: FloatArray) -> _Taken | None:
-    """The step with as much of the shift as leads back to the solution; ``None`` where the step itself does not help.
-
-    The shift changes no observation to first order only: a network that turns by θ along the tangent of its turn
-    grows by θ²/2. Further steps from there, of the observations alone, take that back.
-    """
-    index = state.problem.index
-    without = move(index, state.values, step)
-    if objective(state.plan, without) > _limit(state):
-        return None
-    for share in 0.25 ** np.arange(6):
-        values = move(index, state.values, step + share * shift)
-        for _ in range(_CORRECTIONS):
-            normals = build_normals(state.plan, values)
-            if not np.isfinite(normals.objective):
-                break
-            back = invert(state.plan, normals, values, state.anchors).step(normals)
-            values = move(index, values, back)
-            if objective(state.plan, values) <= _limit(state):
-                return _Taken(values, 0.0, float(share))
-    return _Taken(without, 0.0, 0.0)
-
-
-def _damped(state: Adjustment) -> _Taken | None:
-    """The least damped step that makes the objective smaller."""
-    damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
-    while damping < 1e6:
-        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
-        if objective(state.plan, values) < state.normals.objective:
-            return _Taken(values, damping, 1.0)
-        damping *= 10.0
-    return None
-
-
-def _at(state: Adjustment, taken: _Taken, iterations: tuple[Iteration, ...], last: bool) -> Adjustment:
+def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last: bool) -> Adjustment:
     """The state after a step. Only the last one checks once more what the anchors hold."""
     values = taken.values
     normals = build_normals(state.plan, values) if taken.normals is None else taken.normals

@@ -39,12 +39,45 @@ def loose_directions(basis: FloatArray, datum: FloatArray, index: Index) -> tupl
         if _adds(found, direction):
             found = np.column_stack([found, direction])
             loose.append(direction)
+    single = len(loose)
     while found.shape[1] < basis.shape[1]:
         others = np.linalg.qr(found, mode="complete")[0][:, found.shape[1] :]
-        direction = _sparsest(basis, others[:, 0], index)
+        direction = _sparsest(basis, others[:, 0], _block_starts(index))
         found = np.column_stack([found, direction])
         loose.append(direction)
-    return tuple(_describe(basis @ direction, index) for direction in loose)
+    movements = [basis @ direction for direction in loose]
+    told = [*movements[:single], *_by_components(movements[single:], index)]
+    return tuple(_describe(movement, index) for movement in told)
+
+
+def _by_components(movements: list[FloatArray], index: Index) -> list[FloatArray]:
+    """The same movements (u,), those of the same blocks combined such that each moves few components of them."""
+    starts = _block_starts(index)
+    alike: dict[tuple[bool, ...], list[FloatArray]] = {}
+    for movement in movements:
+        size = np.maximum.reduceat(np.abs(movement), starts)
+        alike.setdefault(tuple(size > _TOLD * size.max()), []).append(movement)
+    every = np.arange(len(index.kind_of), dtype=np.int64)
+    result: list[FloatArray] = []
+    for together in alike.values():
+        if len(together) == 1:
+            result += together
+            continue
+        basis, _ = np.linalg.qr(np.stack(together, axis=1))
+        found = np.zeros((len(together), 0))
+        while found.shape[1] < len(together):
+            functional = (
+                np.linalg.qr(found, mode="complete")[0][:, found.shape[1]] if found.size else _unit(basis)
+            )
+            found = np.column_stack([found, _sparsest(basis, functional, every)])
+        result += list((basis @ found).T)
+    return result
+
+
+def _unit(basis: FloatArray) -> FloatArray:
+    """(k,) the combination of a basis that moves its most moved component."""
+    row: FloatArray = basis[int(np.argmax(np.linalg.norm(basis, axis=1)))]
+    return row / np.linalg.norm(row)
 
 
 def _adds(found: FloatArray, direction: FloatArray) -> bool:
@@ -81,13 +114,12 @@ def _echelon(movements: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(movements[chosen]), dtype=np.float64)
 
 
-def _sparsest(basis: FloatArray, functional: FloatArray, index: Index) -> FloatArray:
+def _sparsest(basis: FloatArray, functional: FloatArray, starts: IntArray) -> FloatArray:
     """Combination (k,) c of the basis with functional · c = 1 that moves few blocks, by reweighting.
 
-    Each block is weighted with the inverse square of its last movement, at first damped, then ever less: in the limit
-    Σ |movement|²/|movement|² counts the blocks that move.
+    ``starts`` holds the first unknown of every block. Each block is weighted with the inverse square of its last
+    movement, at first damped, then ever less: in the limit Σ |movement|²/|movement|² counts the blocks that move.
     """
-    starts = _block_starts(index)
     lengths = np.diff(np.append(starts, len(basis)))
     direction = functional
     for damping in np.geomspace(1.0, 1e-6, 30):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.adjustment.solve import A_WEAK_TURN
 from mor.adjustment.undetermined import Undetermined
+from mor.adjustment.weak_turns import NOTHING_KNOWN, weak_turns
 from mor.parameters.kinds import KINDS
 from mor.quality.loose_frames import why_loose
 from mor.quality.parts import Part, connected_parts
@@ -28,6 +30,8 @@ _CURES = {
 _FRAMES = ("image", "station", "system", "pair")
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
+_ALONG_AXIS = 0.999
+"""Component of a unit vector from which on it is called after its axis."""
 _SHOWN = 6
 """Names told of one part or direction."""
 
@@ -49,6 +53,8 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
             *(_separated(tied, say) if len(tied) > 1 else []),
             *_loose(solved, parts, len(tied) > 1, say),
         ]
+    if adjustment.reason == A_WEAK_TURN:
+        return turned_about(solved, say)
     if not adjustment.problem.datum.free:
         return _open_datum(solved, say)
     movements = _movements(solved, say)
@@ -60,6 +66,33 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
 
 def _movements(solved: Solved, say: Say) -> str:
     return ", ".join(say(name) for name in solved.adjustment.defect.movements)
+
+
+def turned_about(solved: Solved, say: Say = english) -> list[str]:
+    """Turns of the whole network that are hardly determined, where there is no solution."""
+    adjustment = solved.adjustment
+    turns = weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+    angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
+    unit = ANGLE_UNITS[angle]
+    lines = []
+    for turn in turns:
+        along = int(np.argmax(np.abs(turn.axis)))
+        line = "(" + ", ".join(f"{x:.3f}" for x in turn.axis) + ")"
+        lines.append(
+            say(
+                "The turn of the whole network about {axis} is hardly determined: its standard deviation is "
+                "{sigma} {angle} (of an angle that nobody has observed it is {nothing} {angle}).",
+                axis="XYZ"[along] if abs(turn.axis[along]) > _ALONG_AXIS else line,
+                sigma=f"{turn.sigma / unit:.3g}",
+                nothing=f"{NOTHING_KNOWN / unit:.3g}",
+                angle=angle,
+            )
+        )
+    advice = say(
+        "Tilts observed as angles omega, phi tell it by their small size only. Observe them as level, then the turn "
+        "is free and the datum settles it; or observe a bearing, or fix a second point."
+    )
+    return [*lines, advice] if lines else []
 
 
 def _open_datum(solved: Solved, say: Say) -> list[str]:

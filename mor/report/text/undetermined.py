@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mor.adjustment.solve import Outcome
-from mor.quality.explain import explain_singularity, weakness
+from mor.quality.explain import explain_singularity, turned_about, weakness
 from mor.quality.solved import Solved
 from mor.report.text._layout import heading
 from mor.report.words.language import ENGLISH, Words
@@ -15,5 +15,6 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     if weak:
         return "\n".join([heading(words("What is hardly determined")), *weak])
     if solved.adjustment.outcome is not Outcome.SINGULAR:
-        return ""
+        turned = [] if solved.quality is not None else turned_about(solved, words)
+        return "\n".join([heading(words("What is hardly determined")), *turned]) if turned else ""
     return "\n".join([heading(words("What is not determined")), *explain_singularity(solved, words)])

@@ -1,0 +1,123 @@
+"""Which part of a step is taken, so that no step makes anything worse: whole, along a curve, or damped.
+
+A step has two parts. The *regular* one the observations determine. The rest goes along directions in which they do so
+hardly, or not at all: weak directions, and the shift of a free network into its datum. To first order it changes no
+observation, but only to first order: a network that turns by θ along the tangent of its turn grows by θ²/2. So such a
+part is taken a piece at a time, and regular steps from there lead back to the solution: a way along the curve on which
+the network turns as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mor.adjustment.inverse import damped_step, invert
+from mor.adjustment.normals import Normals, build_normals, objective
+from mor.geometry.arrays import FloatArray
+from mor.parameters.index import move
+
+if TYPE_CHECKING:
+    from mor.adjustment.solve import Adjustment
+
+_CORRECTIONS = 3
+"""Regular steps that lead back to the solution at most."""
+_SHORTEST = 0.02
+"""Part of a step along weak directions that is taken at least."""
+_LARGEST_TURN = 0.5
+"""Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
+
+
+class Taken(NamedTuple):
+    """A step that was taken: where it leads, its damping, the share taken along, the system there if known."""
+
+    values: Mapping[str, FloatArray]
+    damping: float
+    share: float
+    normals: Normals | None = None
+
+
+class Stride(NamedTuple):
+    """The last step along weak directions, and what was taken of it: how far the next one may go.
+
+    Gauss-Newton takes a residual for small and may overshoot on a curve: with ρ the ratio of the true curvature to the
+    one it sees, a share s of a step leaves 1 − sρ of it for the next one. From that ρ is known, and s = 1/ρ hits.
+    """
+
+    whole: FloatArray
+    """(u,) the Gauss-Newton step along weak directions."""
+    share: float = 1.0
+
+    @property
+    def weak(self) -> FloatArray:
+        """(u,) the part of it to take."""
+        return self.share * self.whole
+
+    def next(self, whole: FloatArray) -> Stride:
+        """The stride after this one, for the Gauss-Newton step (u,) there."""
+        size = float(self.whole @ self.whole) if len(self.whole) == len(whole) else 0.0
+        if size == 0.0 or self.share == 0.0:
+            return Stride(whole)
+        ratio = (1.0 - float(self.whole @ whole) / size) / self.share
+        return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
+
+
+def accept(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:
+    """The first of the steps that does not make the objective larger; ``None`` where there is none.
+
+    The whole step nearly always does, so the system is built there at once.
+    """
+    values = move(state.problem.index, state.values, regular + along)
+    normals = build_normals(state.plan, values)
+    if normals.objective <= _limit(state):
+        return Taken(values, 0.0, 1.0, normals)
+    if along.any() and (taken := _along(state, regular, along)) is not None:
+        return taken
+    return _damped(state)
+
+
+def _limit(state: Adjustment) -> float:
+    return state.normals.objective * (1.0 + 1e-6) + 1e-6
+
+
+def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:
+    """The regular step with as much of the rest as leads back to the solution.
+
+    ``None`` where the regular step itself does not help.
+    """
+    index = state.problem.index
+    without = move(index, state.values, regular)
+    if objective(state.plan, without) > _limit(state):
+        return None
+    for share in _first_share(state, along) * 0.25 ** np.arange(6):
+        values = move(index, state.values, regular + share * along)
+        for _ in range(_CORRECTIONS):
+            normals = build_normals(state.plan, values)
+            if not np.isfinite(normals.objective):
+                break
+            inverse = invert(state.plan, normals, values, state.anchors)
+            values = move(index, values, inverse.parts_of_step(normals)[0])
+            if objective(state.plan, values) <= _limit(state):
+                return Taken(values, 0.0, float(share))
+    return Taken(without, 0.0, 0.0)
+
+
+def _first_share(state: Adjustment, along: FloatArray) -> float:
+    columns = state.problem.index.columns.get("rotation")
+    if columns is None:
+        return 1.0
+    turn = float(np.abs(along[columns[columns >= 0]]).max(initial=0.0))
+    return min(1.0, _LARGEST_TURN / turn) if turn > 0.0 else 1.0
+
+
+def _damped(state: Adjustment) -> Taken | None:
+    """The least damped step that makes the objective smaller."""
+    damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
+    while damping < 1e6:
+        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
+        if objective(state.plan, values) < state.normals.objective:
+            return Taken(values, damping, 1.0)
+        damping *= 10.0
+    return None
