@@ -10,6 +10,7 @@ S = I − G (BᵀG)⁻¹ Bᵀ. Shifts and rotations of whole points lead to the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,13 +43,17 @@ class STransformation:
     core: FloatArray
     """(d, d) BᵀQB."""
 
+    @cached_property
+    def _bound(self) -> FloatArray:
+        return self.null @ self.binding
+
     def correction(self, one: IntArray, other: IntArray) -> FloatArray:
         """What S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
 
         Negative numbers stand for fixed components and yield zeros.
         """
-        g, u = _rows(self.null @ self.binding, one), _rows(self.through, one)
-        h, w = _rows(self.null @ self.binding, other), _rows(self.through, other)
+        g, u = _rows(self._bound, one), _rows(self.through, one)
+        h, w = _rows(self._bound, other), _rows(self.through, other)
         return _outer(g @ self.core, h) - _outer(g, w) - _outer(u, h)
 
 

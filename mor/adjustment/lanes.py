@@ -17,8 +17,8 @@ from mor.adjustment.ray_plan import RayPlan
 Found = TypeVar("Found")
 
 MOST_LANES = 8
-NUMBERS_OF_ALL_LANES = 100_000_000
-"""Room (800 MB) for the reduced systems that the lanes add up each for itself."""
+NUMBERS_OF_ALL_LANES = 30_000_000
+"""Room (240 MB) for the reduced systems that the lanes add up each for itself."""
 
 
 def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> list[Found]:

@@ -47,16 +47,12 @@ class _Place(NamedTuple):
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
-
-    The arrays of a chunk are overwritten by the next one: fresh memory would cost as much as the linearisation.
-    """
+    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system."""
     place = _place(problem, plan, values)
-    work = _workspace(plan)
     columns = plan.frames.columns
     columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
     for chunk in plan.chunks:
-        yield _ray_chunk(place, chunk, columns, work)
+        yield _ray_chunk(place, chunk, columns)
 
 
 class Followed(NamedTuple):
@@ -75,7 +71,8 @@ def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: Float
     The arrays of a chunk are overwritten by the next one.
     """
     place = _place(problem, plan, values)
-    residuals, by_points, _ = work = _workspace(plan)
+    most = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
+    residuals, by_points = np.empty((most, 2)), np.empty((most, 2, 3))
     widest = place.frames.interior.shape[1]
     change = frame_change(plan.frames, problem.groups, problem.index, step, place.tangent, widest)
     columns = plan.frames.columns
@@ -89,7 +86,7 @@ def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: Float
             image_rays.follow(place.frames, change, frame, pointers, points, measured, *arrays)
             yield Followed(chunk.points, pointers, *arrays)
             continue
-        rays = _ray_chunk(place, chunk, columns, work).rays
+        rays = _ray_chunk(place, chunk, columns).rays
         moved = np.where(rays.columns >= 0, step[rays.columns], 0.0)[rays.frame]
         residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
         yield Followed(chunk.points, pointers, residual, rays.by_point)
@@ -122,17 +119,9 @@ def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
     return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
 
 
-def _workspace(plan: RayPlan) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals and Jacobians of the largest chunk."""
-    n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
-    return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
-
-
-def _ray_chunk(
-    place: _Place, chunk: Chunk, columns: IntArray, work: tuple[FloatArray, FloatArray, FloatArray]
-) -> RayChunk:
+def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray) -> RayChunk:
     plan = place.plan
-    local = plan.frame[chunk.rays]
+    local = plan.frame[chunk.rays].astype(np.int64)
     frame = chunk.frames[local]
     n, width = len(local), columns.shape[1]
     # Zeros: an image has nothing in the columns that only stereo followers use.

@@ -39,7 +39,7 @@ class RayPlan:
     pointers: IntArray
     """(p+1,) rays of each point."""
     row: IntArray
-    """(n,) row of each ray in its group."""
+    """(n,) row of each ray in its group, 32 bits like the frames: ten million of them add up."""
     frame: IntArray
     """(n,) frame of each ray within its chunk."""
     frames: Frames
@@ -86,7 +86,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     )
     pointers, order = _order(point, frame, len(points))
-    row, frame = row[order], frame[order]
+    row, frame = row[order].astype(np.int32), frame[order]
     frames = all_frames(tuple(found), groups, index)
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
@@ -110,7 +110,7 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[IntArray,
         last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
         bounds.append(max(min(last, bounds[-1] + POINTS_AT_A_TIME), bounds[-1] + 1))
     first_ray = pointers[bounds]
-    local = np.empty(len(frame), dtype=np.int64)
+    local = np.empty(len(frame), dtype=np.int32)
     of_chunk, found = sorting.local_numbers(frame, first_ray, frames, local)
     chunks = tuple(
         Chunk(

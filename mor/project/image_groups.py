@@ -128,7 +128,7 @@ def _constants(model: CameraModel, observed: FloatArray, r0: float) -> FloatArra
 def _once(array: Repeated) -> Repeated:
     """The array (n,) or (n, m), of which only one row is kept where all are the same: ten million of them add up."""
     same = len(array) > 1 and bool((array == array[0]).all())
-    return np.broadcast_to(array[0], array.shape) if same else array
+    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
 
 
 def _image_values(

@@ -31,16 +31,27 @@ def parameter_cofactors(
     ``of_eliminated`` (p, 3, 3) are those of the eliminated points, in the minimal datum like ``cofactors``.
     Rotations are given for the small rotation vector, or for ω, φ, κ where they move by angles.
     """
-    index = adjustment.problem.index
+    plan, index = adjustment.plan, adjustment.problem.index
     columns = index.columns[kind]
-    plan = adjustment.plan
-    q = block_cofactors(plan.target, cofactors.values, reduced_columns(columns, plan.reduced))
+    eliminated = np.full(len(columns), -1, dtype=np.int64)
     if kind == "point" and len(plan.rays.columns):
-        q[index.block_of[plan.rays.columns[:, 0]]] = of_eliminated
-    held = _held(adjustment, columns)
-    weak = np.where((columns >= 0)[:, :, None], adjustment.inverse.weak[columns], 0.0)
-    whole: FloatArray = q + weak @ np.swapaxes(weak, 1, 2) + datum.correction(columns, columns)
-    return np.where(held[:, :, None] | held[:, None, :], 0.0, whole)
+        eliminated[index.block_of[plan.rays.columns[:, 0]]] = np.arange(len(plan.rays.columns))
+    result = np.empty((*columns.shape, columns.shape[1]))
+    for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
+        piece = slice(first, first + _BLOCKS_AT_A_TIME)
+        own = columns[piece]
+        q = block_cofactors(plan.target, cofactors.values, reduced_columns(own, plan.reduced))
+        alone = eliminated[piece] >= 0
+        q[alone] = of_eliminated[eliminated[piece][alone]]
+        held = _held(adjustment, own)
+        weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)
+        q += weak @ np.swapaxes(weak, 1, 2) + datum.correction(own, own)
+        result[piece] = np.where(held[:, :, None] | held[:, None, :], 0.0, q)
+    return result
+
+
+_BLOCKS_AT_A_TIME = 50_000
+"""Blocks that are worked on together: the indices of a million of them would take more room than their cofactors."""
 
 
 def _held(adjustment: Adjustment, columns: IntArray) -> BoolArray:
