@@ -12,7 +12,7 @@ from mor.adjustment.compiled import sorting
 from mor.adjustment.compiled.image_rays import Measured
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_frames, is_ray
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 2048, 65_536
@@ -39,8 +39,8 @@ class RayPlan:
     pointers: IntArray
     """(p+1,) rays of each point."""
     row: IntArray
-    """(n,) row of each ray in its group, 32 bits like the frames: ten million of them add up."""
-    frame: IntArray
+    """(n,) row of each ray in its group."""
+    frame: SmallIntArray
     """(n,) frame of each ray within its chunk."""
     frames: Frames
     group_of_frame: IntArray
@@ -86,7 +86,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     )
     pointers, order = _order(point, frame, len(points))
-    row, frame = row[order].astype(np.int32), frame[order]
+    row, frame = row[order], frame[order]
     frames = all_frames(tuple(found), groups, index)
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
@@ -103,7 +103,7 @@ def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, Int
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), np.lexsort((frame, point))
 
 
-def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[IntArray, tuple[Chunk, ...]]:
+def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntArray, tuple[Chunk, ...]]:
     """Frame (n,) of each ray within its chunk, and the chunks."""
     bounds = [0]
     while bounds[-1] < len(pointers) - 1:

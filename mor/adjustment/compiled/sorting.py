@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import IntArray
+from mor.geometry.arrays import IntArray, SmallIntArray
 
 
 @compile_kernel
@@ -34,7 +34,7 @@ def by_point_and_frame(point: IntArray, frame: IntArray, points: int) -> tuple[I
 
 @compile_kernel
 def local_numbers(
-    frame: IntArray, first: IntArray, frames: int, local: IntArray
+    frame: IntArray, first: IntArray, frames: int, local: SmallIntArray
 ) -> tuple[IntArray, IntArray]:
     """Number the frames of each chunk from 0, in order of first appearance.
 
