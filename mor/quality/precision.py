@@ -42,7 +42,8 @@ def parameter_cofactors(
         own = columns[piece]
         q = block_cofactors(plan.target, cofactors.values, reduced_columns(own, plan.reduced))
         alone = eliminated[piece] >= 0
-        q[alone] = of_eliminated[eliminated[piece][alone]]
+        if alone.any():
+            q[alone] = of_eliminated[eliminated[piece][alone]]
         held = _held(adjustment, own)
         weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)
         q += weak @ np.swapaxes(weak, 1, 2) + datum.correction(own, own)
