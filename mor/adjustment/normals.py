@@ -12,6 +12,7 @@ from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
 from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
 from mor.adjustment.point_elimination import ReducedSystem, accumulate
+from mor.adjustment.point_solutions import add_to_others
 from mor.adjustment.ray_chunks import ray_chunks, ray_objective
 from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rays import Rays
@@ -199,10 +200,7 @@ def normal_product(plan: Plan, values: Values, directions: FloatArray) -> FloatA
         image = image_of_rays(rays, reduced, directions[columns])
         of_points = np.swapaxes(rays.by_point, 1, 2) @ image
         product[columns] = np.add.reduceat(of_points, rays.point_pointers[:-1], axis=0)
-        back = np.swapaxes(rays.by_others, 1, 2) @ image
-        of_rays = rays.columns_of_rays
-        free = of_rays >= 0
-        np.add.at(below, of_rays[free], back[free])
+        add_to_others(rays, image, below)
     product[plan.kept] = below
     return product
 

@@ -59,11 +59,26 @@ def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple
         alone = np.linalg.solve(point_normals(rays), rhs[plan.rays.columns[chunk.points]])
         answer[chunk.points] = alone
         moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])
-        columns = rays.columns_of_rays
-        free = columns >= 0
-        back = np.einsum("nmc,nmk->nck", rays.by_others, moved)[free]
-        np.subtract.at(reduced, columns[free], back)
+        add_to_others(rays, -moved, reduced)
     return reduced, answer
+
+
+def add_to_others(rays: Rays, image: FloatArray, into: FloatArray) -> None:
+    """Add A_rᵀ of an image (n, 2, k) of the rays to the reduced unknowns (r, k), in place, frame by frame."""
+    order = np.argsort(rays.frame, kind="stable")
+    ends = np.cumsum(np.bincount(rays.frame, minlength=len(rays.columns)))
+    by_others, width = rays.by_others[order], rays.by_others.shape[2]
+    sorted_image = image[order]
+    first = 0
+    for columns, end in zip(rays.columns, ends, strict=True):
+        free = columns >= 0
+        if end > first and free.any():
+            J, v = (
+                by_others[first:end].reshape(-1, width),
+                sorted_image[first:end].reshape(-1, image.shape[2]),
+            )
+            into[columns[free]] += (J.T @ v)[free]
+        first = end
 
 
 def point_normals(rays: Rays) -> FloatArray:
@@ -83,4 +98,11 @@ def plan_chunks(plan: Plan, values: Values):  # type: ignore[no-untyped-def]
     return ray_chunks(plan.problem, plan.rays, plan.reduced, values)
 
 
-__all__ = ["RayChunk", "full_directions", "full_step", "plan_chunks", "reduce_right_hand_side"]
+__all__ = [
+    "RayChunk",
+    "add_to_others",
+    "full_directions",
+    "full_step",
+    "plan_chunks",
+    "reduce_right_hand_side",
+]
