@@ -87,7 +87,7 @@ function frameTraces(x, y, z) {
   const looks = [["image", report.images, say("images"), "diamond", PALETTE.orange], ["station", report.stations, say("stations"), z ? "square" : "triangle-up", PALETTE.red]];
   return looks.filter(([, table]) => has(table, "x")).map(([kind, table, name, symbol, color]) => {
     const column = (key) => numbers(table, key);
-    const trace = { mode: "markers", name, meta: `${kind}s`, marker: { symbol, color, size: (z ? 5 : 9) * (table.rows > 150 ? 0.5 : 1) }, x: column(x), y: column(y), text: texts(table, "id"), customdata: Array.from({ length: table.rows }, (_, k) => [kind, k]), hovertemplate: `%{text}<extra>${say(kind)}</extra>` };
+    const trace = { mode: "markers", name, meta: `${kind}s`, marker: { symbol, color, size: (z ? 5 : kind === "station" ? 14 : 9) * (table.rows > 150 ? 0.5 : 1) }, x: column(x), y: column(y), text: texts(table, "id"), customdata: Array.from({ length: table.rows }, (_, k) => [kind, k]), hovertemplate: `%{text}<extra>${say(kind)}</extra>` };
     if (z) trace.z = column(z);
     return trace;
   });
