@@ -20,8 +20,8 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 PAIRS_TRIED = 24
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
-DOUBTFUL = 2e-3
-"""Slack (radians) from which it is said that rays meet so badly."""
+DOUBTFUL, MOST = 2e-3, 0.9
+"""Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 FEWEST_COMMON = 8
@@ -127,8 +127,9 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     part.poses[i] = (np.zeros(3), np.eye(3))
     part.poses[j] = (orientation.base, orientation.rotation)
     words = f"relative orientation of {frames[i].name} and {frames[j].name}, {count} points"
-    if slack >= DOUBTFUL:
-        words += f", only within {1e3 * slack:g} mrad: camera constant, distortion or identities may be wrong"
+    if slack >= DOUBTFUL or count < MOST * len(at_i):
+        met = f"{count} of {len(at_i)} pairs of rays meet within {1e3 * slack:g} mrad"
+        words += f" (only {met}: camera constant, distortion or identities may be wrong)"
     part.how[frames[i].name] = part.how[frames[j].name] = words
     return count * min(angle, 0.6), part
 

@@ -6,8 +6,10 @@ import pytest
 from mor.approximate.bundle import direction_bundle, image_bundle
 from mor.approximate.frames import Frame
 from mor.approximate.intersect_points import meet, meet_plainly, posed_frames
+from mor.approximate.part import empty_part
 from mor.approximate.resection_adjust import Observed, Pose, adjust_pose, adjust_pose_plainly
 from mor.approximate.seed_bundles import WINDOW, common_pairs
+from mor.approximate.settle import settle
 from mor.approximate.sightings import sightings
 from mor.geometry.rotations import rotate
 
@@ -102,3 +104,59 @@ def test_pairs_do_not_grow_with_the_square_of_the_frames(scenes):
     assert len(pairs.first) == 10 * WINDOW * (WINDOW - 1) // 2
     assert len(np.unique(np.concatenate([pairs.first, pairs.second]))) == count
     assert (pairs.first < pairs.second).all()
+
+
+def block(rng, held=3):
+    """Ten frames over a field of points in a row, the first ``held`` posed exactly, the others a little wrong."""
+    points = np.column_stack([rng.uniform(-2, 20, 300), rng.uniform(-4, 4, 300), rng.uniform(0, 1, 300)])
+    frames, poses = [], {}
+    for number in range(10):
+        place, D = (
+            np.array([2.0 * number, rng.normal(0, 0.1), 10.0]),
+            rotate(np.eye(3), rng.normal(0, 0.05, 3)),
+        )
+        star = (points - place) @ D.T
+        seen = np.flatnonzero(np.abs(star[:, 0]) < 4.5)
+        rays = star[seen] / np.linalg.norm(star[seen], axis=1, keepdims=True)
+        count = len(seen)
+        frames.append(
+            Frame(
+                f"image {number}",
+                300 + number,
+                0,
+                0,
+                0,
+                None,
+                seen,
+                np.zeros(count),
+                rays,
+                np.full(count, 1e-4),
+                np.zeros(4),
+            )
+        )
+        poses[number] = (place, D)
+    wrong = {
+        k: (place + 0.01, rotate(D, np.full(3, 2e-3))) if k >= held else (place, D)
+        for k, (place, D) in poses.items()
+    }
+    return frames, poses, wrong
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_frames_settle_to_the_truth_together(given):
+    """Tied to frames that are held, or to given positions alone: the points are only as good as the wrong poses."""
+    frames, truth, wrong = block(np.random.default_rng(4), held=0 if given else 3)
+    seen = sightings(frames, 310)
+    part = empty_part(310)
+    part.poses = dict(wrong)
+    for number in range(10 if given else 0):
+        part.points[300 + number] = truth[number][0]
+        part.fixed[300 + number], part.sigma[300 + number] = True, 1e-4
+    poses = posed_frames(part.poses, 10)
+    moving = list(range(0 if given else 3, 10))
+    for _ in range(8):
+        part.points[:300] = meet(np.arange(300), seen, poses, 2e-3).X
+        settle(part, frames, seen, poses, moving)
+    for number in moving:
+        np.testing.assert_allclose(part.poses[number][0], truth[number][0], atol=1e-5)
+        np.testing.assert_allclose(part.poses[number][1], truth[number][1], atol=1e-5)
