@@ -16,7 +16,7 @@ from mor.adjustment.ray_plan import RayPlan
 
 Found = TypeVar("Found")
 
-MOST_LANES = 8
+MOST_LANES = 4
 NUMBERS_OF_ALL_LANES = 30_000_000
 """Room (240 MB) for the reduced systems that the lanes add up each for itself."""
 

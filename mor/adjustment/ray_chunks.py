@@ -47,12 +47,16 @@ class _Place(NamedTuple):
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system."""
+    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
+
+    The arrays of a chunk are overwritten by the next one: fresh memory costs a tenth of the whole pass.
+    """
     place = _place(problem, plan, values)
     columns = plan.frames.columns
     columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
+    work = _workspace(plan)
     for chunk in plan.chunks:
-        yield _ray_chunk(place, chunk, columns)
+        yield _ray_chunk(place, chunk, columns, work)
 
 
 class Followed(NamedTuple):
@@ -71,8 +75,7 @@ def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: Float
     The arrays of a chunk are overwritten by the next one.
     """
     place = _place(problem, plan, values)
-    most = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
-    residuals, by_points = np.empty((most, 2)), np.empty((most, 2, 3))
+    residuals, by_points, _ = work = _workspace(plan)
     widest = place.frames.interior.shape[1]
     change = frame_change(plan.frames, problem.groups, problem.index, step, place.tangent, widest)
     columns = plan.frames.columns
@@ -86,7 +89,7 @@ def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: Float
             image_rays.follow(place.frames, change, frame, pointers, points, measured, *arrays)
             yield Followed(chunk.points, pointers, *arrays)
             continue
-        rays = _ray_chunk(place, chunk, columns).rays
+        rays = _ray_chunk(place, chunk, columns, work).rays
         moved = np.where(rays.columns >= 0, step[rays.columns], 0.0)[rays.frame]
         residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
         yield Followed(chunk.points, pointers, residual, rays.by_point)
@@ -119,13 +122,20 @@ def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
     return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
 
 
-def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray) -> RayChunk:
+def _workspace(plan: RayPlan) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Room for the residuals and Jacobians of the largest chunk."""
+    n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
+    return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
+
+
+def _ray_chunk(
+    place: _Place, chunk: Chunk, columns: IntArray, work: tuple[FloatArray, FloatArray, FloatArray]
+) -> RayChunk:
     plan = place.plan
     local = plan.frame[chunk.rays].astype(np.int64)
     frame = chunk.frames[local]
     n, width = len(local), columns.shape[1]
-    # Zeros: an image has nothing in the columns that only stereo followers use.
-    residual, by_point, by_others = np.empty((n, 2)), np.empty((n, 2, 3)), np.zeros((n, 2, width))
+    residual, by_point, by_others = (array[:n] for array in work)
     measured, pointers = _measured(plan, chunk), _pointers(plan, chunk)
     if _fits(place, chunk):
         points = place.values["point"][plan.points[chunk.points]]
