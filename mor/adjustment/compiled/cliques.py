@@ -17,6 +17,8 @@ from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.geometry.arrays import IntArray
 
 UNKNOWN = -2
+NONE: int = np.int64(0)  # type: ignore[assignment]
+"""A count to begin with. A plain 0 is a type of its own, for which all kernels it is passed to are compiled again."""
 
 
 class Pattern(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
+    NONE,
     Clique,
     Met,
     Pattern,
@@ -70,7 +71,7 @@ def multiply_by_inverse(
     """Set the products H = Q_cc E, laid out as the couplings E, strip by strip."""
     for k in range(store.first_coupling[groups]):
         products[k] = 0.0
-    first = 0
+    first = NONE
     while first < met.size.size:
         last = end_of_strip(first, met.size)
         multiply_point_by_point(store, groups, met, values, products, first, last)
@@ -355,7 +356,7 @@ def cofactors(
     nothing = np.zeros((by_point.shape[0], 2))
     L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     order = grouped(keys)
-    groups, count, done, before, stored = 0, 0, 0, -1, True
+    groups, count, done, before, stored = NONE, NONE, NONE, -1, True
     for k in range(order.size + 1):
         full = k == order.size or store.first_coupling[groups] + 3 * room > store.couplings.size
         if full and k > done and not stored:
@@ -378,7 +379,7 @@ def cofactors(
                 of_points,
                 of_rays,
             )
-            groups, done = 0, k
+            groups, done = NONE, k
         if k == order.size:
             break
         p = order[k]

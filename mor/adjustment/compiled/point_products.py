@@ -11,6 +11,7 @@ import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
+    NONE,
     Clique,
     Met,
     Pattern,
@@ -178,7 +179,7 @@ def carry_rest(columns: IntArray, pattern: Pattern, rest: Rest, system: System) 
 @compile_kernel
 def subtract_products(store: Store, groups: int, met: Met, values: FloatArray) -> None:
     """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip."""
-    first = 0
+    first = NONE
     while first < met.size.size:
         last = end_of_strip(first, met.size)
         subtract_point_by_point(store, groups, met, values, first, last)
@@ -323,7 +324,7 @@ def accumulate(
     flat = by_others.reshape(-1)
     store = empty_store(keys.size, room)
     L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
-    groups, count, before, stored = 0, 0, -1, True
+    groups, count, before, stored = NONE, NONE, -1, True
     for p in grouped(keys):
         first, end = pointers[p], pointers[p + 1]
         full = store.first_coupling[groups] + 3 * room > store.couplings.size
@@ -332,7 +333,7 @@ def accumulate(
             if full and stored:
                 subtract_products(store, groups, met, system.values)
             if full:
-                groups = 0
+                groups = NONE
             count = merge(frame, first, end, runs, met, clique)
             stored = look_up_pairs(clique.blocks, count, met, pattern) and stored
             open_group(store, groups, clique, count)
