@@ -45,7 +45,8 @@ def headline(data: PageData) -> Statement:
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
-    flagged = _flagged(summary["flagged"], say)
+    emptied = _emptied(data)
+    flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
         words = say(
@@ -57,9 +58,22 @@ def headline(data: PageData) -> Statement:
         )
         return Statement(BAD if larger else DOUBT, say("Not accepted"), f"{words} {flagged}")
     words = say("The adjustment converged after {count} iterations, the global test accepts it.", count=count)
-    if summary["flagged"]:
+    if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _emptied(data: PageData) -> list[str]:
+    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
+    return [
+        data.words(
+            "Nothing is left of {group}: all of it was taken out ({count}).",
+            count=row["excluded"],
+            group=row["name"],
+        )
+        for row in data.view.groups.to_dicts()
+        if row["observations"] == 0 and row["excluded"] > 0
+    ]
 
 
 def _flagged(count: int, say: Words) -> str:

@@ -40,7 +40,7 @@ def table(
 
 def fixed(value: float | None, digits: int) -> str:
     """A number with fixed decimals; a dash where there is none."""
-    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
+    return "-" if value is None or not np.isfinite(value) else f"{value:z.{digits}f}"
 
 
 def digits_worth(value: float, sigma: float | None) -> int:

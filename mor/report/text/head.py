@@ -5,6 +5,7 @@ from __future__ import annotations
 from mor.adjustment.solve import Outcome
 from mor.quality.solved import Solved
 from mor.report.summary import summary
+from mor.report.tables import group_table
 from mor.report.text._layout import fixed, short
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
@@ -80,7 +81,20 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    return lines
+    return [*lines, *_emptied(solved, words)]
+
+
+def _emptied(solved: Solved, words: Words) -> list[str]:
+    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
+    return [
+        words(
+            "Nothing is left of {group}: all of it was taken out ({count}).",
+            count=row["excluded"],
+            group=row["name"],
+        )
+        for row in group_table(solved).to_dicts()
+        if row["observations"] == 0 and row["excluded"] > 0
+    ]
 
 
 def _advice(solved: Solved, words: Words) -> list[str]:

@@ -23,11 +23,10 @@ WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
 
 
 def screen(solved: Solved, words: Words = ENGLISH) -> str:
-    """At most 24 lines of 100 columns; without a solution what the report says of the reason."""
+    """At most 24 lines, of 100 columns but for the verdict; without a solution what the report says of the reason."""
     if solved.quality is None:
         return "\n".join(part for part in (*verdict(solved, words), undetermined(solved, words)) if part)
     lines = [
-        *verdict(solved, words),
         *_figures(solved, words),
         *_worst(solved, words),
         *_points(solved, words),
@@ -35,7 +34,7 @@ def screen(solved: Solved, words: Words = ENGLISH) -> str:
         *_checks(solved, words),
         *_groups(solved, words),
     ]
-    return "\n".join(_cut(line) for line in lines)
+    return "\n".join([*verdict(solved, words), *map(_cut, lines)])
 
 
 def _cut(line: str) -> str:
