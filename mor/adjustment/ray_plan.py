@@ -15,7 +15,7 @@ from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_fra
 from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
 
-POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 65_536
+POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
 """Points and rays of a chunk at most: so few that their Jacobians stay in the cache, so many that they share blocks."""
 
 

@@ -15,9 +15,9 @@ from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.adjustment.compiled.cliques import Clique
 from mor.geometry.arrays import FloatArray, IntArray
 
-# Numbers in a store (8 MB) and in a strip of columns of the reduced system (1.6 MB).
-STORE = 1_000_000
-STRIP = 200_000
+# Numbers in a store (32 MB) and in a strip of columns of the reduced system (1.2 MB).
+STORE = 4_000_000
+STRIP = 150_000
 
 
 class Store(NamedTuple):
