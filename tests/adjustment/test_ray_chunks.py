@@ -9,7 +9,7 @@ import pytest
 from dense_reference import dense_system
 from scenes import OBJECT_POINTS, Scene, add_object_points, looking_at
 
-from mor.adjustment import compiled, ray_plan
+from mor.adjustment import compiled, lanes, ray_plan
 from mor.adjustment.eliminable import eliminable_rays
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
@@ -205,6 +205,34 @@ def test_many_chunks_give_what_one_gives(monkeypatch):
         np.testing.assert_allclose(pieces.values[kind], values, atol=1e-10)
     for one, other in zip(assess(whole).groups, assess(pieces).groups, strict=True):
         np.testing.assert_allclose(one.r, other.r, atol=1e-10)
+
+
+@pytest.mark.skipif(
+    not compiled.available, reason="numpy adds up in an order that depends on where arrays begin"
+)
+def test_the_number_of_processors_changes_not_a_digit(monkeypatch):
+    """Chunks shared out to lanes: the same bits whoever works on them, and what one lane gives."""
+    scene = scene_of("two cameras")
+    problem = scene.problem(np.random.default_rng(5))
+    alone = assess(adjust(problem, scene.start(1e-3)))
+    assert len(lanes.in_lanes(alone.adjustment.plan.rays, 0, lambda rays: rays)) == 1
+    monkeypatch.setattr(ray_plan, "POINTS_AT_A_TIME", 1)
+    found = []
+    for processors in (1, 2, 5):
+        monkeypatch.setattr(lanes, "_processors", lambda count=processors: count)
+        found.append(assess(adjust(problem, scene.start(1e-3))))
+    shared = lanes.in_lanes(found[0].adjustment.plan.rays, 0, lambda rays: rays.chunks)
+    assert len(shared) == lanes.MOST_LANES
+    assert sum(shared, ()) == found[0].adjustment.plan.rays.chunks
+    for other in found[1:]:
+        for kind, values in found[0].adjustment.values.items():
+            np.testing.assert_array_equal(other.adjustment.values[kind], values)
+        for one, same in zip(found[0].groups, other.groups, strict=True):
+            np.testing.assert_array_equal(one.r, same.r)
+        np.testing.assert_array_equal(found[0].cofactors["point"], other.cofactors["point"])
+    for one, other in zip(alone.groups, found[0].groups, strict=True):
+        np.testing.assert_allclose(one.r, other.r, atol=1e-10)
+        np.testing.assert_allclose(one.v, other.v, atol=1e-10)
 
 
 def test_the_order_of_the_rows_does_not_matter():
