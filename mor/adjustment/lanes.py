@@ -1,8 +1,8 @@
 """Passes over the rays on all processors: the chunks run in a few lanes side by side.
 
 How the chunks are shared out depends on the problem alone, and what the lanes found is put together in their order: the
-last digit of a result does not depend on how many processors there are. (Types of rays that are left to numpy may differ
-in it from run to run: numpy adds up in an order that depends on where an array begins.)
+last digit of a result does not depend on how many processors there are. (Rays that are left to numpy may differ in it
+from run to run: numpy adds up in an order that depends on where an array begins.)
 """
 
 from __future__ import annotations
