@@ -17,9 +17,11 @@ import numpy as np
 
 from mor.adjustment import compiled, point_reference
 from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
-from mor.adjustment.compiled import point_cofactors, point_products, points
+from mor.adjustment.compiled import image_elimination, point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
-from mor.adjustment.compiled.point_products import System
+from mor.adjustment.compiled.frame_sums import TILE
+from mor.adjustment.compiled.image_elimination import ImageRays
+from mor.adjustment.compiled.point_products import Gathering, System
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -60,32 +62,101 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
     return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
-def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
-    """Eliminate the points of a chunk of rays and add what they leave to the reduced system, in place.
+class PointElimination:
+    """Eliminates points chunk by chunk; what they leave is in the reduced system when it is finished."""
 
-    Args:
-        rays: residuals and Jacobians, whole points.
-        reduced: the system to add to. Its pattern must hold all pairs of blocks that the rays of a
-            point meet.
-        damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
-            diagonal is the caller's.
+    def __init__(self, reduced: ReducedSystem, damping: float = 0.0) -> None:
+        """Begin.
+
+        Args:
+            reduced: the system to add to, in place. Its pattern must hold all pairs of blocks that the rays of a
+                point meet.
+            damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
+                diagonal is the caller's.
+        """
+        self._reduced, self._damping = reduced, damping
+        self._pattern = _pattern(reduced.matrix.structure)
+        self._columns: IntArray | None = None
+        self._gathering: Gathering | None = None
+
+    def add(self, rays: Rays) -> Eliminated:
+        """Eliminate the points of a chunk. Successive chunks with the very same columns reach the system together.
+
+        Raises:
+            ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
+        """
+        if not compiled.available:
+            _refuse_columns_beyond(rays.columns, self._reduced.matrix.structure.unknowns)
+            return Eliminated(*point_reference.accumulate(rays, self._reduced, self._damping))
+        residual, by_point, by_others, frame, _, pointers = _arrays(_wide(rays))
+        gathering = self._gathering_of(rays.columns)
+        noted = _nothing_noted(rays.points)
+        matrix = self._reduced.matrix.values
+        stored = point_products.gather(
+            gathering,
+            residual,
+            by_point,
+            by_others,
+            frame,
+            pointers,
+            self._damping,
+            self._pattern,
+            matrix,
+            *noted,
+        )
+        _refuse_unless(stored)
+        return noted
+
+    def add_images(self, columns: IntArray, rays: ImageRays) -> tuple[Eliminated, float]:
+        """Linearise image rays of frames with these columns (f, K) and eliminate their points; compiled only.
+
+        Returns:
+            What ``add`` does, and the sum of the squared residuals.
+
+        Raises:
+            ValueError: as ``add``.
+        """
+        gathering = self._gathering_of(columns)
+        noted = _nothing_noted(len(rays.points))
+        matrix = self._reduced.matrix.values
+        stored, squares = image_elimination.gather_image_rays(
+            gathering, rays, self._damping, self._pattern, matrix, *noted
+        )
+        _refuse_unless(stored)
+        return noted, squares
+
+    def _gathering_of(self, columns: IntArray) -> Gathering:
+        if self._gathering is None or columns is not self._columns:
+            self.finish()
+            _refuse_columns_beyond(columns, self._reduced.matrix.structure.unknowns)
+            self._columns = columns
+            wide = np.ascontiguousarray(_wide_columns(columns), dtype=np.int64)
+            self._gathering = point_products.begin_gathering(wide, self._pattern)
+        return self._gathering
+
+    def finish(self) -> None:
+        """Bring what is left into the reduced system.
+
+        Raises:
+            ValueError: the pattern lacks a pair of blocks that meet in a point.
+        """
+        if self._gathering is not None:
+            reduced, gathering, self._gathering = self._reduced, self._gathering, None
+            system = System(
+                reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient
+            )
+            _refuse_unless(point_products.finish_gathering(gathering, self._pattern, system))
+
+
+def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
+    """Eliminate the points of a single chunk of rays and add what they leave to the reduced system, in place.
 
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
-    _refuse_columns_beyond(rays, reduced.matrix.structure.unknowns)
-    if not compiled.available:
-        return Eliminated(*point_reference.accumulate(rays, reduced, damping))
-    noted = Eliminated(np.empty((rays.points, 3), dtype=np.bool_), np.empty((rays.points, 3)))
-    stored = point_products.accumulate(
-        *_arrays(rays),
-        damping,
-        _pattern(reduced.matrix.structure),
-        System(reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient),
-        noted.held,
-        noted.gradient,
-    )
-    _refuse_unless(stored)
+    points = PointElimination(reduced, damping)
+    noted = points.add(rays)
+    points.finish()
     return noted
 
 
@@ -109,7 +180,7 @@ def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
         still = replace(rays, residual=np.zeros_like(rays.residual))
         followed = [point_reference.back_substitute(still, g, 0.0) for g in directions.T]
         return np.stack(followed, axis=2) if followed else np.zeros((rays.points, 3, 0))
-    _refuse_columns_beyond(rays, len(directions))
+    _refuse_columns_beyond(rays.columns, len(directions))
     of_points = np.empty((rays.points, 3, directions.shape[1]))
     points.follow_directions(*_arrays(rays)[1:], np.ascontiguousarray(directions), of_points)
     return of_points
@@ -123,7 +194,7 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
         reduced_step: (n,) solution of the reduced system.
         damping: as for ``accumulate``.
     """
-    _refuse_columns_beyond(rays, reduced_step.size)
+    _refuse_columns_beyond(rays.columns, reduced_step.size)
     if not compiled.available:
         return point_reference.back_substitute(rays, reduced_step, damping)
     moved = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)[rays.frame]
@@ -146,7 +217,7 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
-    _refuse_columns_beyond(rays, inverse.structure.unknowns)
+    _refuse_columns_beyond(rays.columns, inverse.structure.unknowns)
     if not compiled.available:
         return point_reference.cofactors(rays, inverse)
     of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2))
@@ -179,9 +250,28 @@ def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
     )
 
 
-def _refuse_columns_beyond(rays: Rays, unknowns: int) -> None:
+def _nothing_noted(points: int) -> Eliminated:
+    return Eliminated(np.empty((points, 3), dtype=np.bool_), np.empty((points, 3)))
+
+
+def _wide(rays: Rays) -> Rays:
+    """The rays with so many columns at least as are added up together; those that are added are fixed."""
+    missing = TILE - rays.columns.shape[1]
+    if missing <= 0:
+        return rays
+    none = np.zeros((rays.rays, 2, missing))
+    wider = np.concatenate([rays.by_others, none], axis=2)
+    return replace(rays, by_others=wider, columns=_wide_columns(rays.columns))
+
+
+def _wide_columns(columns: IntArray) -> IntArray:
+    missing = max(TILE - columns.shape[1], 0)
+    return np.hstack([columns, np.full((len(columns), missing), -1)]) if missing else columns
+
+
+def _refuse_columns_beyond(columns: IntArray, unknowns: int) -> None:
     """Raise where a ray has a column that the reduced system does not have."""
-    if rays.columns.max(initial=-1) >= unknowns:
+    if columns.max(initial=-1) >= unknowns:
         raise ValueError(f"the rays have columns beyond the {unknowns} unknowns of the reduced system")
 
 

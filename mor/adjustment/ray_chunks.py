@@ -13,8 +13,10 @@ import numpy as np
 
 from mor.adjustment import compiled
 from mor.adjustment.compiled import image_rays
+from mor.adjustment.compiled.image_elimination import ImageRays
 from mor.adjustment.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.linearise import rotation_tangents
+from mor.adjustment.point_elimination import PointElimination
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.ray_plan import Chunk, RayPlan
@@ -36,6 +38,9 @@ class RayChunk(NamedTuple):
     rays: Rays
 
 
+_Work = tuple[FloatArray, FloatArray, FloatArray]
+
+
 class _Place(NamedTuple):
     """Where the rays are linearised."""
 
@@ -52,11 +57,43 @@ def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Value
     The arrays of a chunk are overwritten by the next one: fresh memory costs a tenth of the whole pass.
     """
     place = _place(problem, plan, values)
-    columns = plan.frames.columns
-    columns = np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
+    columns = _reduced_columns(plan, reduced)
     work = _workspace(plan)
     for chunk in plan.chunks:
-        yield _ray_chunk(place, chunk, columns, work)
+        yield _ray_chunk(place, chunk, columns[chunk.frames], work)
+
+
+class EliminatedChunk(NamedTuple):
+    """One chunk whose points are eliminated."""
+
+    points: slice
+    gradient: FloatArray
+    """(p, 3) −Σ aᵀ residual of the points."""
+    squares: float
+    """Sum of the squared residuals."""
+
+
+def eliminate_chunks(
+    problem: Problem, plan: RayPlan, reduced: IntArray, values: Values, elimination: PointElimination
+) -> Iterator[EliminatedChunk]:
+    """Linearise all chunks and eliminate their points."""
+    place = _place(problem, plan, values)
+    columns = _reduced_columns(plan, reduced)
+    work: _Work | None = None
+    for chunk in plan.chunks:
+        of_frames = columns[chunk.frames]
+        if _all_compiled(place, chunk):
+            points = place.values["point"][plan.points[chunk.points]]
+            local, pointers = plan.frame[chunk.rays], _pointers(plan, chunk)
+            measured, layout = _measured(plan, chunk), plan.frames.layout
+            rays = ImageRays(place.frames, layout, chunk.frames, local, pointers, points, measured)
+            noted, squares = elimination.add_images(of_frames, rays)
+        else:
+            work = work or _workspace(plan)
+            linearised = _ray_chunk(place, chunk, of_frames, work).rays
+            noted = elimination.add(linearised)
+            squares = float(np.vdot(linearised.residual, linearised.residual))
+        yield EliminatedChunk(chunk.points, noted.gradient, squares)
 
 
 class Followed(NamedTuple):
@@ -82,14 +119,14 @@ def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: Float
     for chunk in plan.chunks:
         n = chunk.rays.stop - chunk.rays.start
         pointers = _pointers(plan, chunk)
-        if _fits(place, chunk) and (place.frames.model[chunk.frames] >= 0).all():
+        if _all_compiled(place, chunk):
             frame = chunk.frames[plan.frame[chunk.rays]]
             points, measured = values["point"][plan.points[chunk.points]], _measured(plan, chunk)
             arrays = residuals[:n], by_points[:n]
             image_rays.follow(place.frames, change, frame, pointers, points, measured, *arrays)
             yield Followed(chunk.points, pointers, *arrays)
             continue
-        rays = _ray_chunk(place, chunk, columns, work).rays
+        rays = _ray_chunk(place, chunk, columns[chunk.frames], work).rays
         moved = np.where(rays.columns >= 0, step[rays.columns], 0.0)[rays.frame]
         residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
         yield Followed(chunk.points, pointers, residual, rays.by_point)
@@ -122,15 +159,18 @@ def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
     return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
 
 
-def _workspace(plan: RayPlan) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _reduced_columns(plan: RayPlan, reduced: IntArray) -> IntArray:
+    columns = plan.frames.columns
+    return np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
+
+
+def _workspace(plan: RayPlan) -> _Work:
     """Room for the residuals and Jacobians of the largest chunk."""
     n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
     return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
 
 
-def _ray_chunk(
-    place: _Place, chunk: Chunk, columns: IntArray, work: tuple[FloatArray, FloatArray, FloatArray]
-) -> RayChunk:
+def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> RayChunk:
     plan = place.plan
     local = plan.frame[chunk.rays].astype(np.int64)
     frame = chunk.frames[local]
@@ -152,7 +192,7 @@ def _ray_chunk(
         if not seen.all():
             for array in (residual, by_point, by_others):
                 array[here] = np.where(seen.reshape(*seen.shape, *(1,) * (array.ndim - 2)), array[here], 0.0)
-    rays = Rays(residual, by_point, by_others, columns[chunk.frames], pointers, local)
+    rays = Rays(residual, by_point, by_others, columns, pointers, local)
     group_of_ray = plan.group_of_frame[frame]
     return RayChunk(chunk.points, group_of_ray, plan.row[chunk.rays], measured.weight, rays)
 
@@ -160,6 +200,11 @@ def _ray_chunk(
 def _fits(place: _Place, chunk: Chunk) -> bool:
     """True where some rays of the chunk have a compiled form."""
     return compiled.available and bool((place.frames.model[chunk.frames] >= 0).any())
+
+
+def _all_compiled(place: _Place, chunk: Chunk) -> bool:
+    """True where all rays of the chunk have a compiled form."""
+    return compiled.available and bool((place.frames.model[chunk.frames] >= 0).all())
 
 
 def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:

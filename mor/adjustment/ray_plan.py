@@ -16,7 +16,7 @@ from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
-"""Points and rays of a chunk at most: so few that their Jacobians stay in the cache, so many that they share blocks."""
+"""Points and rays of a chunk at most, so many that they share blocks."""
 
 
 class Chunk(NamedTuple):

@@ -237,7 +237,7 @@ def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatc
     """The large call fills the store and several strips of the reduced system, the small ones never do."""
     rays, structure = simulate(points=56_000, images=150, seed=8)
     unknowns = 6 * np.diff(rays.point_pointers).mean() * 17 / 18 + CAMERA
-    assert 3 * rays.points * unknowns > 1.1 * point_store.STORE
+    assert 3 * rays.points * unknowns > 1.1 * point_store.LARGEST_STORE
     assert structure.position[-1] > 1.5 * point_store.STRIP
     whole, pieces = empty_reduced_system(structure), empty_reduced_system(structure)
     accumulate(rays, whole)

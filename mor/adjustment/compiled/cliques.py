@@ -245,6 +245,14 @@ def find_start(indptr: IntArray, indices: IntArray, position: IntArray, row: int
 
 
 @compile_kernel
+def look_up(met: Met, pattern: Pattern, row: int, column: int) -> int:
+    """Note where the block (row, column), met blocks both, starts, and return it; -1 where it is not stored."""
+    start = find_start(pattern.indptr, pattern.indices, pattern.position, met.column[row], met.column[column])
+    met.starts[column, row] = start
+    return start
+
+
+@compile_kernel
 def look_up_pairs(blocks: IntArray, count: int, met: Met, pattern: Pattern) -> bool:
     """Note where all pairs of the first ``count`` ascending blocks start; return False where one is not stored."""
     known, column_of, stored = met.starts, met.column, True

@@ -392,7 +392,8 @@ def cofactors(
         before = p
         factor_point(by_point, nothing, first, end, 0.0, L, inverse, u, gradient)
         inverse_of_point(L, inverse, of_points[p])
-        E = append_point(store, groups, begin[count])
+        base = append_point(store, groups, begin[count])
+        E = store.couplings[base : base + 3 * begin[count]].reshape((3, begin[count]))
         couple(by_point, by_others, frame, first, end, runs, local, L, inverse, E)
         solve_from_the_right(E, L, inverse)
     return stored

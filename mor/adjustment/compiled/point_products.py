@@ -15,27 +15,30 @@ from mor.adjustment.compiled.cliques import (
     Clique,
     Met,
     Pattern,
+    Runs,
     grouped,
-    look_up_pairs,
+    look_up,
     merge,
-    places_of_frame,
     runs_of_frames,
     same_frames,
     survey,
 )
+from mor.adjustment.compiled.couplings import couple
+from mor.adjustment.compiled.frame_sums import FrameSums, add_rays, carry_frames
 from mor.adjustment.compiled.point_store import (
+    STORE,
     Store,
     append_point,
-    empty_store,
     end_of_strip,
+    is_full,
     open_group,
     slots_in_strip,
+    store_for,
 )
-from mor.adjustment.compiled.points import clear, couple, factor_point
+from mor.adjustment.compiled.points import clear, whiten_points
 from mor.adjustment.compiled.strips import subtract_column_of_point
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
-_ONE, _TWO, _THREE = (np.uint64(k) for k in range(1, 4))
 # Up to so many points with the same unknowns their products go straight to the blocks; more of them are added up first.
 FEW_POINTS = 4
 
@@ -49,149 +52,121 @@ class System(NamedTuple):
     gradient: FloatArray
 
 
-class Rest(NamedTuple):
-    """What the rays leave beside the products of their couplings.
+class Gathering(NamedTuple):
+    """Points on their way into the reduced system.
 
     Attributes:
-        squares: (frames · K · K,) lower triangles of Σ jᵀj.
-        gradient: (frames, K) −Σ jᵀ residual.
-        reduction: (m,) Σ V u of one group of points.
+        columns: (f, K) unknowns of the frames.
+        runs, met: the same in blocks.
+        store: the couplings of points that wait.
+        waiting: (1,) number of groups of them.
+        sums: what else their rays leave.
     """
 
-    squares: FloatArray
-    gradient: FloatArray
-    reduction: FloatArray
+    columns: IntArray
+    runs: Runs
+    met: Met
+    store: Store
+    waiting: IntArray
+    sums: FrameSums
 
 
 @compile_kernel
-def add_rest(
+def begin_gathering(columns: IntArray, pattern: Pattern) -> Gathering:
+    """Return a gathering of points of frames with these columns (f, K)."""
+    runs, met = runs_of_frames(columns, pattern)
+    numbers = max(STORE, 3 * met.size.sum())  # a point that all frames see
+    frames, width = columns.shape
+    sums = FrameSums(np.zeros(frames * width * width), np.zeros((frames, width)), np.zeros((frames, width)))
+    return Gathering(columns, runs, met, store_for(numbers), np.zeros(1, dtype=np.int64), sums)
+
+
+@compile_kernel
+def gather(
+    gathering: Gathering,
     residual: FloatArray,
+    by_point: FloatArray,
     by_others: FloatArray,
     frame: IntArray,
-    first: int,
-    end: int,
-    V: FloatArray,
-    u: FloatArray,
-    rest: Rest,
-) -> None:
-    """Add the squares and gradients of the rays first … end − 1 of one point to those of their frames.
-
-    ``by_others`` is flat.
-    """
-    reduction, gradient, width = rest.reduction, rest.gradient, rest.gradient.shape[1]
-    for i in range(first, end):
-        r, s, f = residual[i, 0], residual[i, 1], frame[i]
-        at = 2 * i * width
-        for k in range(width):
-            gradient[f, k] -= by_others[at + k] * r + by_others[at + width + k] * s
-        add_square(by_others, at, width, rest.squares, f * width * width)
-    one, two, three = V[0], V[1], V[2]
-    a, b, c = u[0], u[1], u[2]
-    for m in range(one.size):
-        reduction[m] += a * one[m] + b * two[m] + c * three[m]
+    pointers: IntArray,
+    damping: float,
+    pattern: Pattern,
+    values: FloatArray,
+    held: BoolArray,
+    gradient: FloatArray,
+) -> bool:
+    """Gather whole points; where the store is full it is emptied. False where a pair of blocks is not stored."""
+    white, moved = np.empty(by_point.shape), np.empty(residual.shape)
+    whiten_points(by_point, residual, pointers, damping, white, moved, held, gradient)
+    add_rays(residual, moved, by_others, frame, gathering.sums)
+    return store_points(gathering, white, by_others, frame, pointers, pattern, values)
 
 
 @compile_kernel
-def add_square(by_others: FloatArray, first: int, width: int, squares: FloatArray, start: int) -> None:
-    """Add the products of two Jacobian rows, side by side from ``first`` on, with themselves: (K, K) from ``start`` on.
-
-    Only what stands left of the diagonal, or in the diagonal tiles of four by four, is set. Arrays are flat and places
-    unsigned, so that a row of a tile is one operation.
-    """
-    whole = width - width % 4
-    for k in range(0, whole, 4):
-        row = np.uint64(first + k)
-        under = row + np.uint64(width)
-        x0, y0 = by_others[row], by_others[under]
-        x1, y1 = by_others[row + _ONE], by_others[under + _ONE]
-        x2, y2 = by_others[row + _TWO], by_others[under + _TWO]
-        x3, y3 = by_others[row + _THREE], by_others[under + _THREE]
-        for m in range(0, k + 4, 4):
-            column = np.uint64(first + m)
-            below = column + np.uint64(width)
-            a0, b0 = by_others[column], by_others[below]
-            a1, b1 = by_others[column + _ONE], by_others[below + _ONE]
-            a2, b2 = by_others[column + _TWO], by_others[below + _TWO]
-            a3, b3 = by_others[column + _THREE], by_others[below + _THREE]
-            at, further = np.uint64(start + k * width + m), np.uint64(width)
-            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
-            squares[at] = s0 + x0 * a0 + y0 * b0
-            squares[at + _ONE] = s1 + x0 * a1 + y0 * b1
-            squares[at + _TWO] = s2 + x0 * a2 + y0 * b2
-            squares[at + _THREE] = s3 + x0 * a3 + y0 * b3
-            at += further
-            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
-            squares[at] = s0 + x1 * a0 + y1 * b0
-            squares[at + _ONE] = s1 + x1 * a1 + y1 * b1
-            squares[at + _TWO] = s2 + x1 * a2 + y1 * b2
-            squares[at + _THREE] = s3 + x1 * a3 + y1 * b3
-            at += further
-            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
-            squares[at] = s0 + x2 * a0 + y2 * b0
-            squares[at + _ONE] = s1 + x2 * a1 + y2 * b1
-            squares[at + _TWO] = s2 + x2 * a2 + y2 * b2
-            squares[at + _THREE] = s3 + x2 * a3 + y2 * b3
-            at += further
-            s0, s1, s2, s3 = squares[at], squares[at + _ONE], squares[at + _TWO], squares[at + _THREE]
-            squares[at] = s0 + x3 * a0 + y3 * b0
-            squares[at + _ONE] = s1 + x3 * a1 + y3 * b1
-            squares[at + _TWO] = s2 + x3 * a2 + y3 * b2
-            squares[at + _THREE] = s3 + x3 * a3 + y3 * b3
-    for k in range(whole, width):
-        x, y = by_others[first + k], by_others[first + width + k]
-        for m in range(k + 1):
-            squares[start + k * width + m] += x * by_others[first + m] + y * by_others[first + width + m]
-
-
-@compile_kernel
-def carry_reduction(
-    met: Met, clique: Clique, count: int, reduction: FloatArray, right_hand_side: FloatArray
-) -> None:
-    """Subtract Σ V u of a group from the right-hand side, and begin anew."""
-    for slot in range(count):
-        shift = met.first[clique.blocks[slot]] - clique.begin[slot]
-        for m in range(clique.begin[slot], clique.begin[slot + 1]):
-            right_hand_side[shift + m] -= reduction[m]
-            reduction[m] = 0.0
-
-
-@compile_kernel
-def carry_rest(columns: IntArray, pattern: Pattern, rest: Rest, system: System) -> bool:
-    """Add what frames with columns (f, K) left to the reduced system; False where a pair is not stored."""
-    gradient, width = rest.gradient, columns.shape[1]
-    squares = rest.squares.reshape((columns.shape[0], width, width))
-    starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    for f in range(columns.shape[0]):
-        if not places_of_frame(columns[f], pattern, starts, places):
-            return False
-        for k in range(width):
-            column = columns[f, k]
-            if column >= 0:
-                system.right_hand_side[column] += gradient[f, k]
-                system.gradient[column] += gradient[f, k]
-                system.diagonal[column] += squares[f, k, k]
-            for m in range(width):
-                if places[k, m] >= 0:
-                    system.values[places[k, m]] += squares[f, max(k, m), min(k, m)]
+def store_points(
+    gathering: Gathering,
+    white: FloatArray,
+    by_others: FloatArray,
+    frame: IntArray,
+    pointers: IntArray,
+    pattern: Pattern,
+    values: FloatArray,
+) -> bool:
+    """Store the couplings of points, points from the same frames side by side."""
+    columns, runs, met, store, waiting, _ = gathering
+    keys = np.empty(pointers.size - 1, dtype=np.int64)
+    rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
+    unseen = np.full(met.size.size, -1, dtype=np.int64)
+    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
+    clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
+    flat, width = by_others.reshape(-1), columns.shape[1]
+    groups, before, size = waiting[0], -1, NONE
+    for p in grouped(keys):
+        first, end = pointers[p], pointers[p + 1]
+        full = is_full(store, groups, room)
+        if full:
+            if not subtract_products(store, groups, met, pattern, values):
+                return False
+            groups = NONE
+        if full or before < 0 or not same_frames(frame, pointers, p, before):
+            count = merge(frame, first, end, runs, met, clique)
+            size = begin[count]
+            open_group(store, groups, clique, count)
+            groups += 1
+        before = p
+        base = append_point(store, groups, size)
+        couple(white, flat, width, frame, first, end, runs, local, store.couplings, base, size)
+    waiting[0] = groups
     return True
 
 
 @compile_kernel
-def subtract_products(store: Store, groups: int, met: Met, values: FloatArray) -> None:
-    """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip."""
-    first = NONE
+def finish_gathering(gathering: Gathering, pattern: Pattern, system: System) -> bool:
+    """Add what is gathered to the reduced system; return False where a pair of blocks is not stored."""
+    columns, runs, met, store, waiting, sums = gathering
+    subtracted = subtract_products(store, waiting[0], met, pattern, system.values)
+    values, right_hand_side, diagonal, gradient = system
+    carried = carry_frames(columns, runs, met, pattern, sums, values, right_hand_side, diagonal, gradient)
+    return subtracted and carried
+
+
+@compile_kernel
+def subtract_products(store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray) -> bool:
+    """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip; False where a pair is not stored."""
+    first, stored = NONE, True
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        subtract_point_by_point(store, groups, met, values, first, last)
-        subtract_by_panels(store, groups, met, values, first, last)
+        stored = subtract_point_by_point(store, groups, met, pattern, values, first, last) and stored
+        stored = subtract_by_panels(store, groups, met, pattern, values, first, last) and stored
         first = last
+    return stored
 
 
 @compile_kernel
 def subtract_point_by_point(
-    store: Store, groups: int, met: Met, values: FloatArray, first: int, last: int
-) -> None:
-    """Subtract V Vᵀ of the groups of few points from a strip."""
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, first: int, last: int
+) -> bool:
+    """Subtract V Vᵀ of the groups of few points from a strip; return False where a pair of blocks is not stored."""
     couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
     known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
@@ -203,20 +178,28 @@ def subtract_point_by_point(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
+            column = blocks[block + slot]
             for other in range(slot, slots):
-                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+                row = blocks[block + other]
+                start = known[column, row]
+                if start < 0:
+                    start = look_up(met, pattern, row, column)
+                    if start < 0:
+                        return False
+                starts[other - slot] = start
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
                 subtract_column_of_point(
                     values, starts, width, couplings, base + 3 * q * size, begin, slot, slots
                 )
+    return True
 
 
 @compile_kernel
 def subtract_by_panels(
-    store: Store, groups: int, met: Met, values: FloatArray, first: int, last: int
-) -> None:
-    """Subtract V Vᵀ of the groups of many points from a strip."""
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, first: int, last: int
+) -> bool:
+    """Subtract V Vᵀ of the groups of many points from a strip; return False where a pair of blocks is not stored."""
     blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
@@ -227,12 +210,20 @@ def subtract_by_panels(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
+            column = blocks[block + slot]
             for other in range(slot, slots):
-                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+                row = blocks[block + other]
+                start = known[column, row]
+                if start < 0:
+                    start = look_up(met, pattern, row, column)
+                    if start < 0:
+                        return False
+                starts[other - slot] = start
             width, length = begin[slot + 1] - begin[slot], size - begin[slot]
             panel = np.empty(width * length)
             multiply_panel(store.couplings, base, size, 3 * points, begin[slot], width, panel)
             subtract_panel(panel, begin, slot, slots, starts, values)
+    return True
 
 
 @compile_kernel
@@ -296,56 +287,3 @@ def subtract_panel(
                 for j in range(width):
                     values[place + j] -= product[j, i]
                 place += width
-
-
-@compile_kernel
-def accumulate(
-    residual: FloatArray,
-    by_point: FloatArray,
-    by_others: FloatArray,
-    frame: IntArray,
-    columns: IntArray,
-    pointers: IntArray,
-    damping: float,
-    pattern: Pattern,
-    system: System,
-    held: BoolArray,
-    gradient: FloatArray,
-) -> bool:
-    """Add the points to the reduced system; return False where a pair of blocks is not stored."""
-    keys = np.empty(pointers.size - 1, dtype=np.int64)
-    runs, met = runs_of_frames(columns, pattern)
-    rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
-    frames, K = columns.shape
-    unseen = np.full(met.size.size, -1, dtype=np.int64)
-    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
-    clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
-    rest = Rest(np.zeros(frames * K * K), np.zeros((frames, K)), np.zeros(room))
-    flat = by_others.reshape(-1)
-    store = empty_store(keys.size, room)
-    L, inverse, u = np.empty((3, 3)), np.empty(3), np.empty(3)
-    groups, count, before, stored = NONE, NONE, -1, True
-    for p in grouped(keys):
-        first, end = pointers[p], pointers[p + 1]
-        full = store.first_coupling[groups] + 3 * room > store.couplings.size
-        if full or before < 0 or not same_frames(frame, pointers, p, before):
-            carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
-            if full and stored:
-                subtract_products(store, groups, met, system.values)
-            if full:
-                groups = NONE
-            count = merge(frame, first, end, runs, met, clique)
-            stored = look_up_pairs(clique.blocks, count, met, pattern) and stored
-            open_group(store, groups, clique, count)
-            groups += 1
-        before = p
-        factor_point(by_point, residual, first, end, damping, L, inverse, u, gradient[p])
-        for j in range(3):
-            held[p, j] = inverse[j] == 0.0
-        V = append_point(store, groups, begin[count])
-        couple(by_point, by_others, frame, first, end, runs, local, L, inverse, V)
-        add_rest(residual, flat, frame, first, end, V, u, rest)
-    carry_reduction(met, clique, count, rest.reduction, system.right_hand_side)
-    if stored:
-        subtract_products(store, groups, met, system.values)
-    return carry_rest(columns, pattern, rest, system) and stored

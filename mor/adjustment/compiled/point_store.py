@@ -15,9 +15,10 @@ from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.adjustment.compiled.cliques import Clique
 from mor.geometry.arrays import FloatArray, IntArray
 
-# Numbers in a store (32 MB) and in a strip of columns of the reduced system (1.2 MB).
-STORE = 4_000_000
-STRIP = 150_000
+# Numbers in a store and in a strip of columns of the reduced system: 1.6 and 1.2 MB, that they stay in the cache.
+STORE, STRIP = 200_000, 150_000
+# The cofactors of points are worked out chunk by chunk, and their store is as large as a chunk (32 MB).
+LARGEST_STORE = 4_000_000
 
 
 class Store(NamedTuple):
@@ -41,10 +42,30 @@ class Store(NamedTuple):
 
 
 @compile_kernel
+def store_for(numbers: int) -> Store:
+    """Return an empty store for so many couplings."""
+    points = numbers // 3 + 1
+    return Store(
+        np.empty(numbers),
+        np.zeros(points + 1, dtype=np.int64),
+        np.zeros(points, dtype=np.int64),
+        np.empty(points, dtype=np.int64),
+        np.empty(2 * points, dtype=np.int64),
+        np.zeros(points + 1, dtype=np.int64),
+    )
+
+
+@compile_inline
+def is_full(store: Store, groups: int, size: int) -> bool:
+    """Return whether there may be no room for another group with a point of that size."""
+    return groups + 1 >= store.points.size or store.first_coupling[groups] + 3 * size > store.couplings.size
+
+
+@compile_kernel
 def empty_store(points: int, most_unknowns: int) -> Store:
     """Return a store for so many points of so many unknowns at most, or as many of them as it may hold."""
     most_unknowns = max(most_unknowns, 1)
-    size = max(min(STORE, 3 * points * most_unknowns), 3 * most_unknowns)
+    size = max(min(LARGEST_STORE, 3 * points * most_unknowns), 3 * most_unknowns)
     return Store(
         np.empty(size),
         np.zeros(points + 1, dtype=np.int64),
@@ -69,12 +90,12 @@ def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
 
 
 @compile_inline
-def append_point(store: Store, groups: int, size: int) -> FloatArray:
-    """Append a point to the last of so many groups; return room (3, size) for its coupling."""
+def append_point(store: Store, groups: int, size: int) -> int:
+    """Append a point to the last of so many groups; return where its coupling (3, size) starts."""
     first = store.first_coupling[groups]
     store.first_coupling[groups] = first + 3 * size
     store.points[groups - 1] += 1
-    return store.couplings[first : first + 3 * size].reshape((3, size))
+    return int(first)
 
 
 @compile_kernel

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.adjustment.compiled import compile_kernel
+from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.adjustment.compiled.cliques import Runs
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 # Pivots of a 3×3 system scaled to unit diagonal carry hardly any round-off.
 VANISHING = 1e-12
@@ -24,6 +24,91 @@ def clear(matrix: FloatArray) -> None:
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[1]):
             matrix[i, j] = 0.0
+
+
+@compile_inline
+def sums_of_point(
+    by_point: FloatArray, residual: FloatArray, first: int, end: int
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the lower triangle of Σ aᵀa, row by row, and −Σ aᵀ residual of the rays first … end − 1."""
+    n00, n10, n11, n20, n21, n22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    g, h, k = 0.0, 0.0, 0.0
+    for i in range(first, end):
+        for c in range(2):
+            x, y, z, r = by_point[i, c, 0], by_point[i, c, 1], by_point[i, c, 2], residual[i, c]
+            n00 += x * x
+            n10 += x * y
+            n11 += y * y
+            n20 += x * z
+            n21 += y * z
+            n22 += z * z
+            g -= x * r
+            h -= y * r
+            k -= z * r
+    return n00, n10, n11, n20, n21, n22, g, h, k
+
+
+@compile_kernel
+def root_of_point(
+    n00: float, n10: float, n11: float, n20: float, n21: float, n22: float, damping: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return the reciprocals of the diagonal of L and what stands below it: L10, L20, L21.
+
+    A coordinate whose pivot vanishes is held: its reciprocal is zero, and so are its row and column. (What is not a
+    number is not held, but shows.)
+    """
+    p, q, r, a, b, c = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    pivot = n00 * (1.0 + damping)
+    if not pivot <= VANISHING * n00:
+        p = 1.0 / np.sqrt(pivot)
+        a, b = n10 * p, n20 * p
+    pivot = n11 * (1.0 + damping) - a * a
+    if not pivot <= VANISHING * n11:
+        q = 1.0 / np.sqrt(pivot)
+        c = (n21 - a * b) * q
+    else:
+        a = 0.0
+    pivot = n22 * (1.0 + damping) - b * b - c * c
+    if not pivot <= VANISHING * n22:
+        r = 1.0 / np.sqrt(pivot)
+    else:
+        b, c = 0.0, 0.0
+    return p, q, r, a, b, c
+
+
+@compile_kernel
+def whiten_points(
+    by_point: FloatArray,
+    residual: FloatArray,
+    pointers: IntArray,
+    damping: float,
+    white: FloatArray,
+    moved: FloatArray,
+    held: BoolArray,
+    gradient: FloatArray,
+) -> None:
+    """Factorise N_pp of all points and carry its root into their rays.
+
+    Sets a L⁻ᵀ as ``white`` (n, 2, 3), so that V = Σ jᵀ white; residual + white u as ``moved`` (n, 2): the residuals
+    after the points have made up for what they can, so that −Σ jᵀ moved is what is left of the right-hand side; whether
+    a coordinate is ``held`` (p, 3); and b_p = −Σ aᵀ residual as ``gradient`` (p, 3).
+    """
+    for point in range(pointers.size - 1):
+        first, end = pointers[point], pointers[point + 1]
+        n00, n10, n11, n20, n21, n22, g, h, k = sums_of_point(by_point, residual, first, end)
+        p, q, r, a, b, c = root_of_point(n00, n10, n11, n20, n21, n22, damping)
+        gradient[point, 0], gradient[point, 1], gradient[point, 2] = g, h, k
+        held[point, 0], held[point, 1], held[point, 2] = p == 0.0, q == 0.0, r == 0.0
+        u = g * p
+        v = (h - a * u) * q
+        w = (k - b * u - c * v) * r
+        for i in range(first, end):
+            for m in range(2):
+                x = by_point[i, m, 0] * p
+                y = (by_point[i, m, 1] - a * x) * q
+                z = (by_point[i, m, 2] - b * x - c * y) * r
+                white[i, m, 0], white[i, m, 1], white[i, m, 2] = x, y, z
+                moved[i, m] = residual[i, m] + x * u + y * v + z * w
 
 
 @compile_kernel
@@ -40,47 +125,17 @@ def factor_point(
 ) -> None:
     """Factorise N_pp of the rays first … end − 1 of one point, (n, 2, 3) and (n, 2).
 
-    Sets L (3, 3), the reciprocals of its diagonal, b_p = −Σ aᵀ residual as ``gradient``, and u = L⁻¹ b_p. A
-    coordinate whose pivot vanishes is held: reciprocal and u are zero, the row and column of L too.
+    Sets what stands below the diagonal of L (3, 3), the reciprocals of its diagonal, b_p = −Σ aᵀ residual as
+    ``gradient``, and u = L⁻¹ b_p, both zero where a coordinate is held.
     """
-    clear(L)
-    n00, n10, n11, n20, n21, n22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    g, h, k = 0.0, 0.0, 0.0
-    for i in range(first, end):
-        for c in range(2):
-            x, y, z, r = by_point[i, c, 0], by_point[i, c, 1], by_point[i, c, 2], residual[i, c]
-            n00 += x * x
-            n10 += x * y
-            n11 += y * y
-            n20 += x * z
-            n21 += y * z
-            n22 += z * z
-            g -= x * r
-            h -= y * r
-            k -= z * r
-    L[0, 0], L[1, 0], L[1, 1], L[2, 0], L[2, 1], L[2, 2] = n00, n10, n11, n20, n21, n22
+    n00, n10, n11, n20, n21, n22, g, h, k = sums_of_point(by_point, residual, first, end)
+    p, q, r, a, b, c = root_of_point(n00, n10, n11, n20, n21, n22, damping)
+    inverse[0], inverse[1], inverse[2] = p, q, r
+    L[1, 0], L[2, 0], L[2, 1] = a, b, c
     gradient[0], gradient[1], gradient[2] = g, h, k
-    u[0], u[1], u[2] = g, h, k
-    for j in range(3):
-        whole = L[j, j]
-        pivot = whole * (1.0 + damping)
-        for m in range(j):
-            pivot -= L[j, m] * L[j, m]
-        if pivot <= VANISHING * whole:
-            inverse[j] = 0.0
-            u[j] = 0.0
-            for m in range(3):
-                L[max(j, m), min(j, m)] = 0.0
-            continue
-        L[j, j] = np.sqrt(pivot)
-        inverse[j] = 1.0 / L[j, j]
-        for i in range(j + 1, 3):
-            for m in range(j):
-                L[i, j] -= L[i, m] * L[j, m]
-            L[i, j] *= inverse[j]
-        for m in range(j):
-            u[j] -= L[j, m] * u[m]
-        u[j] *= inverse[j]
+    u[0] = g * p
+    u[1] = (h - a * u[0]) * q
+    u[2] = (k - b * u[0] - c * u[1]) * r
 
 
 @compile_kernel
