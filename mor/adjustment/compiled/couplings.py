@@ -30,8 +30,8 @@ def couple(
     size: int,
 ) -> None:
     """Set the coupling (3, size) of one point, from ``base`` on, by its rays first … end − 1; ``by_others`` is flat."""
-    for at in range(base, base + 3 * size):
-        couplings[at] = 0.0
+    for entry in range(base, base + 3 * size):
+        couplings[entry] = 0.0
     for i in range(first, end):
         a, b, c = factor[i, 0, 0], factor[i, 0, 1], factor[i, 0, 2]
         d, e, f = factor[i, 1, 0], factor[i, 1, 1], factor[i, 1, 2]
