@@ -209,6 +209,8 @@ def _unit_vectors(matrix: BlockMatrix, unknowns: IntArray) -> FloatArray:
 
 
 def _with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> BlockMatrix:
+    if len(unknowns) == 0:
+        return matrix
     structure = matrix.structure
     block = np.searchsorted(structure.offsets, unknowns, side="right") - 1
     within = unknowns - structure.offsets[block]

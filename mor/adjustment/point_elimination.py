@@ -17,10 +17,10 @@ import numpy as np
 
 from mor.adjustment import compiled, point_reference
 from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
-from mor.adjustment.compiled import image_elimination, point_cofactors, point_products, points
+from mor.adjustment.compiled import image_passes, point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
 from mor.adjustment.compiled.frame_sums import TILE
-from mor.adjustment.compiled.image_elimination import ImageRays
+from mor.adjustment.compiled.image_passes import ImageRays
 from mor.adjustment.compiled.point_products import Gathering, System
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -119,7 +119,7 @@ class PointElimination:
         gathering = self._gathering_of(columns)
         noted = _nothing_noted(len(rays.points))
         matrix = self._reduced.matrix.values
-        stored, squares = image_elimination.gather_image_rays(
+        stored, squares = image_passes.gather_image_rays(
             gathering, rays, self._damping, self._pattern, matrix, *noted
         )
         _refuse_unless(stored)
@@ -160,20 +160,6 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
     return noted
 
 
-def solve_points(
-    residual: FloatArray, by_point: FloatArray, point_pointers: IntArray, damping: float = 0.0
-) -> FloatArray:
-    """Return the steps (p, 3) of points all else known: N_pp⁻¹ b_p of rays (n, 2) and (n, 2, 3), whole points."""
-    if not compiled.available:
-        none = np.zeros((1, 0), dtype=np.int64)
-        frame = np.zeros(len(residual), dtype=np.int64)
-        rays = Rays(residual, by_point, np.zeros((len(residual), 2, 0)), none, point_pointers, frame)
-        return point_reference.back_substitute(rays, np.zeros(0), damping)
-    steps = np.empty((point_pointers.size - 1, 3))
-    points.solve_points(residual, by_point, point_pointers, damping, steps)
-    return steps
-
-
 def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
     """Return how the points of a chunk follow (p, 3, k) directions (n, k) of the reduced unknowns: −N_pp⁻¹ Wᵀ g."""
     if not compiled.available:
@@ -200,7 +186,9 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
     moved = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)[rays.frame]
     residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
     by_point = np.ascontiguousarray(rays.by_point, dtype=np.float64)
-    return solve_points(residual, by_point, rays.point_pointers, damping)
+    steps = np.empty((rays.points, 3))
+    points.solve_points(residual, by_point, rays.point_pointers, damping, steps)
+    return steps
 
 
 def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:

@@ -12,8 +12,8 @@ import numpy as np
 
 from mor.adjustment.lanes import in_lanes
 from mor.adjustment.plan import Plan
-from mor.adjustment.point_elimination import follow_directions, solve_points
-from mor.adjustment.ray_chunks import RayChunk, followed_chunks, ray_chunks
+from mor.adjustment.point_elimination import follow_directions
+from mor.adjustment.ray_chunks import RayChunk, point_steps, ray_chunks
 from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray
@@ -42,8 +42,8 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
     steps = np.empty((len(plan.rays.columns), 3))
 
     def of_lane(rays: RayPlan) -> None:
-        for chunk in followed_chunks(plan.problem, rays, values, full):
-            steps[chunk.points] = solve_points(chunk.residual, chunk.by_point, chunk.pointers, damping)
+        for points, found in point_steps(plan.problem, rays, values, full, damping):
+            steps[points] = found
 
     in_lanes(plan.rays, 0, of_lane)
     full[plan.rays.columns] = steps

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment import compiled
-from mor.adjustment.compiled import image_rays
-from mor.adjustment.compiled.image_elimination import ImageRays
+from mor.adjustment.compiled import image_passes, image_rays
+from mor.adjustment.compiled.image_passes import ImageRays
 from mor.adjustment.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.linearise import rotation_tangents
-from mor.adjustment.point_elimination import PointElimination
+from mor.adjustment.point_elimination import PointElimination, back_substitute
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.ray_plan import Chunk, RayPlan
@@ -83,11 +83,7 @@ def eliminate_chunks(
     for chunk in plan.chunks:
         of_frames = columns[chunk.frames]
         if _all_compiled(place, chunk):
-            points = place.values["point"][plan.points[chunk.points]]
-            local, pointers = plan.frame[chunk.rays], _pointers(plan, chunk)
-            measured, layout = _measured(plan, chunk), plan.frames.layout
-            rays = ImageRays(place.frames, layout, chunk.frames, local, pointers, points, measured)
-            noted, squares = elimination.add_images(of_frames, rays)
+            noted, squares = elimination.add_images(of_frames, _image_rays(place, chunk))
         else:
             work = work or _workspace(plan)
             linearised = _ray_chunk(place, chunk, of_frames, work).rays
@@ -96,40 +92,23 @@ def eliminate_chunks(
         yield EliminatedChunk(chunk.points, noted.gradient, squares)
 
 
-class Followed(NamedTuple):
-    """Rays of a chunk after a step of everything but the points."""
-
-    points: slice
-    pointers: IntArray
-    residual: FloatArray
-    """(n, 2) to first order, divided by σ."""
-    by_point: FloatArray
-
-
-def followed_chunks(problem: Problem, plan: RayPlan, values: Values, step: FloatArray) -> Iterator[Followed]:
-    """What the points have to make up for after a step (u,) of all unknowns but theirs.
-
-    The arrays of a chunk are overwritten by the next one.
-    """
+def point_steps(
+    problem: Problem, plan: RayPlan, values: Values, step: FloatArray, damping: float
+) -> Iterator[tuple[slice, FloatArray]]:
+    """The steps (p, 3) with which the points of each chunk follow a step (u,) of all other unknowns."""
     place = _place(problem, plan, values)
-    residuals, by_points, _ = work = _workspace(plan)
     widest = place.frames.interior.shape[1]
     change = frame_change(plan.frames, problem.groups, problem.index, step, place.tangent, widest)
-    columns = plan.frames.columns
+    work: _Work | None = None
     for chunk in plan.chunks:
-        n = chunk.rays.stop - chunk.rays.start
-        pointers = _pointers(plan, chunk)
         if _all_compiled(place, chunk):
-            frame = chunk.frames[plan.frame[chunk.rays]]
-            points, measured = values["point"][plan.points[chunk.points]], _measured(plan, chunk)
-            arrays = residuals[:n], by_points[:n]
-            image_rays.follow(place.frames, change, frame, pointers, points, measured, *arrays)
-            yield Followed(chunk.points, pointers, *arrays)
-            continue
-        rays = _ray_chunk(place, chunk, columns[chunk.frames], work).rays
-        moved = np.where(rays.columns >= 0, step[rays.columns], 0.0)[rays.frame]
-        residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
-        yield Followed(chunk.points, pointers, residual, rays.by_point)
+            steps = np.empty((chunk.points.stop - chunk.points.start, 3))
+            image_passes.solve_image_points(_image_rays(place, chunk), change, damping, steps)
+        else:
+            work = work or _workspace(plan)
+            rays = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
+            steps = back_substitute(rays, step, damping)
+        yield chunk.points, steps
 
 
 def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
@@ -195,6 +174,13 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
     rays = Rays(residual, by_point, by_others, columns, pointers, local)
     group_of_ray = plan.group_of_frame[frame]
     return RayChunk(chunk.points, group_of_ray, plan.row[chunk.rays], measured.weight, rays)
+
+
+def _image_rays(place: _Place, chunk: Chunk) -> ImageRays:
+    plan = place.plan
+    points = place.values["point"][plan.points[chunk.points]]
+    local, pointers, layout = plan.frame[chunk.rays], _pointers(plan, chunk), plan.frames.layout
+    return ImageRays(place.frames, layout, chunk.frames, local, pointers, points, _measured(plan, chunk))
 
 
 def _fits(place: _Place, chunk: Chunk) -> bool:

@@ -13,8 +13,8 @@ from mor.adjustment import compiled, lanes, ray_plan
 from mor.adjustment.eliminable import eliminable_rays
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
-from mor.adjustment.point_elimination import back_substitute, solve_points
-from mor.adjustment.ray_chunks import followed_chunks, ray_chunks, ray_objective, ray_residuals
+from mor.adjustment.point_elimination import back_substitute
+from mor.adjustment.ray_chunks import point_steps, ray_chunks, ray_objective, ray_residuals
 from mor.adjustment.ray_plan import plan_rays
 from mor.adjustment.solve import Outcome, adjust
 from mor.parameters.kinds import INTERIORS
@@ -161,10 +161,7 @@ def test_points_that_follow_a_step_are_those_of_back_substitution(name, availabl
         back_substitute(chunk.rays, step, 0.1)
         for chunk in ray_chunks(problem, rays, np.arange(len(step)), values)
     ]
-    found = [
-        solve_points(chunk.residual, chunk.by_point, chunk.pointers, 0.1)
-        for chunk in followed_chunks(problem, rays, values, step)
-    ]
+    found = [steps for _, steps in point_steps(problem, rays, values, step, 0.1)]
     np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-8, atol=1e-12)
 
 

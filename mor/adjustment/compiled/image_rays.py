@@ -84,26 +84,24 @@ def linearise(
     by_others: FloatArray,
 ) -> None:
     """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
-    model, all_D, centre, e, interiors, r0, tangent = values
+    model, D, centre, e, interiors, r0, tangent = values
     position, rotation, height, eccentricity, at_interior, components = layout
     observed, weight, measured = rays
     chosen, turned = components.size, tangent.shape[0] > 0
     used = at_interior + chosen
-    interior, D, i = np.zeros((2, interiors.shape[1])), np.empty(9), np.empty(interiors.shape[1])
+    interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
             if model[f] < 0:
                 continue
-            for k in range(9):
-                D[k] = all_D[f, k]
             for k in range(i.size):
                 i[k] = interiors[f, k]
             X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
-            a = D[0] * X + D[1] * Y + D[2] * Z
-            b = D[3] * X + D[4] * Y + D[5] * Z
-            c = D[6] * X + D[7] * Y + D[8] * Z
+            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
+            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
+            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
             u, v = measured[n, 0], measured[n, 1]
             x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], i, r0[f], u, v, star, interior)
             for m in range(2):
@@ -116,9 +114,9 @@ def linearise(
                 residual[n, m] = (found - observed[n, m]) * w
                 s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
                 g, h, o = (
-                    s * D[0] + t * D[3] + d * D[6],
-                    s * D[1] + t * D[4] + d * D[7],
-                    s * D[2] + t * D[5] + d * D[8],
+                    s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
+                    s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
+                    s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
                 )
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
                 if position >= 0:

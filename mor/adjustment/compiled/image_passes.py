@@ -1,4 +1,4 @@
-"""Kernel that linearises image rays and gathers their points, piece by piece.
+"""Kernels that linearise image rays and eliminate their points, or find their steps, piece by piece.
 
 A piece is so small that its Jacobians, and the couplings they become, stay in the cache.
 """
@@ -11,8 +11,9 @@ import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import Pattern
-from mor.adjustment.compiled.image_rays import FrameValues, Layout, Measured, linearise
+from mor.adjustment.compiled.image_rays import FrameChange, FrameValues, Layout, Measured, follow, linearise
 from mor.adjustment.compiled.point_products import Gathering, gather
+from mor.adjustment.compiled.points import solve_points
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
 
 RAYS_OF_A_PIECE = 4096
@@ -87,6 +88,31 @@ def gather_image_rays(
             return False, squares
         first = last
     return True, squares
+
+
+@compile_kernel
+def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, steps: FloatArray) -> None:
+    """Set the steps (p, 3) of the points after a small change of the frames."""
+    values, _, frames, local, pointers, points, (observed, weight, measured) = rays
+    room = largest_piece(pointers)
+    residuals, by_points, overall = (
+        np.empty((room, 2)),
+        np.empty((room, 2, 3)),
+        np.empty(room, dtype=np.int64),
+    )
+    first = 0
+    while first < points.shape[0]:
+        last = end_of_piece(pointers, first)
+        begin, end = pointers[first], pointers[last]
+        n = end - begin
+        for i in range(n):
+            overall[i] = frames[local[begin + i]]
+        own = pointers[first : last + 1] - begin
+        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end])
+        residual, by_point = residuals[:n], by_points[:n]
+        follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
+        solve_points(residual, by_point, own, damping, steps[first:last])
+        first = last
 
 
 @compile_kernel
