@@ -27,6 +27,7 @@ from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 TOLERANCE = 1e-10
 # Below this order vanishing pivots are looked for column by column; above it the matrix is halved first.
 _HALVE_ABOVE = 64
+_NONE = np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,12 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
     set_aside = [np.empty(0, dtype=np.int64)]
     with threads_for(elimination.largest_front):
         for f in range(elimination.fronts):
-            front = _assembled_front(matrix.values, elimination, f, updates.pop(f, []))
-            factor, lower, vanished = _eliminate_pivots(*front, tolerance)
+            front = _assembled_front(matrix.values, elimination, f, children := updates.pop(f, []))
+            factor, vanished = _factor_in_place(front[0], tolerance), _NONE
+            if factor is None:  # the assembled pivots are gone, and are needed once more
+                front = _assembled_front(matrix.values, elimination, f, children)
+                factor, vanished = _factor_dense(front[0], tolerance)
+            lower = _below(factor, vanished, *front[1:])
             pivots.append(factor)
             below.append(lower)
             if vanished.size:
@@ -147,17 +152,20 @@ def _assembled_front(
     return pivots, below, rest
 
 
-def _eliminate_pivots(
-    pivots: FloatArray, below: FloatArray, rest: FloatArray, tolerance: float
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return L11, L21, the pivots set aside; subtract L21 L21ᵀ from the lower half of ``rest`` in place."""
-    factor, vanished = _factor_dense(pivots, tolerance)
+def _factor_in_place(matrix: FloatArray, tolerance: float) -> FloatArray | None:
+    """Return the Cholesky factor in the place of the matrix; nothing where a pivot vanishes, the matrix being lost."""
+    factor, failed = dpotrf(matrix, lower=1, clean=0, overwrite_a=1)
+    return None if failed or np.square(factor.diagonal()).min(initial=1.0) < tolerance else factor
+
+
+def _below(factor: FloatArray, vanished: IntArray, below: FloatArray, rest: FloatArray) -> FloatArray:
+    """Return L21; subtract L21 L21ᵀ from the lower half of ``rest`` in place."""
     if not below.size:
-        return factor, below, vanished
-    lower = dtrsm(1.0, factor, below, side=1, lower=1, trans_a=1, overwrite_b=1)
+        return below
+    lower: FloatArray = dtrsm(1.0, factor, below, side=1, lower=1, trans_a=1, overwrite_b=1)
     lower[:, vanished] = 0.0
     dsyrk(-1.0, lower, beta=1.0, c=rest, lower=1, overwrite_c=1)
-    return factor, lower, vanished
+    return lower
 
 
 def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, IntArray]:
@@ -166,20 +174,19 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
     LAPACK does it in one go unless a pivot vanishes. Then the matrix is halved, so that all but the few
     columns around the vanishing pivots still go through LAPACK.
     """
-    size = matrix.shape[0]
-    factor, failed = dpotrf(matrix, lower=1, clean=0)
-    if failed == 0 and np.square(factor.diagonal()).min(initial=1.0) >= tolerance:
-        return factor, np.empty(0, dtype=np.int64)
+    factor = _factor_in_place(matrix.copy(order="F"), tolerance)
+    if factor is not None:
+        return factor, _NONE
     factor = matrix.copy(order="F")
+    size = matrix.shape[0]
     if size <= _HALVE_ABOVE:
         vanished = np.zeros(size, dtype=bool)
         fronts.factor_setting_aside(factor, tolerance, vanished)
         return factor, np.flatnonzero(vanished)
     half = size // 2
     rest = factor[half:, half:].copy(order="F")
-    upper, lower, before = _eliminate_pivots(
-        factor[:half, :half].copy(order="F"), factor[half:, :half].copy(order="F"), rest, tolerance
-    )
+    upper, before = _factor_dense(factor[:half, :half], tolerance)
+    lower = _below(upper, before, factor[half:, :half].copy(order="F"), rest)
     remainder, after = _factor_dense(rest, tolerance)
     lower[after] = 0.0
     factor[:half, :half], factor[half:, :half], factor[half:, half:] = upper, lower, remainder
