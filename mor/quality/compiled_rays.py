@@ -1,4 +1,4 @@
-"""Kernel that notes the quality of rays: what ``redundancy`` does for all observations, for millions of rays."""
+"""Kernels that note the quality of rays: what ``redundancy`` does for all observations, for millions of rays."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ def fill(
     place: IntArray,
     weight: FloatArray,
     white: FloatArray,
+    carries: FloatArray,
     controlled: float,
     v: FloatArray,
     out: BoolArray,
     absorbed: FloatArray,
+    carried: FloatArray,
     joint: FloatArray,
     freedom: FloatArray,
 ) -> None:
     """Set the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows of their group.
 
-    ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``weight`` (n, 2) is 1/σ; the residuals v are
-    there already. Eigenvalues of the joint test below ``controlled`` are left out.
+    ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
+    into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
+    ``controlled`` are left out.
     """
     for k in range(rows.size):
         row, i = rows[k], place[k]
@@ -47,6 +50,40 @@ def fill(
         for m in range(2):
             if weight[i, m] != 0.0:
                 absorbed[row, m] = white[i, m, m]
+                carried[row, m] = carries[i, m]
                 if not out[row, m]:
                     joint[row, m] = total
                     freedom[row, m] = count
+
+
+@compile_kernel
+def add_directions(
+    by_point: FloatArray,
+    by_others: FloatArray,
+    frame: IntArray,
+    pointers: IntArray,
+    own: FloatArray,
+    through_frames: FloatArray,
+    through: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Add a own (A through)ᵀ to the shares (n, 2) of rays: what a minimal datum and weak directions keep from them.
+
+    Directions ``own`` and ``through`` are given on the points (p, 3, d), through on the frames (f, K, d) too.
+    """
+    width, count = by_others.shape[2], own.shape[2]
+    moved, image = np.empty(count), np.empty(count)
+    for p in range(pointers.size - 1):
+        for i in range(pointers[p], pointers[p + 1]):
+            of_frame = through_frames[frame[i]]
+            for c in range(2):
+                moved[:], image[:] = 0.0, 0.0
+                for j in range(3):
+                    for d in range(count):
+                        moved[d] += by_point[i, c, j] * own[p, j, d]
+                        image[d] += by_point[i, c, j] * through[p, j, d]
+                for k in range(width):
+                    for d in range(count):
+                        image[d] += by_others[i, c, k] * of_frame[k, d]
+                for d in range(count):
+                    shares[i, c] += moved[d] * image[d]
