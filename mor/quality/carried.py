@@ -80,6 +80,7 @@ def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions
     reduced = extra.through[plan.kept]
     if compiled.available:
         of_frames = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)
+        of_frames = np.ascontiguousarray(np.swapaxes(of_frames, 1, 2))
         arrays = rays.by_point, rays.by_others, rays.frame, rays.point_pointers
         compiled_rays.add_directions(*arrays, own, of_frames, through, shares)
         return
@@ -90,7 +91,7 @@ def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions
 def lengths_of_rays(chunk: RayChunk) -> FloatArray:
     """(n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points."""
     slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
-    return _one_over(slope) * chunk.weight
+    return np.divide(chunk.weight, slope, out=np.zeros_like(slope), where=slope > 0.0)
 
 
 def lengths_of_rows(
@@ -103,11 +104,8 @@ def lengths_of_rows(
     target = index.columns["point"][group.blocks[-1][rows]]
     if not np.array_equal(columns[:, -3:], target):  # held throughout, and left out of the columns
         return np.zeros(jacobian.shape[:2])
-    return _one_over(np.linalg.norm(jacobian[:, :, -3:], axis=2))
-
-
-def _one_over(slope: FloatArray) -> FloatArray:
-    return np.where(slope > 0.0, 1.0 / np.where(slope > 0.0, slope, 1.0), 0.0)
+    slope = np.linalg.norm(jacobian[:, :, -3:], axis=2)
+    return np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
 
 
 def length_of_sight(adjustment: Adjustment, number: int) -> FloatArray:

@@ -69,21 +69,25 @@ def add_directions(
 ) -> None:
     """Add a own (A through)ᵀ to the shares (n, 2) of rays: what a minimal datum and weak directions keep from them.
 
-    Directions ``own`` and ``through`` are given on the points (p, 3, d), through on the frames (f, K, d) too.
+    Directions ``own`` and ``through`` are given on the points (p, 3, d), through on the frames (f, d, K) too.
     """
     width, count = by_others.shape[2], own.shape[2]
-    moved, image = np.empty(count), np.empty(count)
     for p in range(pointers.size - 1):
         for i in range(pointers[p], pointers[p + 1]):
-            of_frame = through_frames[frame[i]]
-            for c in range(2):
-                moved[:], image[:] = 0.0, 0.0
-                for j in range(3):
-                    for d in range(count):
-                        moved[d] += by_point[i, c, j] * own[p, j, d]
-                        image[d] += by_point[i, c, j] * through[p, j, d]
+            x, y, of_frame = by_others[i, 0], by_others[i, 1], through_frames[frame[i]]
+            a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
+            d, e, f = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
+            of_x, of_y = 0.0, 0.0
+            for m in range(count):
+                row, s, t = of_frame[m], 0.0, 0.0
                 for k in range(width):
-                    for d in range(count):
-                        image[d] += by_others[i, c, k] * of_frame[k, d]
-                for d in range(count):
-                    shares[i, c] += moved[d] * image[d]
+                    s += x[k] * row[k]
+                    t += y[k] * row[k]
+                one, two, three = through[p, 0, m], through[p, 1, m], through[p, 2, m]
+                s += a * one + b * two + c * three
+                t += d * one + e * two + f * three
+                one, two, three = own[p, 0, m], own[p, 1, m], own[p, 2, m]
+                of_x += s * (a * one + b * two + c * three)
+                of_y += t * (d * one + e * two + f * three)
+            shares[i, 0] += of_x
+            shares[i, 1] += of_y
