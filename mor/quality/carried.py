@@ -91,7 +91,7 @@ def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions
 def lengths_of_rays(chunk: RayChunk) -> FloatArray:
     """(n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points."""
     slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
-    return np.divide(chunk.weight, slope, out=np.zeros_like(slope), where=slope > 0.0)
+    return _quotient(chunk.weight, slope)
 
 
 def lengths_of_rows(
@@ -105,7 +105,13 @@ def lengths_of_rows(
     if not np.array_equal(columns[:, -3:], target):  # held throughout, and left out of the columns
         return np.zeros(jacobian.shape[:2])
     slope = np.linalg.norm(jacobian[:, :, -3:], axis=2)
-    return np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
+    return _quotient(np.ones_like(slope), slope)
+
+
+def _quotient(above: FloatArray, below: FloatArray) -> FloatArray:
+    """The quotient, 0 where there is nothing below."""
+    quotient: FloatArray = np.divide(above, below, out=np.zeros_like(below), where=below > 0.0)
+    return quotient
 
 
 def length_of_sight(adjustment: Adjustment, number: int) -> FloatArray:
