@@ -229,6 +229,15 @@ class Group(Part):
     sigma_of_factor: Number = None
 
 
+class VarianceComponents(Part):
+    """How the factors of the σ of the groups were estimated."""
+
+    method: Literal["simplified", "helmert"]
+    iterated: bool = Field(description="True where the weights have them in")
+    settled: bool = Field(description="True where iterating them changed nothing any more")
+    rounds: int
+
+
 class Place(Part):
     """Which observation."""
 
