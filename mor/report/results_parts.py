@@ -255,8 +255,10 @@ class Suspicious(Place):
     r: float
     error: float
     nabla: float
-    point: str | None
-    movement: list[float] | None
+    point: str | None = Field(description="The point that it moves most")
+    movement: list[float] | None = Field(
+        description="By the estimated error; null where so little controls the observation that this says nothing"
+    )
     flagged: bool
 
 

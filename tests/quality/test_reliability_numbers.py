@@ -246,6 +246,38 @@ def test_effects_name_the_worst_observation_and_its_point():
     assert np.linalg.norm(worst.movement) > 0.0
 
 
+def _levelled_twice(sigma, misclosure):
+    """A height told by one observation of ``sigma`` = 1e-3 and by one of the given σ, which differ."""
+    scene = Scene()
+    scene.add("point", "A", [0.0, 0.0, 0.0], free=False)
+    scene.add("point", "B", [10.0, 0.0, 1.0], free=(False, False, True))
+    scene.observe("height_difference", "A", None, "B", None, sigma=1e-3, observed=1.0)
+    scene.observe("height_difference", "A", None, "B", None, sigma=sigma, observed=1.0 + misclosure)
+    return assess(adjust(scene.problem(), scene.start(0.0)))
+
+
+def test_a_movement_through_the_whole_network_by_what_nothing_controls_is_not_told():
+    quality = _levelled_twice(5e-6, 5e-3)
+    assert [effect.tells for effect in effects(quality)] == [
+        True,
+        True,
+    ]  # 5 mm, whichever of the two is wrong
+    quality = _levelled_twice(3e-3, 5.0)
+    assert [effect.tells for effect in effects(quality)] == [True, True]
+    assert min(effect.r for effect in effects(quality)) > 0.05
+    quality = _levelled_twice(5e-6, 5.0)
+    told = {round(effect.r): effect.tells for effect in effects(quality)}
+    assert told == {1: True, 0: False}
+
+
+def test_equal_test_values_stand_in_the_order_of_the_rows():
+    quality = _levelled_twice(1e-3, 5e-3)
+    assert [effect.entry.row for effect in effects(quality)] == [0, 1]
+    for last in (1.0 + 1e-12, 1.0 - 1e-12):
+        noisy = _levelled_twice(1e-3 * last, 5e-3)
+        assert [effect.entry.row for effect in effects(noisy)] == [0, 1]
+
+
 def test_noncentrality_and_levels():
     assert noncentrality(0.001, 0.8) == pytest.approx(17.074646805189502, rel=1e-12)
     for alpha, beta in ((0.001, 0.8), (0.05, 0.9), (0.01, 0.5)):
