@@ -90,8 +90,8 @@ def _of_iteration(timed: tuple[Adjustment, Seconds, Seconds]) -> float:
 def sigma_and_redundancy(adjustment: Adjustment) -> None:
     """σ of every parameter and the redundancy number of every observation: selected inverse and one pass."""
     cofactors = adjustment.inverse.selected()
-    _, of_eliminated = observation_quality(adjustment, cofactors)
     datum = datum_transformation(adjustment)
+    _, of_eliminated = observation_quality(adjustment, cofactors, datum)
     for kind in adjustment.problem.index.columns:
         parameter_cofactors(adjustment, cofactors, of_eliminated, datum, kind)
 

@@ -90,7 +90,8 @@ def levels(settings: ProjectSettings) -> Levels:
 
 
 def _wanted(settings: ProjectSettings) -> Wanted:
-    return Wanted(settings.snooping, settings.robust, settings.variance_components == "iterate")
+    iterate = settings.variance_components == "iterate"
+    return Wanted(settings.snooping, settings.robust, iterate, settings.variance_method)
 
 
 def check_minimal(network: Network, adjustment: Adjustment) -> None:

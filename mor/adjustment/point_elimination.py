@@ -191,33 +191,39 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
     return steps
 
 
-def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
+class Cofactors(NamedTuple):
+    """Cofactors of a chunk of rays, exact."""
+
+    of_points: FloatArray
+    """(p, 3, 3) Q_pp."""
+    of_rays: FloatArray
+    """(n, 2, 2) parts of J Q Jᵀ, of the whitened computed values. One minus their diagonals are redundancy numbers."""
+    shares: FloatArray
+    """(n, 2) parts a (Q Jᵀ)_p of their diagonals that go into the points."""
+
+
+def cofactors(rays: Rays, inverse: BlockMatrix) -> Cofactors:
     """Return the cofactors of the points and of the computed values of a chunk of rays, exactly.
 
     Args:
         rays: Jacobians; the residuals are not looked at.
         inverse: selected inverse of the reduced system.
 
-    Returns:
-        Q_pp (p, 3, 3), and the parts (n, 2, 2) of J Q Jᵀ, the cofactors of the whitened computed values, for each
-        ray. One minus their diagonals are the redundancy numbers.
-
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays.columns, inverse.structure.unknowns)
     if not compiled.available:
-        return point_reference.cofactors(rays, inverse)
-    of_points, of_rays = np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2))
+        return Cofactors(*point_reference.cofactors(rays, inverse))
+    result = Cofactors(np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2)), np.empty((rays.rays, 2)))
     stored = point_cofactors.cofactors(
         *_arrays(rays)[1:],
         _pattern(inverse.structure),
         inverse.values,
-        of_points,
-        of_rays,
+        *result,
     )
     _refuse_unless(stored)
-    return of_points, of_rays
+    return result
 
 
 def _pattern(structure: BlockStructure) -> Pattern:

@@ -62,9 +62,9 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float) -> Flo
     return steps
 
 
-def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
-    """Return Q_pp (p, 3, 3) and the cofactors (n, 2, 2) of the whitened computed values."""
-    of_points, of_rays = [np.empty((0, 3, 3))], [np.empty((0, 2, 2))]
+def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return Q_pp (p, 3, 3), cofactors (n, 2, 2) of the whitened computed values, and shares (n, 2) of the points."""
+    of_points, of_rays, shares = [np.empty((0, 3, 3))], [np.empty((0, 2, 2))], [np.empty((0, 2))]
     for part in _parts(rays):
         roots, _ = _inverse_roots(part, 0.0)
         point = _point_of_ray(part)
@@ -84,7 +84,8 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]
         others = part.by_others @ Q[one == other] @ part.by_others.transpose(0, 2, 1)
         of_points.append(Q_pp)
         of_rays.append(own - mixed - mixed.transpose(0, 2, 1) + others)
-    return np.concatenate(of_points), np.concatenate(of_rays)
+        shares.append(np.diagonal(own - mixed, axis1=1, axis2=2))
+    return np.concatenate(of_points), np.concatenate(of_rays), np.concatenate(shares)
 
 
 def _parts(rays: Rays) -> Iterator[Rays]:

@@ -281,6 +281,11 @@ class Settings(Strict):
         default="report",
         description="Estimated factors of the σ of each group: reported, or taken into the weights",
     )
+    variance_method: Literal["simplified", "helmert"] = Field(
+        default="simplified",
+        description="How they are estimated: each group by itself (Förstner), or by Helmert's full system, which tells "
+        "groups apart that mix, up to 3 000 unknowns",
+    )
 
 
 class Project(Strict):

@@ -80,11 +80,11 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
     levels = levels or Levels()
     problem = adjustment.problem
     cofactors = adjustment.inverse.selected()
-    groups, of_eliminated = observation_quality(adjustment, cofactors)
+    datum = datum_transformation(adjustment)
+    groups, of_eliminated = observation_quality(adjustment, cofactors, datum)
     if levels.familywise is not None:
         levels = replace(levels, snooping=sidak(levels.familywise, problem.observations))
     ncp = noncentrality(levels.snooping, levels.power)
-    datum = datum_transformation(adjustment)
     redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
     omega = adjustment.normals.objective
     sigma0 = float(np.sqrt(omega / redundancy)) if redundancy > 0 else 1.0

@@ -10,6 +10,7 @@ from mor.geometry.arrays import FloatArray
 from mor.quality.assess import Quality
 from mor.quality.influence import Entry
 from mor.quality.local_influence import point_movements
+from mor.quality.tests import comparable
 
 MOST = 200
 """Observations that are explained at most."""
@@ -31,10 +32,15 @@ class Effect(NamedTuple):
     """Point block that moves most among those the observation names, −1 where it names no free point."""
     movement: FloatArray
     """(3,) its movement by the estimated error, in the datum of the adjustment, internal axes."""
+    tells: bool
+    """False where the estimated error says nothing: next to nothing controls the observation, and it would move the
+    point by a good part of the size of the network, where no linear estimate holds."""
 
 
-TIE = 6
-"""Decimals to which tests are compared in sorting: the two rays of one point often have equal ones."""
+HARDLY_CONTROLLED = 1e-4
+"""Redundancy number below which an error is estimated from less than a ten thousandth of it."""
+_FAR = 0.1
+"""Part of the size of the network beyond which a movement is none that an observation could cause unseen."""
 
 
 def effects(quality: Quality) -> list[Effect]:
@@ -67,24 +73,30 @@ def _chosen(quality: Quality) -> list[Entry]:
     for number, (one, group) in enumerate(
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
-        size = np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test)))
-        order = np.argsort(-np.round(size.ravel(), TIE), kind="stable")[:wanted]
+        size = comparable(np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test))))
+        order = np.argsort(-size.ravel(), kind="stable")[:wanted]
         for place in order[size.ravel()[order] > 0.0]:
             row, component = divmod(int(place), size.shape[1])
             best.append((float(size[row, component]), Entry(number, row, component)))
-    best.sort(key=lambda pair: (-round(pair[0], TIE), pair[1]))
+    best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 
 def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:
     tests, place = quality.reliability[entry.group].at(np.array([entry.row])), (0, entry.component)
     most = int(np.argmax(np.linalg.norm(moved, axis=1))) if points else -1
+    r, size = (
+        float(tests.quality.r[place]),
+        np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0),
+    )
+    far = bool(points) and float(np.linalg.norm(moved[most])) > _FAR * size
     return Effect(
         entry,
         float(tests.test[place]),
-        float(tests.quality.r[place]),
+        r,
         float(tests.error[place]),
         float(tests.smallest[place]),
         points[most] if points else -1,
         moved[most] if points else np.zeros(3),
+        tells=r >= HARDLY_CONTROLLED or not far,
     )

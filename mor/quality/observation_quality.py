@@ -1,8 +1,8 @@
 """Quality of the observations of one group: what is kept of it, and what follows from that.
 
-For ten million rays every array counts. Of an uncorrelated observation only the residual v and the part 1 − r of an
-error that the adjusted value absorbs are kept; cofactors and weighted residuals follow from these and σ. Correlated
-observations, which are few, keep theirs.
+For ten million rays every array counts. Of an uncorrelated observation only the residual v, the part 1 − r of an error
+that the adjusted value absorbs, and what of it is carried into the points are kept; cofactors and weighted residuals
+follow from these and σ. Correlated observations, which are few, keep theirs.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ class ObservationQuality:
     """Residuals, adjusted − observed."""
     absorbed: FloatArray
     """1 − r: part of an error that goes into the adjusted value; for uncorrelated entries."""
+    carried: FloatArray
+    """What an error of 1 does to the points of the observation, in the datum of the adjustment: see ``carried.py``."""
     joint: FloatArray
     """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
     freedom: FloatArray
@@ -54,6 +56,7 @@ class ObservationQuality:
         return ObservationQuality(
             self.v[rows],
             self.absorbed[rows],
+            self.carried[rows],
             self.joint[rows],
             self.freedom[rows],
             self.sigma[rows],

@@ -12,78 +12,111 @@ import numpy as np
 
 from mor.adjustment import compiled
 from mor.adjustment.block_matrix import BlockMatrix
+from mor.adjustment.datum import STransformation
 from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
-from mor.adjustment.normals import cluster_rows, image_of_rays
-from mor.adjustment.plan import ClusterRows, reduced_columns
+from mor.adjustment.normals import image_of_rays
+from mor.adjustment.plan import RowSet, reduced_columns
 from mor.adjustment.point_elimination import cofactors as ray_cofactors
 from mor.adjustment.ray_chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.ray_plan import RayPlan
-from mor.adjustment.rows import gather, row_cofactors
+from mor.adjustment.rows import row_cofactors
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.quality import compiled_rays
+from mor.quality.carried import (
+    Directions,
+    add_directions,
+    counted_columns,
+    directions,
+    lengths_of_rays,
+    lengths_of_rows,
+)
+from mor.quality.cluster_quality import cluster_quality
 from mor.quality.joint import joint_statistic
 from mor.quality.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests import CONTROLLED
 
 
 def observation_quality(
-    adjustment: Adjustment, cofactors: BlockMatrix
+    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation
 ) -> tuple[tuple[ObservationQuality, ...], FloatArray]:
     """Residuals, redundancy numbers and cofactors of all groups, from the selected inverse of the reduced system.
 
-    Also the cofactors (p, 3, 3) of the eliminated points, which come out of the same pass (without weak directions).
+    Also the cofactors (p, 3, 3) of the eliminated points, which come out of the same pass (without weak directions, in
+    the minimal datum). What errors carry into the points is in the datum of the adjustment.
     Residuals are those of the solution; Jacobians are taken where the system was factorised, a tiny last step before,
     so that Σ r comes out right to the last digits.
     """
     plan, values = adjustment.plan, adjustment.inverse.values
-    groups = adjustment.problem.groups
     quality = _residuals(adjustment)
     tangent = rotation_tangents(adjustment.problem.index, values)
-    weak = adjustment.inverse.weak
+    extra = directions(adjustment, datum)
     for row_set in plan.row_sets:
-        if len(row_set.rows) == 0:
-            continue
-        rows = linearise(groups[row_set.group], adjustment.problem.index, values, tangent, row_set.rows)
-        q = row_cofactors(
-            cofactors, plan.target.block_of, rows.jacobian, reduced_columns(rows.columns, plan.reduced)
-        )
-        if weak.shape[1]:
-            moved = np.where((rows.columns >= 0)[:, :, None], weak[rows.columns], 0.0)
-            image = rows.jacobian @ moved
-            q = q + image @ np.swapaxes(image, 1, 2)
-        here = row_set.weight > 0.0
-        white = q * row_set.weight[:, :, None] * row_set.weight[:, None, :]
-        _fill(quality[row_set.group], row_set.rows, here, white, row_set.weight)
+        if len(row_set.rows):
+            _fill_row_set(adjustment, cofactors, row_set, quality[row_set.group], tangent, extra)
     correlated = [
-        _cluster_quality(adjustment, cofactors, cluster, quality, tangent) for cluster in plan.clusters
+        cluster_quality(adjustment, cofactors, cluster, quality, tangent, extra) for cluster in plan.clusters
     ]
     of_points = np.zeros((len(plan.rays.columns), 3, 3))
+    weak = adjustment.inverse.weak
 
     def of_lane(rays: RayPlan) -> None:
         for chunk in ray_chunks(adjustment.problem, rays, plan.reduced, values):
-            of_points[chunk.points], white = ray_cofactors(chunk.rays, cofactors)
+            of_points[chunk.points], white, shares = ray_cofactors(chunk.rays, cofactors)
             if weak.shape[1]:
                 image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
                 white = white + image @ np.swapaxes(image, 1, 2)
-            _fill_rays(quality, chunk, white)
+            add_directions(plan, rays, chunk, extra, shares)
+            _fill_rays(quality, chunk, white, shares * lengths_of_rays(chunk))
 
     in_lanes(plan.rays, 0, of_lane)
     return tuple(_with_correlated(number, one, correlated) for number, one in enumerate(quality)), of_points
 
 
-def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray) -> None:
+def _fill_row_set(
+    adjustment: Adjustment,
+    cofactors: BlockMatrix,
+    row_set: RowSet,
+    quality: ObservationQuality,
+    tangent: FloatArray | None,
+    extra: Directions,
+) -> None:
+    plan, number = adjustment.plan, row_set.group
+    group, index = adjustment.problem.groups[number], adjustment.problem.index
+    rows = linearise(group, index, adjustment.inverse.values, tangent, row_set.rows)
+    counted = counted_columns(adjustment, number, row_set.rows, rows.columns)
+    own = np.where(counted[:, None, :], rows.jacobian, 0.0)
+    both = np.concatenate([rows.jacobian, own], axis=1)
+    q = row_cofactors(cofactors, plan.target.block_of, both, reduced_columns(rows.columns, plan.reduced))
+    m = rows.jacobian.shape[1]
+    q, shares = q[:, :m, :m], np.diagonal(q[:, m:, :m], axis1=1, axis2=2)
+    shares = shares + extra.added(own, rows.jacobian, rows.columns)
+    weak = adjustment.inverse.weak
+    if weak.shape[1]:
+        moved = np.where((rows.columns >= 0)[:, :, None], weak[rows.columns], 0.0)
+        image = rows.jacobian @ moved
+        q = q + image @ np.swapaxes(image, 1, 2)
+    here = row_set.weight > 0.0
+    white = q * row_set.weight[:, :, None] * row_set.weight[:, None, :]
+    length = lengths_of_rows(adjustment, number, row_set.rows, rows.jacobian, rows.columns)
+    _fill(quality, row_set.rows, here, white, shares * row_set.weight**2 * length, row_set.weight)
+
+
+def _fill_rays(
+    quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, carries: FloatArray
+) -> None:
     for number in np.unique(chunk.group):
         place = np.flatnonzero(chunk.group == number)
         one = quality[number]
         rows = chunk.row[place]
         if compiled.available:
-            arrays = one.v, one.out, one.absorbed, one.joint, one.freedom
-            compiled_rays.fill(rows, place, chunk.weight, white, CONTROLLED, *arrays)
+            arrays = one.v, one.out, one.absorbed, one.carried, one.joint, one.freedom
+            compiled_rays.fill(rows, place, chunk.weight, white, carries, CONTROLLED, *arrays)
         else:
-            _fill(one, rows, chunk.weight[place] > 0.0, white[place], chunk.weight[place])
+            weight = chunk.weight[place]
+            _fill(one, rows, weight > 0.0, white[place], carries[place], weight)
 
 
 def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
@@ -112,17 +145,23 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
 
 
 def _empty(group: ObservationGroup) -> ObservationQuality:
-    v, absorbed, joint, freedom = (np.full(group.observed.shape, np.nan) for _ in range(4))
-    return ObservationQuality(v, absorbed, joint, freedom, group.sigma, group.left_out)
+    v, absorbed, carried, joint, freedom = (np.full(group.observed.shape, np.nan) for _ in range(5))
+    return ObservationQuality(v, absorbed, carried, joint, freedom, group.sigma, group.left_out)
 
 
 def _fill(
-    quality: ObservationQuality, rows: IntArray, here: BoolArray, white: FloatArray, weight: FloatArray
+    quality: ObservationQuality,
+    rows: IntArray,
+    here: BoolArray,
+    white: FloatArray,
+    carries: FloatArray,
+    weight: FloatArray,
 ) -> None:
     """Rows of uncorrelated observations with W J Q Jᵀ W (n, m, m), W their weights (n, m) to the power ½."""
     joint, freedom = joint_statistic(quality.v[rows] * weight, np.eye(white.shape[1]) - white, here)
     tested = here & ~quality.out[rows]
     quality.absorbed[rows] = np.where(here, np.diagonal(white, axis1=1, axis2=2), quality.absorbed[rows])
+    quality.carried[rows] = np.where(here, carries, quality.carried[rows])
     quality.joint[rows] = np.where(tested, joint[:, None], quality.joint[rows])
     quality.freedom[rows] = np.where(tested, freedom[:, None], quality.freedom[rows])
 
@@ -134,67 +173,3 @@ def _with_correlated(
     if not parts:
         return quality
     return replace(quality, correlated=Correlated(*map(np.concatenate, zip(*parts, strict=True))))
-
-
-def _cluster_quality(
-    adjustment: Adjustment,
-    cofactors: BlockMatrix,
-    cluster: ClusterRows,
-    quality: tuple[ObservationQuality, ...],
-    tangent: FloatArray | None,
-) -> dict[int, Correlated]:
-    """Quality of the entries of a cluster, by group; the joint tests are set in ``quality``."""
-    plan = adjustment.plan
-    _, jacobian, columns = cluster_rows(plan, cluster, adjustment.inverse.values, tangent)
-    q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
-    weak = adjustment.inverse.weak[columns]
-    adjusted = jacobian @ (q + weak @ weak.T) @ jacobian.T
-    precision = cluster.whitening.T @ cluster.whitening
-    covariance = np.linalg.inv(precision)
-    misclosure = quality_at(cluster, [group.v for group in quality])
-    weighted_cofactors = precision - precision @ adjusted @ precision
-    joint, freedom = _joint_of_cluster(cluster, precision @ misclosure, weighted_cofactors)
-    found = {}
-    for number in np.unique(cluster.groups):
-        here = cluster.groups == number
-        rows, components = place = cluster.rows[here], cluster.components[here]
-        inside = ~quality[number].out[place]
-        quality[number].joint[place] = np.where(inside, joint[here], np.nan)
-        quality[number].freedom[place] = np.where(inside, freedom[here], np.nan)
-        found[int(number)] = Correlated(
-            rows,
-            components,
-            r=1.0 - np.diagonal(adjusted @ precision)[here],
-            q_adjusted=np.diagonal(adjusted)[here],
-            q_residual=np.maximum(np.diagonal(covariance - adjusted), 0.0)[here],
-            weighted=(precision @ misclosure)[here],
-            precision=np.diagonal(precision)[here],
-            q_weighted=np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))[here],
-        )
-    return found
-
-
-def quality_at(cluster: ClusterRows, arrays: list[FloatArray]) -> FloatArray:
-    """(k,) entries of a cluster out of one array (n, m) for each group."""
-    result = np.zeros(len(cluster.rows))
-    for number in np.unique(cluster.groups):
-        here = cluster.groups == number
-        result[here] = arrays[number][cluster.rows[here], cluster.components[here]]
-    return result
-
-
-def _joint_of_cluster(
-    cluster: ClusterRows, weighted: FloatArray, cofactors: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Statistic and freedom (k,) of the joint tests of the rows that a cluster touches."""
-    statistic, freedom = np.zeros(len(weighted)), np.zeros(len(weighted))
-    _, row_of = np.unique(np.stack([cluster.groups, cluster.rows]), axis=1, return_inverse=True)
-    scale = np.sqrt(np.diagonal(cluster.whitening.T @ cluster.whitening))
-    for row in range(int(row_of.max(initial=-1)) + 1):
-        here = np.flatnonzero(row_of.ravel() == row)
-        part = cofactors[np.ix_(here, here)] / np.outer(scale[here], scale[here])
-        found = joint_statistic(
-            (weighted[here] / scale[here])[None], part[None], np.ones((1, len(here)), bool)
-        )
-        statistic[here], freedom[here] = found[0][0], found[1][0]
-    return statistic, freedom

@@ -8,7 +8,8 @@ weights and Q_vv the cofactors of the residuals:
     smallest detectable one    ∇ = δ0 / √(eᵀ P Q_vv P e),             δ0² the non-centrality of α0, β0
     external reliability       δ̄0 = ∇ √(eᵀ P e − eᵀ P Q_vv P e),      bound of its effect on any function f of the
                                                                       unknowns, in units of σ_f
-None of them depends on the datum. Without correlations w_B is the normalised residual v/σ_v.
+    influence on position      EP = ∇̂ · what an error of 1 carries into the points of the observation (``carried.py``)
+None of them but EP depends on the datum. Without correlations w_B is the normalised residual v/σ_v.
 """
 
 from __future__ import annotations
@@ -58,6 +59,12 @@ class Reliability:
         q = self._q
         external = np.sqrt(self.ncp) / np.sqrt(q) * np.sqrt(np.maximum(self.quality.precision - q, 0.0))
         return self._with_excluded(external, lambda v, spread: np.zeros(len(v)))
+
+    @property
+    def influence(self) -> FloatArray:
+        """EP, what the estimated error does to the position of the points of the observation; length unit."""
+        influence: FloatArray = self.error * self.quality.carried
+        return influence
 
     @property
     def _q(self) -> FloatArray:

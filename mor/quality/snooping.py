@@ -19,6 +19,7 @@ from mor.adjustment.solve import Adjustment, Iteration, adjust
 from mor.geometry.arrays import BoolArray, FloatArray
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.exclusion import exclude
+from mor.quality.tests import comparable
 
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round."""
@@ -145,7 +146,7 @@ def _remember(
 def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
     """The worst observation, and others nearly as bad that share nothing with it nor with each other."""
     sizes = [
-        np.where(flags & ~bad, np.abs(one.test), 0.0)
+        comparable(np.where(flags & ~bad, np.abs(one.test), 0.0))
         for flags, bad, one in zip(quality.flagged, cannot, quality.reliability, strict=True)
     ]
     rows = [size.max(axis=1) if size.size else np.zeros(0) for size in sizes]

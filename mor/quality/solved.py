@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import FloatArray
 from mor.project.network import Network
 from mor.quality.assess import Quality
 from mor.quality.effects import Effect, effects
-from mor.quality.influence import influence_on_points
 from mor.quality.treatment import Treatment
 
 
@@ -28,8 +26,3 @@ class Solved:
     def effects(self) -> tuple[Effect, ...]:
         """What the suspicious observations do, worked out once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
-
-    @cached_property
-    def influence(self) -> tuple[FloatArray, ...]:
-        """Influence on coordinates of every group's observations (n, m), worked out once for all tables."""
-        return influence_on_points(self.quality) if self.quality is not None else ()

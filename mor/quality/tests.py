@@ -12,6 +12,8 @@ from mor.quality.observation_quality import ObservationQuality
 
 CONTROLLED = 1e-6
 """Redundancy number below which an observation cannot be tested: nothing else would notice an error in it."""
+_DIGITS = 7
+_DECIMALS = 6
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,18 @@ def normalised_residuals(quality: ObservationQuality) -> FloatArray:
     testable = np.nan_to_num(quality.r) > CONTROLLED
     q = np.where(testable, quality.q_residual, 0.0)
     return np.where(q > 0.0, quality.v / np.sqrt(np.where(q > 0.0, q, 1.0)), np.nan)
+
+
+def comparable(sizes: FloatArray) -> FloatArray:
+    """Sizes of test values ≥ 0, or NaN, to sort by: rounded to the digits in which runs of the same input agree.
+
+    The two rays of a point have equal ones, say, and the last bit must not say which of them comes first.
+    """
+    finite = np.isfinite(sizes) & (sizes > 0.0)
+    exponent = np.floor(np.log10(np.where(finite, sizes, 1.0)))
+    quantum = 10.0 ** np.maximum(exponent + 1 - _DIGITS, -_DECIMALS)
+    rounded: FloatArray = np.where(finite, np.round(sizes / quantum) * quantum, sizes)
+    return rounded
 
 
 def critical_value(level: float) -> float:

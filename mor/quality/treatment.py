@@ -10,6 +10,7 @@ from mor.quality.exclusion import reweighted
 from mor.quality.robust import Method, Robust, robust_estimate
 from mor.quality.snooping import Snooping, snoop
 from mor.quality.variance_components import Components, components, iterated_components
+from mor.quality.variance_components import Method as ComponentMethod
 
 
 class Wanted(NamedTuple):
@@ -18,6 +19,7 @@ class Wanted(NamedTuple):
     snooping: bool = False
     robust: Method | None = None
     iterate_components: bool = False
+    component_method: ComponentMethod = "simplified"
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,8 @@ def treat(quality: Quality, levels: Levels, aposteriori: bool, wanted: Wanted) -
         snooping = snoop(problem, quality, levels, aposteriori, rejected)
         quality = snooping.quality
     if not wanted.iterate_components:
-        return quality, Treatment(components(quality), snooping, robust)
-    found, quality = iterated_components(quality, levels, aposteriori)
+        return quality, Treatment(components(quality, wanted.component_method), snooping, robust)
+    found, quality = iterated_components(quality, levels, aposteriori, wanted.component_method)
     if snooping is not None and found.settled:
         weighted = reweighted(problem, [found.of(group, k) for k, group in enumerate(problem.groups)])
         out = tuple(group.left_out for group in quality.adjustment.problem.groups)

@@ -30,7 +30,6 @@ class AssessedRows:
     one: ObservationQuality
     tests: Reliability
     w: FloatArray
-    influence: FloatArray
 
     @property
     def flagged(self) -> BoolArray:
@@ -67,8 +66,7 @@ class AssessedGroups:
         if quality is None:
             nothing = np.full(group.observed.shape, np.nan)
             none = np.zeros(nothing.shape, dtype=bool)
-            one = ObservationQuality(nothing, nothing, nothing, nothing, nothing, none)
-            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
+            one = ObservationQuality(*(nothing,) * 6, none)
+            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
-        w, influence = normalised_residuals(one), self.solved.influence[number][rows]
-        return AssessedRows(group, is_check, quality, one, tests, w, influence)
+        return AssessedRows(group, is_check, quality, one, tests, normalised_residuals(one))

@@ -23,6 +23,7 @@ from mor.report.tables import (
     point_table,
     station_table,
     system_table,
+    variance_components,
 )
 
 INLINE = 10_000
@@ -46,6 +47,7 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "features": feature_table(solved).to_dicts(),
         "others": other_rows(solved),
         "groups": group_table(solved).to_dicts(),
+        "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),

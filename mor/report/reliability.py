@@ -77,7 +77,7 @@ def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
         "error": out(said_differences, effect.error),
         "nabla": out(said_sizes, effect.smallest),
         "point": solved.network.blocks["point"].ids[effect.point] if effect.point >= 0 else None,
-        "movement": [float(x) for x in movement] if effect.point >= 0 else None,
+        "movement": [float(x) for x in movement] if effect.point >= 0 and effect.tells else None,
         "flagged": abs(effect.test) > (solved.quality.critical if solved.quality else np.inf),
     }
 

@@ -32,6 +32,7 @@ from mor.report.results_parts import (
     Step,
     System,
     Units,
+    VarianceComponents,
 )
 
 
@@ -72,6 +73,7 @@ class Results(Part):
     features: list[Feature]
     others: list[Other]
     groups: list[Group]
+    variance_components: VarianceComponents | None = None
     gross_errors: GrossErrors
     fixed_points: list[FixedPoint]
     checks: list[Check]

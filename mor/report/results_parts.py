@@ -229,6 +229,15 @@ class Group(Part):
     sigma_of_factor: Number = None
 
 
+class VarianceComponents(Part):
+    """How the factors of the σ of the groups were estimated."""
+
+    method: Literal["simplified", "helmert"]
+    iterated: bool = Field(description="True where the weights have them in")
+    settled: bool = Field(description="True where iterating them changed nothing any more")
+    rounds: int
+
+
 class Place(Part):
     """Which observation."""
 
@@ -246,8 +255,10 @@ class Suspicious(Place):
     r: float
     error: float
     nabla: float
-    point: str | None
-    movement: list[float] | None
+    point: str | None = Field(description="The point that it moves most")
+    movement: list[float] | None = Field(
+        description="By the estimated error; null where so little controls the observation that this says nothing"
+    )
     flagged: bool
 
 

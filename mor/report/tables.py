@@ -235,6 +235,19 @@ def group_table(solved: Solved) -> pl.DataFrame:
     return pl.DataFrame(rows)
 
 
+def variance_components(solved: Solved) -> dict[str, Any] | None:
+    """How the factors of the σ of the groups were estimated."""
+    if solved.treatment is None:
+        return None
+    found = solved.treatment.components
+    return {
+        "method": found.method,
+        "iterated": found.iterated,
+        "settled": found.settled,
+        "rounds": found.rounds,
+    }
+
+
 def _component(solved: Solved, number: int) -> dict[str, Any]:
     """Factor on the σ of a group, as estimated (and, where it was iterated, as used)."""
     treatment = solved.treatment

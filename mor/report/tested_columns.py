@@ -59,7 +59,7 @@ def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
         "error": said_differences(group, tests.error),
         "nabla": said_sizes(group, tests.smallest),
         "external": said_numbers(group, tests.external),
-        "influence": said_signs(group, rows.influence),
+        "influence": said_signs(group, tests.influence),
         "joint": said_numbers(group, joint),
         "joint_freedom": said_numbers(group, freedom),
         "p_joint": said_numbers(group, p_joint),

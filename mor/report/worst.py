@@ -7,12 +7,9 @@ import polars as pl
 
 from mor.geometry.arrays import FloatArray
 from mor.quality.solved import Solved
-from mor.quality.tests import normalised_residuals
+from mor.quality.tests import comparable, normalised_residuals
 from mor.report.assessed_rows import AssessedGroups
 from mor.report.observation_table import SCHEMA, table_of
-
-TIE = 6
-"""Decimals to which test values are compared: the two rays of one point often have equal ones."""
 
 
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
@@ -27,20 +24,20 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
             parts.append(table_of(tested.rows(number, rows)))
     if not parts:
         return pl.DataFrame(schema=SCHEMA)
-    by_size = pl.col("w").abs().round(TIE)
     table = pl.concat(parts).filter(pl.col("w").is_not_null())
-    return table.sort(by_size, descending=True, maintain_order=True).head(count)
+    order = np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")
+    return table[order[:count]]
 
 
 def _sizes(solved: Solved, number: int) -> FloatArray:
-    """|w| (n, m) of a group to so many decimals, −1 where there is none."""
+    """|w| (n, m) of a group as it is compared, −1 where there is none."""
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.observed.shape, -1.0)
     w = normalised_residuals(quality.groups[number])
     if group.excluded is not None:
         w = np.where(group.left_out, quality.reliability[number].test, w)
-    size: FloatArray = np.nan_to_num(np.round(np.abs(w), TIE), nan=-1.0)
+    size: FloatArray = np.nan_to_num(comparable(np.abs(w)), nan=-1.0)
     return size
 
 

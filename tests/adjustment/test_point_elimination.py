@@ -141,7 +141,7 @@ def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
     accumulate(rays, reduced)
     scale = 1.0 / np.sqrt(reduced.diagonal)
     factor = factorise(reduced.matrix.scaled(scale), analyse(structure))
-    of_points, of_rays = cofactors(rays, factor.selected_inverse().scaled(scale))
+    of_points, of_rays, shares = cofactors(rays, factor.selected_inverse().scaled(scale))
     design = dense_design(rays, structure)
     n = structure.unknowns
     inverse = np.linalg.inv(design.T @ design)
@@ -151,6 +151,9 @@ def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
     whole = (design @ inverse @ design.T).reshape(rays.rays, 2, rays.rays, 2)
     own = whole[np.arange(rays.rays), :, np.arange(rays.rays)]
     np.testing.assert_allclose(of_rays, own, rtol=1e-7, atol=1e-9)
+    of_all_points = np.where(np.arange(design.shape[1]) >= n, design, 0.0)  # a row has one point
+    into_points = np.sum((of_all_points @ inverse) * design, axis=1).reshape(rays.rays, 2)
+    np.testing.assert_allclose(shares, into_points, rtol=1e-7, atol=1e-9)
     assert np.trace(own, axis1=1, axis2=2).sum() == pytest.approx(
         design.shape[1], rel=1e-9
     )  # the trace of a projection is its rank
@@ -193,7 +196,7 @@ def test_coordinates_the_rays_do_not_determine_are_held_and_harm_nothing():
     np.testing.assert_allclose(back_substitute(rays, step).ravel(), expected[n:], atol=1e-8)
     scale = 1.0 / np.sqrt(reduced.diagonal)
     inverse = factorise(reduced.matrix.scaled(scale), analyse(structure)).selected_inverse().scaled(scale)
-    of_points, of_rays = cofactors(rays, inverse)
+    of_points, of_rays, _ = cofactors(rays, inverse)
     assert not of_points[5, 2].any()
     assert not of_points[11, :, 1].any()
     assert np.trace(of_rays, axis1=1, axis2=2).sum() == pytest.approx(kept.size, rel=1e-9)
@@ -266,7 +269,7 @@ def test_rays_without_unknowns_of_their_own_determine_their_points_alone():
     assert not reduced.matrix.values.any()
     assert not reduced.right_hand_side.any()
     steps = back_substitute(rays, np.ones(structure.unknowns))
-    of_points, of_rays = cofactors(rays, reduced.matrix)
+    of_points, of_rays, _ = cofactors(rays, reduced.matrix)
     for p in range(rays.points):
         part = slice(*rays.point_pointers[p : p + 2])
         design = rays.by_point[part].reshape(-1, 3)

@@ -374,13 +374,19 @@ def test_robust_estimation_is_shown_beside_least_squares(tmp_path: Path, method:
     assert robust["largest_shift"] > 1e-3
 
 
-def test_variance_components_are_iterated_into_the_weights(tmp_path: Path) -> None:
-    text = BLOCK.replace("2 um", "8 um") + "settings: {variance_components: iterate}\n"
+@pytest.mark.parametrize("method", ["simplified", "helmert"])
+def test_variance_components_are_iterated_into_the_weights(tmp_path: Path, method: str) -> None:
+    settings = f"settings: {{variance_components: iterate, variance_method: {method}}}\n"
+    text = BLOCK.replace("2 um", "8 um") + settings
     results = adjusted(tmp_path, text)
     data = json.loads((results / "results.json").read_text())
     assert data["sigma0"]["ratio"] == pytest.approx(1.0, rel=1e-4)
     (group,) = data["groups"]
     assert group["sigma_factor"] == pytest.approx(0.25, abs=4.0 * group["sigma_of_factor"])
+    told = data["variance_components"]
+    assert (told["method"], told["iterated"], told["settled"]) == (method, True, True)
+    words = {"simplified": "simplified, group by group", "helmert": "Helmert's full system"}[method]
+    assert f"({words}; iterated into the weights)" in (results / "report.txt").read_text()
 
 
 def test_familywise_level_lowers_the_level_of_each_test(tmp_path: Path) -> None:

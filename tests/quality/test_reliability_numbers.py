@@ -12,7 +12,7 @@ from scenes import Scene, levelling_network, mixed_network, photo_block, plane_n
 from mor.adjustment.solve import Outcome, adjust
 from mor.quality.assess import assess
 from mor.quality.effects import effects
-from mor.quality.influence import Entry, influence_on_points, movements
+from mor.quality.influence import Entry, movements
 from mor.quality.levels import chi2_level, f_level, noncentrality, sidak
 from mor.quality.local_influence import point_movements
 from mor.quality.probabilities import log_p_chi2, log_p_f, log_p_normal
@@ -174,7 +174,7 @@ def test_influence_of_distances_is_what_is_hidden_of_the_error():
     # nothing but coordinates: the whole of 1 − r goes into them
     scene, points = plane_network()
     quality = assess(solve(scene, np.random.default_rng(5), points))
-    (influence,) = influence_on_points(quality)
+    influence = quality.reliability[0].influence
     expected = quality.reliability[0].error * (1.0 - quality.groups[0].r)
     np.testing.assert_allclose(influence, expected, rtol=1e-8, atol=1e-12)
 
@@ -193,10 +193,8 @@ def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, f
     quality = assess(solve(scene, np.random.default_rng(5), points[:4] if free else None))
     problem = quality.adjustment.problem
     number = next(k for k, group in enumerate(problem.groups) if group.type.key == "image/mor")
-    group, influence = problem.groups[number], influence_on_points(quality)[number]
-    correlated = quality.groups[number].correlated
-    out = set() if correlated is None else set(zip(correlated.rows, correlated.components, strict=True))
-    entries = [Entry(number, row, c) for row in range(group.count) for c in (0, 1) if (row, c) not in out]
+    group, influence = problem.groups[number], quality.reliability[number].influence
+    entries = [Entry(number, row, c) for row in range(group.count) for c in (0, 1)]
     errors = np.array([quality.reliability[number].error[e.row, e.component] for e in entries])
     whole = movements(quality, entries, errors)
     values = quality.adjustment.values
@@ -212,7 +210,6 @@ def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, f
         assert influence[entry.row, entry.component] == pytest.approx(expected, rel=1e-6, abs=1e-8 * size)
         moved_at_all += int(abs(expected) > 1e-3 * size)
     assert moved_at_all > len(entries) // 2
-    assert all(np.isnan(influence[row, component]) for row, component in out)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -247,6 +244,38 @@ def test_effects_name_the_worst_observation_and_its_point():
     assert worst.error == pytest.approx(30e-3, rel=0.2)
     assert worst.point == problem.groups[0].blocks[-1][17]
     assert np.linalg.norm(worst.movement) > 0.0
+
+
+def _levelled_twice(sigma, misclosure):
+    """A height told by one observation of ``sigma`` = 1e-3 and by one of the given σ, which differ."""
+    scene = Scene()
+    scene.add("point", "A", [0.0, 0.0, 0.0], free=False)
+    scene.add("point", "B", [10.0, 0.0, 1.0], free=(False, False, True))
+    scene.observe("height_difference", "A", None, "B", None, sigma=1e-3, observed=1.0)
+    scene.observe("height_difference", "A", None, "B", None, sigma=sigma, observed=1.0 + misclosure)
+    return assess(adjust(scene.problem(), scene.start(0.0)))
+
+
+def test_a_movement_through_the_whole_network_by_what_nothing_controls_is_not_told():
+    quality = _levelled_twice(5e-6, 5e-3)
+    assert [effect.tells for effect in effects(quality)] == [
+        True,
+        True,
+    ]  # 5 mm, whichever of the two is wrong
+    quality = _levelled_twice(3e-3, 5.0)
+    assert [effect.tells for effect in effects(quality)] == [True, True]
+    assert min(effect.r for effect in effects(quality)) > 0.05
+    quality = _levelled_twice(5e-6, 5.0)
+    told = {round(effect.r): effect.tells for effect in effects(quality)}
+    assert told == {1: True, 0: False}
+
+
+def test_equal_test_values_stand_in_the_order_of_the_rows():
+    quality = _levelled_twice(1e-3, 5e-3)
+    assert [effect.entry.row for effect in effects(quality)] == [0, 1]
+    for last in (1.0 + 1e-12, 1.0 - 1e-12):
+        noisy = _levelled_twice(1e-3 * last, 5e-3)
+        assert [effect.entry.row for effect in effects(noisy)] == [0, 1]
 
 
 def test_noncentrality_and_levels():

@@ -10,12 +10,21 @@ from scenes import Scene, mixed_network
 from mor.adjustment.solve import Outcome, adjust
 from mor.quality.assess import assess
 from mor.quality.observation_quality import ObservationQuality
-from mor.quality.tests import critical_value, global_test, normalised_residuals
+from mor.quality.tests import comparable, critical_value, global_test, normalised_residuals
 
 
 def test_critical_values_of_the_normal_distribution():
     assert critical_value(0.001) == pytest.approx(3.2905, abs=1e-4)
     assert critical_value(0.05) == pytest.approx(1.9600, abs=1e-4)
+
+
+def test_sizes_that_differ_by_noise_compare_equal():
+    sizes = np.array([3.29, 41.7, 1.3e6, 2e-4, 0.73])
+    for noise in (1e-11, -1e-11):
+        np.testing.assert_array_equal(comparable(sizes * (1.0 + noise)), comparable(sizes))
+    np.testing.assert_allclose(comparable(sizes), sizes, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(comparable(np.array([0.0, np.nan, np.inf])), [0.0, np.nan, np.inf])
+    assert comparable(np.array([3.290001]))[0] > comparable(np.array([3.29]))[0]
 
 
 @pytest.mark.parametrize("redundancy", [1, 5, 50, 20_000])
@@ -37,7 +46,7 @@ def test_normalised_residuals_only_where_something_controls():
     absorbed = np.array([[0.75, 1.0 - 1e-9, np.nan]])
     nothing = np.full((1, 3), np.nan)
     sigma, out = np.array([[2e-3, 1.0, 1.0]]), np.zeros((1, 3), bool)
-    w = normalised_residuals(ObservationQuality(v, absorbed, nothing, nothing, sigma, out))
+    w = normalised_residuals(ObservationQuality(v, absorbed, nothing, nothing, nothing, sigma, out))
     assert w[0, 0] == pytest.approx(3.0)
     assert np.isnan(w[0, 1:]).all()
 

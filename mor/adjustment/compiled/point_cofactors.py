@@ -1,4 +1,4 @@
-"""Kernels of the cofactors of points and rays, from the selected inverse Q_cc of the reduced system.
+"""Kernels of the cofactors of points, from the selected inverse Q_cc of the reduced system.
 
 With E = W N_pp⁻¹ and H = Q_cc E, for one point,
 
@@ -19,7 +19,6 @@ from mor.adjustment.compiled.cliques import (
     grouped,
     look_up_pairs,
     merge,
-    places_of_frame,
     runs_of_frames,
     same_frames,
     survey,
@@ -33,7 +32,8 @@ from mor.adjustment.compiled.point_store import (
     open_group,
     slots_in_strip,
 )
-from mor.adjustment.compiled.points import clear, couple, factor_point
+from mor.adjustment.compiled.points import couple, factor_point
+from mor.adjustment.compiled.ray_cofactors import cofactors_of_rays, gather_frames
 from mor.adjustment.compiled.strips import multiply_column_of_point
 from mor.geometry.arrays import FloatArray, IntArray
 
@@ -204,76 +204,6 @@ def multiply(column: FloatArray, E: FloatArray, H: FloatArray) -> None:
 
 
 @compile_kernel
-def gather_frames(columns: IntArray, pattern: Pattern, values: FloatArray, of_frame: FloatArray) -> bool:
-    """Set the part (K, K) of Q_cc for the columns (f, K) of each frame, folded into its lower triangle.
-
-    What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a
-    pair is not stored.
-    """
-    width = columns.shape[1]
-    starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    for f in range(columns.shape[0]):
-        clear(of_frame[f])
-        if not places_of_frame(columns[f], pattern, starts, places):
-            return False
-        for k in range(width):
-            for m in range(width):
-                place = places[k, m]
-                if place >= 0:
-                    factor = 2.0 if places[m, k] < 0 else 1.0
-                    of_frame[f, max(k, m), min(k, m)] += factor * values[place]
-    return True
-
-
-@compile_kernel
-def cofactors_of_rays(
-    by_point: FloatArray,
-    by_others: FloatArray,
-    frame: IntArray,
-    first: int,
-    end: int,
-    runs: Runs,
-    local: IntArray,
-    of_frame: FloatArray,
-    H: FloatArray,
-    Q: FloatArray,
-    of_rays: FloatArray,
-) -> None:
-    """Set the cofactors (2, 2) of the computed values of the rays first … end − 1 of one point with Q_pp = Q."""
-    width = by_others.shape[2]
-    for i in range(first, end):
-        x, y, F = by_others[i, 0], by_others[i, 1], of_frame[frame[i]]
-        a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
-        d, e, f = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
-        p = Q[0, 0] * a + Q[0, 1] * b + Q[0, 2] * c
-        q = Q[1, 0] * a + Q[1, 1] * b + Q[1, 2] * c
-        r = Q[2, 0] * a + Q[2, 1] * b + Q[2, 2] * c
-        xx, xy = a * p + b * q + c * r, d * p + e * q + f * r
-        yy = d * (Q[0, 0] * d + Q[0, 1] * e + Q[0, 2] * f) + e * (Q[1, 0] * d + Q[1, 1] * e + Q[1, 2] * f)
-        yy += f * (Q[2, 0] * d + Q[2, 1] * e + Q[2, 2] * f)
-        for k in range(width):
-            row, s, t = F[k], 0.0, 0.0
-            for m in range(k + 1):
-                s += row[m] * x[m]
-                t += row[m] * y[m]
-            xx += x[k] * s
-            yy += y[k] * t
-            xy += 0.5 * (y[k] * s + x[k] * t)
-        start = runs.pointers[frame[i]]
-        for t in range(start, runs.pointers[frame[i] + 1]):
-            at, column = local[i - first, t - start], runs.first[t]
-            for k in range(runs.length[t]):
-                one, two, three = H[0, at + k], H[1, at + k], H[2, at + k]
-                u, v = a * one + b * two + c * three, d * one + e * two + f * three
-                xx -= 2.0 * x[column + k] * u
-                yy -= 2.0 * y[column + k] * v
-                xy -= x[column + k] * v + y[column + k] * u
-        of_rays[i, 0, 0] = xx
-        of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
-        of_rays[i, 1, 1] = yy
-
-
-@compile_kernel
 def finish(
     by_point: FloatArray,
     by_others: FloatArray,
@@ -290,6 +220,7 @@ def finish(
     products: FloatArray,
     of_points: FloatArray,
     of_rays: FloatArray,
+    shares: FloatArray,
 ) -> None:
     """Set the cofactors of the stored points, in this order, and of their rays.
 
@@ -325,6 +256,7 @@ def finish(
                 H,
                 Q,
                 of_rays,
+                shares,
             )
         done += store.points[g]
 
@@ -340,8 +272,9 @@ def cofactors(
     values: FloatArray,
     of_points: FloatArray,
     of_rays: FloatArray,
+    shares: FloatArray,
 ) -> bool:
-    """Set Q_pp (p, 3, 3) and the cofactors (n, 2, 2); return False where a pair of blocks is not stored."""
+    """Set Q_pp (p, 3, 3), cofactors (n, 2, 2) and shares (n, 2); return False where a pair of blocks is not stored."""
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     runs, met = runs_of_frames(columns, pattern)
     rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
@@ -378,6 +311,7 @@ def cofactors(
                 products,
                 of_points,
                 of_rays,
+                shares,
             )
             groups, done = NONE, k
         if k == order.size:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from mor.quality.tests import comparable
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
 from mor.report.view import View
@@ -71,8 +72,8 @@ def worst_first(view: View) -> pl.DataFrame:
     """Residuals as they stand; of very many, those with the largest test values (and all without a test)."""
     if view.residuals.height <= MOST_ROWS:
         return view.residuals
-    order = view.residuals["test"].abs().fill_null(np.inf).arg_sort(descending=True)
-    return view.residuals[order.head(MOST_ROWS).sort()]
+    sizes = comparable(view.residuals["test"].abs().fill_null(np.inf).to_numpy())
+    return view.residuals[np.sort(np.argsort(-sizes, kind="stable")[:MOST_ROWS])]
 
 
 def shown_vectors(measured: pl.DataFrame) -> pl.DataFrame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
-from mor.report.tables import group_table
+from mor.report.tables import group_table, variance_components
 from mor.report.text._layout import fixed, heading, table
 from mor.report.words.language import ENGLISH, Words
 
@@ -25,4 +25,32 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         for row in group_table(solved).to_dicts()
     ]
     headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
-    return f"{heading(words('Observation groups'))}\n{table(headers, rows, 2, words)}"
+    lines = [
+        heading(words("Observation groups")),
+        table(headers, rows, 2, words),
+        *_components(solved, words),
+    ]
+    return "\n".join(lines)
+
+
+def _components(solved: Solved, words: Words) -> list[str]:
+    """Factors of σ where the project asks for more than the table of groups has."""
+    settings, data = solved.network.project.settings, variance_components(solved)
+    if data is None or (
+        settings.variance_components == "report" and settings.variance_method == "simplified"
+    ):
+        return []
+    which = "Helmert's full system" if data["method"] == "helmert" else "simplified, group by group"
+    how = "iterated into the weights" if data["iterated"] else "not taken into the weights"
+    lines = [
+        words("Variance components ({which}; {how}): factors of sigma", which=words(which), how=words(how))
+    ]
+    if data["method"] != settings.variance_method:
+        lines.append(words("Helmert's system is too large here, or cannot tell the groups apart."))
+    for row in group_table(solved).to_dicts():
+        if row["sigma_factor"] is not None:
+            factor, sigma = fixed(row["sigma_factor"], 3), fixed(row["sigma_of_factor"], 3)
+            lines.append(
+                words("  {group}: {factor} +- {sigma}", group=row["name"], factor=factor, sigma=sigma)
+            )
+    return lines

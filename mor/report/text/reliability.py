@@ -45,6 +45,13 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
 
 
 def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
+    if row["point"] is not None and row["movement"] is None:
+        return words(
+            "{place}: w = {w}, r = {r}: so little else controls it that nothing can be said of an error in it",
+            place=_place(row, words),
+            w=fixed(row["w"], 2),
+            r=short(row["r"], 2),
+        )
     said = words(
         "{place}: w = {w}, r = {r}, estimated error {error} {unit}, smallest detectable {nabla}",
         place=_place(row, words),

@@ -1,0 +1,28 @@
+"""What the report says of an observation that next to nothing controls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from small_projects import mor, write
+
+TWICE = """\
+mor: 1
+units: {length: m}
+points:
+  - {columns: [id, x, y, z], rows: [[A, 0, 0, 10]], fixed: [x, y, z]}
+  - {columns: [id, x, y, z], rows: [[B, 0, 0, 11]], fixed: [x, y]}
+observations:
+  - type: height_difference
+    columns: [from, to, dz, sigma]
+    rows: [[A, B, 1.0, 0.001], [A, B, 6.0, 0.000005]]
+"""
+
+
+def test_no_movement_through_the_whole_network_is_stated(tmp_path: Path) -> None:
+    assert mor("adjust", write(tmp_path, TWICE), "-o", tmp_path / "results").code == 0
+    report = (tmp_path / "results" / "report.txt").read_text(encoding="utf-8")
+    lines = [line for line in report.splitlines() if line.lstrip().startswith("height_difference from A")]
+    assert len(lines) == 2
+    assert sum("r = 2.5e-05: so little else controls it" in line for line in lines) == 1
+    assert sum("would move" in line and "in Z" in line for line in lines) == 1
