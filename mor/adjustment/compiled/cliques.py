@@ -197,6 +197,17 @@ def same_frames(frame: IntArray, pointers: IntArray, one: int, other: int) -> bo
 
 
 @compile_kernel
+def room_for_clique(rays: int, runs: int, blocks: int, met: Met) -> Clique:
+    """Return room for the largest point: one of so many rays with so many runs each, in so many blocks."""
+    return Clique(
+        np.empty(blocks, dtype=np.int64),
+        np.empty(blocks + 1, dtype=np.int64),
+        np.empty((rays, runs), dtype=np.int64),
+        np.full(met.size.size, -1, dtype=np.int64),
+    )
+
+
+@compile_kernel
 def merge(frame: IntArray, first: int, end: int, runs: Runs, met: Met, clique: Clique) -> int:
     """Merge the blocks of the rays first … end − 1 of one point into the clique; return their number."""
     blocks, begin, local, slot_of_block = clique
@@ -250,23 +261,6 @@ def look_up(met: Met, pattern: Pattern, row: int, column: int) -> int:
     start = find_start(pattern.indptr, pattern.indices, pattern.position, met.column[row], met.column[column])
     met.starts[column, row] = start
     return start
-
-
-@compile_kernel
-def look_up_pairs(blocks: IntArray, count: int, met: Met, pattern: Pattern) -> bool:
-    """Note where all pairs of the first ``count`` ascending blocks start; return False where one is not stored."""
-    known, column_of, stored = met.starts, met.column, True
-    for slot in range(count):
-        column = blocks[slot]
-        for other in range(slot, count):
-            row = blocks[other]
-            if known[column, row] == UNKNOWN:
-                known[column, row] = find_start(
-                    pattern.indptr, pattern.indices, pattern.position, column_of[row], column_of[column]
-                )
-            if known[column, row] < 0:
-                stored = False
-    return stored
 
 
 @compile_kernel

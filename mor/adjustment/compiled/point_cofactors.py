@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.adjustment.compiled import compile_kernel
+from mor.adjustment.compiled import compile_inline, compile_kernel
 from mor.adjustment.compiled.cliques import (
     NONE,
     Clique,
@@ -17,73 +17,57 @@ from mor.adjustment.compiled.cliques import (
     Pattern,
     Runs,
     grouped,
-    look_up_pairs,
+    look_up,
     merge,
+    room_for_clique,
     runs_of_frames,
-    same_frames,
     survey,
 )
 from mor.adjustment.compiled.point_products import FEW_POINTS
 from mor.adjustment.compiled.point_store import (
+    LARGEST_STORE,
     Store,
-    append_point,
-    empty_store,
     end_of_strip,
-    open_group,
+    fill_store,
     slots_in_strip,
+    store_for,
 )
-from mor.adjustment.compiled.points import couple, factor_point
-from mor.adjustment.compiled.ray_cofactors import cofactors_of_rays, gather_frames
+from mor.adjustment.compiled.points import invert_points
+from mor.adjustment.compiled.ray_cofactors import ROOM_FOR_FORMS, cofactors_of_rays, gather_frames
 from mor.adjustment.compiled.strips import multiply_column_of_point
 from mor.geometry.arrays import FloatArray, IntArray
 
 
 @compile_kernel
-def solve_from_the_right(V: FloatArray, L: FloatArray, inverse: FloatArray) -> None:
-    """Replace V, transposed (3, m), by V L⁻¹."""
-    for m in range(V.shape[1]):
-        third = V[2, m] * inverse[2]
-        second = (V[1, m] - L[2, 1] * third) * inverse[1]
-        V[2, m] = third
-        V[1, m] = second
-        V[0, m] = (V[0, m] - L[1, 0] * second - L[2, 0] * third) * inverse[0]
-
-
-@compile_kernel
-def inverse_of_point(L: FloatArray, inverse: FloatArray, N: FloatArray) -> None:
-    """Set N = L⁻ᵀ L⁻¹."""
-    root = np.zeros((3, 3))  # L⁻¹
-    for j in range(3):
-        root[j, j] = inverse[j]
-        for i in range(j + 1, 3):
-            for k in range(j, i):
-                root[i, j] -= L[i, k] * root[k, j]
-            root[i, j] *= inverse[i]
-    for i in range(3):
-        for j in range(3):
-            N[i, j] = root[0, i] * root[0, j] + root[1, i] * root[1, j] + root[2, i] * root[2, j]
-
-
-@compile_kernel
 def multiply_by_inverse(
-    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray
-) -> None:
-    """Set the products H = Q_cc E, laid out as the couplings E, strip by strip."""
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, products: FloatArray
+) -> bool:
+    """Set the products H = Q_cc E, laid out as the couplings E, strip by strip; False where a pair is not stored."""
     for k in range(store.first_coupling[groups]):
         products[k] = 0.0
-    first = NONE
+    first, stored = NONE, True
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        multiply_point_by_point(store, groups, met, values, products, first, last)
-        multiply_by_panels(store, groups, met, values, products, first, last)
+        stored = (
+            multiply_point_by_point(store, groups, met, pattern, values, products, first, last) and stored
+        )
+        stored = multiply_by_panels(store, groups, met, pattern, values, products, first, last) and stored
         first = last
+    return stored
 
 
 @compile_kernel
 def multiply_point_by_point(
-    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray, first: int, last: int
-) -> None:
-    """Add to the products of the groups of few points what a strip makes of their couplings."""
+    store: Store,
+    groups: int,
+    met: Met,
+    pattern: Pattern,
+    values: FloatArray,
+    products: FloatArray,
+    first: int,
+    last: int,
+) -> bool:
+    """Add to the products of the groups of few points what a strip makes of them; False where a pair is not stored."""
     couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
     known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
@@ -95,20 +79,35 @@ def multiply_point_by_point(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
+            column = blocks[block + slot]
             for other in range(slot, slots):
-                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+                row = blocks[block + other]
+                start = known[column, row]
+                if start < 0:
+                    start = look_up(met, pattern, row, column)
+                    if start < 0:
+                        return False
+                starts[other - slot] = start
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
                 multiply_column_of_point(
                     values, starts, width, couplings, products, base + 3 * q * size, begin, slot, slots
                 )
+    return True
 
 
 @compile_kernel
 def multiply_by_panels(
-    store: Store, groups: int, met: Met, values: FloatArray, products: FloatArray, first: int, last: int
-) -> None:
-    """Add to the products of the groups of many points what a strip makes of their couplings."""
+    store: Store,
+    groups: int,
+    met: Met,
+    pattern: Pattern,
+    values: FloatArray,
+    products: FloatArray,
+    first: int,
+    last: int,
+) -> bool:
+    """Add to the products of the groups of many points what a strip makes of them; False where a pair is not stored."""
     blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
@@ -119,12 +118,20 @@ def multiply_by_panels(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
+            column = blocks[block + slot]
             for other in range(slot, slots):
-                starts[other - slot] = known[blocks[block + slot], blocks[block + other]]
+                row = blocks[block + other]
+                start = known[column, row]
+                if start < 0:
+                    start = look_up(met, pattern, row, column)
+                    if start < 0:
+                        return False
+                starts[other - slot] = start
             width = begin[slot + 1] - begin[slot]
             panel = np.empty(width * (size - begin[slot]))
             fetch_panel(values, begin, slot, slots, starts, panel)
             multiply_panel(panel, width, store.couplings, products, base, size, 3 * points, begin[slot])
+    return True
 
 
 @compile_kernel
@@ -213,7 +220,6 @@ def finish(
     runs: Runs,
     met: Met,
     clique: Clique,
-    values: FloatArray,
     of_frame: FloatArray,
     store: Store,
     groups: int,
@@ -226,39 +232,46 @@ def finish(
 
     ``of_points`` holds N_pp⁻¹ on entry.
     """
-    multiply_by_inverse(store, groups, met, values, products)
-    done, at = 0, 0
+    done, at, flat, frames, width = 0, 0, by_others.reshape(-1), of_frame.reshape(-1), by_others.shape[2]
+    forms = np.empty(ROOM_FOR_FORMS)
     for g in range(groups):
         p = order[done]
         size = clique.begin[merge(frame, pointers[p], pointers[p + 1], runs, met, clique)]
         for k in range(done, done + store.points[g]):
             p = order[k]
-            E = store.couplings[at : at + 3 * size].reshape((3, size))
-            H = products[at : at + 3 * size].reshape((3, size))
-            at += 3 * size
-            Q = of_points[p]
-            for i in range(3):
-                for j in range(i + 1):
-                    total = 0.0
-                    for m in range(size):
-                        total += E[i, m] * H[j, m]
-                    Q[i, j] += total
-                    Q[j, i] = Q[i, j]
+            add_products(store.couplings, products, at, size, of_points[p])
             cofactors_of_rays(
                 by_point,
-                by_others,
+                flat,
+                width,
                 frame,
                 pointers[p],
                 pointers[p + 1],
                 runs,
                 clique.local,
-                of_frame,
-                H,
-                Q,
+                frames,
+                products,
+                at,
+                size,
+                of_points[p],
+                forms,
                 of_rays,
                 shares,
             )
+            at += 3 * size
         done += store.points[g]
+
+
+@compile_inline
+def add_products(E: FloatArray, H: FloatArray, first: int, size: int, Q: FloatArray) -> None:
+    """Add EᵀH of one point, (3, size) both from ``first`` on, to its cofactors (3, 3)."""
+    for i in range(3):
+        for j in range(i + 1):
+            one, other, total = first + i * size, first + j * size, 0.0
+            for m in range(size):
+                total += E[one + m] * H[other + m]
+            Q[i, j] += total
+            Q[j, i] = Q[i, j]
 
 
 @compile_kernel
@@ -278,56 +291,37 @@ def cofactors(
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     runs, met = runs_of_frames(columns, pattern)
     rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
-    unseen = np.full(met.size.size, -1, dtype=np.int64)
-    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
-    clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
+    clique = room_for_clique(rays, most_runs, most, met)
     of_frame = np.empty((columns.shape[0], columns.shape[1], columns.shape[1]))
     if not gather_frames(columns, pattern, values, of_frame):
         return False
-    store = empty_store(keys.size, room)
+    factor = np.empty(by_point.shape)
+    invert_points(by_point, pointers, factor, of_points)
+    store = store_for(max(min(LARGEST_STORE, 3 * keys.size * room), 3 * room))
     products = np.empty(store.couplings.size)
-    nothing = np.zeros((by_point.shape[0], 2))
-    L, inverse, u, gradient = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    order = grouped(keys)
-    groups, count, done, before, stored = NONE, NONE, NONE, -1, True
-    for k in range(order.size + 1):
-        full = k == order.size or store.first_coupling[groups] + 3 * room > store.couplings.size
-        if full and k > done and not stored:
+    order, done = grouped(keys), NONE
+    while done < order.size:
+        last, groups = fill_store(
+            store, NONE, order, done, factor, by_others, frame, pointers, runs, met, clique, room
+        )
+        if not multiply_by_inverse(store, groups, met, pattern, values, products):
             return False
-        if full and k > done:
-            finish(
-                by_point,
-                by_others,
-                frame,
-                pointers,
-                order[done:k],
-                runs,
-                met,
-                clique,
-                values,
-                of_frame,
-                store,
-                groups,
-                products,
-                of_points,
-                of_rays,
-                shares,
-            )
-            groups, done = NONE, k
-        if k == order.size:
-            break
-        p = order[k]
-        first, end = pointers[p], pointers[p + 1]
-        if full or before < 0 or not same_frames(frame, pointers, p, before):
-            count = merge(frame, first, end, runs, met, clique)
-            stored = look_up_pairs(clique.blocks, count, met, pattern) and stored
-            open_group(store, groups, clique, count)
-            groups += 1
-        before = p
-        factor_point(by_point, nothing, first, end, 0.0, L, inverse, u, gradient)
-        inverse_of_point(L, inverse, of_points[p])
-        base = append_point(store, groups, begin[count])
-        E = store.couplings[base : base + 3 * begin[count]].reshape((3, begin[count]))
-        couple(by_point, by_others, frame, first, end, runs, local, L, inverse, E)
-        solve_from_the_right(E, L, inverse)
-    return stored
+        finish(
+            by_point,
+            by_others,
+            frame,
+            pointers,
+            order[done:last],
+            runs,
+            met,
+            clique,
+            of_frame,
+            store,
+            groups,
+            products,
+            of_points,
+            of_rays,
+            shares,
+        )
+        done = last
+    return True

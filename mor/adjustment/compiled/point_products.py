@@ -12,26 +12,21 @@ import numpy as np
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import (
     NONE,
-    Clique,
     Met,
     Pattern,
     Runs,
     grouped,
     look_up,
-    merge,
+    room_for_clique,
     runs_of_frames,
-    same_frames,
     survey,
 )
-from mor.adjustment.compiled.couplings import couple
 from mor.adjustment.compiled.frame_sums import FrameSums, add_rays, carry_frames
 from mor.adjustment.compiled.point_store import (
     STORE,
     Store,
-    append_point,
     end_of_strip,
-    is_full,
-    open_group,
+    fill_store,
     slots_in_strip,
     store_for,
 )
@@ -113,29 +108,20 @@ def store_points(
     values: FloatArray,
 ) -> bool:
     """Store the couplings of points, points from the same frames side by side."""
-    columns, runs, met, store, waiting, _ = gathering
+    _, runs, met, store, waiting, _ = gathering
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
-    unseen = np.full(met.size.size, -1, dtype=np.int64)
-    begin, local = np.empty(most + 1, dtype=np.int64), np.empty((rays, most_runs), dtype=np.int64)
-    clique = Clique(np.empty(most, dtype=np.int64), begin, local, unseen)
-    flat, width = by_others.reshape(-1), columns.shape[1]
-    groups, before, size = waiting[0], -1, NONE
-    for p in grouped(keys):
-        first, end = pointers[p], pointers[p + 1]
-        full = is_full(store, groups, room)
-        if full:
-            if not subtract_products(store, groups, met, pattern, values):
-                return False
-            groups = NONE
-        if full or before < 0 or not same_frames(frame, pointers, p, before):
-            count = merge(frame, first, end, runs, met, clique)
-            size = begin[count]
-            open_group(store, groups, clique, count)
-            groups += 1
-        before = p
-        base = append_point(store, groups, size)
-        couple(white, flat, width, frame, first, end, runs, local, store.couplings, base, size)
+    clique = room_for_clique(rays, most_runs, most, met)
+    order, done, groups = grouped(keys), 0, waiting[0]
+    while True:
+        done, groups = fill_store(
+            store, groups, order, done, white, by_others, frame, pointers, runs, met, clique, room
+        )
+        if done == order.size:
+            break
+        if not subtract_products(store, groups, met, pattern, values):
+            return False
+        groups = NONE
     waiting[0] = groups
     return True
 

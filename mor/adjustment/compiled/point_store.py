@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.compiled import compile_inline, compile_kernel
-from mor.adjustment.compiled.cliques import Clique
+from mor.adjustment.compiled.cliques import Clique, Met, Runs, merge, same_frames
+from mor.adjustment.compiled.couplings import couple
 from mor.geometry.arrays import FloatArray, IntArray
 
 # Numbers in a store and in a strip of columns of the reduced system: 1.6 and 1.2 MB, that they stay in the cache.
@@ -44,7 +45,7 @@ class Store(NamedTuple):
 @compile_kernel
 def store_for(numbers: int) -> Store:
     """Return an empty store for so many couplings."""
-    points = numbers // 3 + 1
+    points = numbers // 3 + 2
     return Store(
         np.empty(numbers),
         np.zeros(points + 1, dtype=np.int64),
@@ -59,21 +60,6 @@ def store_for(numbers: int) -> Store:
 def is_full(store: Store, groups: int, size: int) -> bool:
     """Return whether there may be no room for another group with a point of that size."""
     return groups + 1 >= store.points.size or store.first_coupling[groups] + 3 * size > store.couplings.size
-
-
-@compile_kernel
-def empty_store(points: int, most_unknowns: int) -> Store:
-    """Return a store for so many points of so many unknowns at most, or as many of them as it may hold."""
-    most_unknowns = max(most_unknowns, 1)
-    size = max(min(LARGEST_STORE, 3 * points * most_unknowns), 3 * most_unknowns)
-    return Store(
-        np.empty(size),
-        np.zeros(points + 1, dtype=np.int64),
-        np.zeros(points, dtype=np.int64),
-        np.empty(size // 3 + 1, dtype=np.int64),
-        np.empty(size // 3 + 1 + points, dtype=np.int64),
-        np.zeros(points + 1, dtype=np.int64),
-    )
 
 
 @compile_kernel
@@ -120,3 +106,39 @@ def slots_in_strip(blocks: IntArray, begin: int, end: int, first: int, last: int
     while high < end and blocks[high] < last:
         high += 1
     return low - begin, high - begin
+
+
+@compile_kernel
+def fill_store(
+    store: Store,
+    groups: int,
+    order: IntArray,
+    done: int,
+    factor: FloatArray,
+    by_others: FloatArray,
+    frame: IntArray,
+    pointers: IntArray,
+    runs: Runs,
+    met: Met,
+    clique: Clique,
+    room: int,
+) -> tuple[int, int]:
+    """Store the couplings Σ jᵀ factor of points in this order, from the place ``done`` on, behind so many groups.
+
+    Stops where there may be no room for a point with ``room`` unknowns. Returns the place, and the number of groups.
+    """
+    flat, width, local = by_others.reshape(-1), by_others.shape[2], clique.local
+    before, size = -1, 0
+    while done < order.size and not is_full(store, groups, room):
+        p = order[done]
+        first, end = pointers[p], pointers[p + 1]
+        if before < 0 or not same_frames(frame, pointers, p, before):
+            count = merge(frame, first, end, runs, met, clique)
+            size = clique.begin[count]
+            open_group(store, groups, clique, count)
+            groups += 1
+        base = append_point(store, groups, size)
+        couple(factor, flat, width, frame, first, end, runs, local, store.couplings, base, size)
+        before = p
+        done += 1
+    return done, groups

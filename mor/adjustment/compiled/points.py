@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_inline, compile_kernel
-from mor.adjustment.compiled.cliques import Runs
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
 # Pivots of a 3×3 system scaled to unit diagonal carry hardly any round-off.
@@ -112,6 +111,29 @@ def whiten_points(
 
 
 @compile_kernel
+def invert_points(by_point: FloatArray, pointers: IntArray, factor: FloatArray, inverse: FloatArray) -> None:
+    """Set N_pp⁻¹ of all points as ``inverse`` (p, 3, 3), and a N_pp⁻¹ of their rays as ``factor`` (n, 2, 3)."""
+    nothing = np.zeros((by_point.shape[0], 2))
+    for point in range(pointers.size - 1):
+        first, end = pointers[point], pointers[point + 1]
+        n00, n10, n11, n20, n21, n22, _, _, _ = sums_of_point(by_point, nothing, first, end)
+        p, q, r, a, b, c = root_of_point(n00, n10, n11, n20, n21, n22, 0.0)
+        k10, k21 = -a * p * q, -c * q * r  # L⁻¹ below its diagonal
+        k20 = -(b * p + c * k10) * r
+        n00, n10, n11 = p * p + k10 * k10 + k20 * k20, k10 * q + k20 * k21, q * q + k21 * k21
+        n20, n21, n22 = k20 * r, k21 * r, r * r
+        inverse[point, 0, 0], inverse[point, 0, 1], inverse[point, 0, 2] = n00, n10, n20
+        inverse[point, 1, 0], inverse[point, 1, 1], inverse[point, 1, 2] = n10, n11, n21
+        inverse[point, 2, 0], inverse[point, 2, 1], inverse[point, 2, 2] = n20, n21, n22
+        for i in range(first, end):
+            for m in range(2):
+                x, y, z = by_point[i, m, 0], by_point[i, m, 1], by_point[i, m, 2]
+                factor[i, m, 0] = x * n00 + y * n10 + z * n20
+                factor[i, m, 1] = x * n10 + y * n11 + z * n21
+                factor[i, m, 2] = x * n20 + y * n21 + z * n22
+
+
+@compile_kernel
 def factor_point(
     by_point: FloatArray,
     residual: FloatArray,
@@ -136,43 +158,6 @@ def factor_point(
     u[0] = g * p
     u[1] = (h - a * u[0]) * q
     u[2] = (k - b * u[0] - c * u[1]) * r
-
-
-@compile_kernel
-def couple(
-    by_point: FloatArray,
-    by_others: FloatArray,
-    frame: IntArray,
-    first: int,
-    end: int,
-    runs: Runs,
-    local: IntArray,
-    L: FloatArray,
-    inverse: FloatArray,
-    V: FloatArray,
-) -> None:
-    """Set V = W L⁻ᵀ, transposed (3, m), for the rays first … end − 1, all of one point."""
-    clear(V)
-    one, two, three = V[0], V[1], V[2]
-    for i in range(first, end):
-        ax, ay, az = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
-        bx, by, bz = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
-        start = runs.pointers[frame[i]]
-        for t in range(start, runs.pointers[frame[i] + 1]):
-            at, column = local[i - first, t - start], runs.first[t]
-            for k in range(runs.length[t]):
-                x, y = by_others[i, 0, column + k], by_others[i, 1, column + k]
-                one[at + k] += x * ax + y * bx
-                two[at + k] += x * ay + y * by
-                three[at + k] += x * az + y * bz
-    p, q, r = inverse[0], inverse[1], inverse[2]
-    a, b, c = L[1, 0], L[2, 0], L[2, 1]
-    for m in range(one.size):
-        x = one[m] * p
-        y = (two[m] - a * x) * q
-        one[m] = x
-        two[m] = y
-        three[m] = (three[m] - b * x - c * y) * r
 
 
 @compile_kernel
