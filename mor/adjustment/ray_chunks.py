@@ -6,7 +6,8 @@ where there is no compiler, by its own equation in numpy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from mor.adjustment.linearise import rotation_tangents
 from mor.adjustment.point_elimination import PointElimination, back_substitute
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
-from mor.adjustment.ray_plan import Chunk, RayPlan
+from mor.adjustment.ray_plan import Chunk, RayPlan, pieces
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import FloatArray, IntArray
 from mor.observations import Computed
@@ -27,7 +28,7 @@ from mor.parameters.index import Values
 
 
 class RayChunk(NamedTuple):
-    """One chunk, linearised."""
+    """A chunk or a piece of one, linearised."""
 
     points: slice
     """Its eliminated points."""
@@ -52,15 +53,18 @@ class _Place(NamedTuple):
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
+    """All chunks in pieces, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
 
-    The arrays of a chunk are overwritten by the next one: fresh memory costs a tenth of the whole pass.
+    The arrays of a piece are overwritten by the next one: fresh memory costs a tenth of the whole pass.
     """
     place = _place(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
-    work = _workspace(plan)
-    for chunk in plan.chunks:
-        yield _ray_chunk(place, chunk, columns[chunk.frames], work)
+    parts = [tuple(pieces(chunk, plan.pointers)) for chunk in plan.chunks]
+    work = _workspace(plan, list(chain(*parts)))
+    for chunk, divided in zip(plan.chunks, parts, strict=True):
+        of_frames = columns[chunk.frames]
+        for piece in divided:
+            yield _ray_chunk(place, piece, of_frames, work)
 
 
 class EliminatedChunk(NamedTuple):
@@ -85,7 +89,7 @@ def eliminate_chunks(
         if _all_compiled(place, chunk):
             noted, squares = elimination.add_images(of_frames, _image_rays(place, chunk))
         else:
-            work = work or _workspace(plan)
+            work = work or _workspace(plan, plan.chunks)
             linearised = _ray_chunk(place, chunk, of_frames, work).rays
             noted = elimination.add(linearised)
             squares = float(np.vdot(linearised.residual, linearised.residual))
@@ -105,7 +109,7 @@ def point_steps(
             steps = np.empty((chunk.points.stop - chunk.points.start, 3))
             image_passes.solve_image_points(_image_rays(place, chunk), change, damping, steps)
         else:
-            work = work or _workspace(plan)
+            work = work or _workspace(plan, plan.chunks)
             rays = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
             steps = back_substitute(rays, step, damping)
         yield chunk.points, steps
@@ -143,9 +147,9 @@ def _reduced_columns(plan: RayPlan, reduced: IntArray) -> IntArray:
     return np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
 
 
-def _workspace(plan: RayPlan) -> _Work:
-    """Room for the residuals and Jacobians of the largest chunk."""
-    n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
+def _workspace(plan: RayPlan, chunks: Sequence[Chunk]) -> _Work:
+    """Room for the residuals and Jacobians of the largest of the chunks."""
+    n = max((chunk.rays.stop - chunk.rays.start for chunk in chunks), default=0)
     return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from mor.observations import IMAGE_TYPES, ObservationGroup
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
 """Points and rays of a chunk at most, so many that they share blocks."""
+POINTS_OF_A_PIECE = 2048
+"""Points of a piece of a chunk, so few that the Jacobians of their rays stay near."""
 
 
 class Chunk(NamedTuple):
@@ -26,6 +29,13 @@ class Chunk(NamedTuple):
     rays: slice
     frames: IntArray
     """Frames of its rays, which name them by their place in this list."""
+
+
+def pieces(chunk: Chunk, pointers: IntArray) -> Iterator[Chunk]:
+    """The points of a chunk, with their rays, a few at a time; the pieces share its list of frames."""
+    for first in range(chunk.points.start, chunk.points.stop, POINTS_OF_A_PIECE):
+        last = min(first + POINTS_OF_A_PIECE, chunk.points.stop)
+        yield Chunk(slice(first, last), slice(int(pointers[first]), int(pointers[last])), chunk.frames)
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,8 @@ from mor.adjustment.compiled.cliques import (
     runs_of_frames,
     survey,
 )
-from mor.adjustment.compiled.point_products import FEW_POINTS
 from mor.adjustment.compiled.point_store import (
-    LARGEST_STORE,
+    STORE,
     Store,
     end_of_strip,
     fill_store,
@@ -40,44 +39,60 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 @compile_kernel
 def multiply_by_inverse(
-    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, products: FloatArray
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, E: FloatArray, H: FloatArray
 ) -> bool:
-    """Set the products H = Q_cc E, laid out as the couplings E, strip by strip; False where a pair is not stored."""
-    for k in range(store.first_coupling[groups]):
-        products[k] = 0.0
-    first, stored = NONE, True
+    """Set the couplings E of the stored points, (m, 4) each, and the products H = Q_cc E, strip by strip.
+
+    Returns False where a pair of blocks is not stored.
+    """
+    interleave(store, groups, E)
+    for k in range(4 * (store.first_coupling[groups] // 3)):
+        H[k] = 0.0
+    first = NONE
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        stored = (
-            multiply_point_by_point(store, groups, met, pattern, values, products, first, last) and stored
-        )
-        stored = multiply_by_panels(store, groups, met, pattern, values, products, first, last) and stored
+        if not multiply_by_strip(store, groups, met, pattern, values, E, H, first, last):
+            return False
         first = last
-    return stored
+    return True
 
 
 @compile_kernel
-def multiply_point_by_point(
+def interleave(store: Store, groups: int, E: FloatArray) -> None:
+    """Copy the couplings (3, m) of the stored points to E, (m, 4) each with a zero behind."""
+    for g in range(groups):
+        size = store.begin[store.first_block[g + 1] + g]
+        for q in range(store.points[g]):
+            one = store.first_coupling[g] + 3 * q * size
+            two, three, at = one + size, one + 2 * size, 4 * (one // 3)
+            for m in range(size):
+                E[at + 4 * m] = store.couplings[one + m]
+                E[at + 4 * m + 1] = store.couplings[two + m]
+                E[at + 4 * m + 2] = store.couplings[three + m]
+                E[at + 4 * m + 3] = 0.0
+
+
+@compile_kernel
+def multiply_by_strip(
     store: Store,
     groups: int,
     met: Met,
     pattern: Pattern,
     values: FloatArray,
-    products: FloatArray,
+    E: FloatArray,
+    H: FloatArray,
     first: int,
     last: int,
 ) -> bool:
-    """Add to the products of the groups of few points what a strip makes of them; False where a pair is not stored."""
-    couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
+    """Add to the products what a strip makes of the couplings; return False where a pair of blocks is not stored."""
+    blocks, all_begin = store.blocks, store.begin
     known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
-        if points > FEW_POINTS:
-            continue
         low, high = slots_in_strip(blocks, block, end, first, last)
         begin = all_begin[block + g : end + g + 1]
         slots = end - block
-        base, size = store.first_coupling[g], begin[slots]
+        base, size = store.first_coupling[g] // 3, begin[slots]
         for slot in range(low, high):
             column = blocks[block + slot]
             for other in range(slot, slots):
@@ -90,124 +105,8 @@ def multiply_point_by_point(
                 starts[other - slot] = start
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
-                multiply_column_of_point(
-                    values, starts, width, couplings, products, base + 3 * q * size, begin, slot, slots
-                )
+                multiply_column_of_point(values, starts, width, E, H, base + q * size, begin, slot, slots)
     return True
-
-
-@compile_kernel
-def multiply_by_panels(
-    store: Store,
-    groups: int,
-    met: Met,
-    pattern: Pattern,
-    values: FloatArray,
-    products: FloatArray,
-    first: int,
-    last: int,
-) -> bool:
-    """Add to the products of the groups of many points what a strip makes of them; False where a pair is not stored."""
-    blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
-    for g in range(groups):
-        block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
-        if points <= FEW_POINTS:
-            continue
-        low, high = slots_in_strip(blocks, block, end, first, last)
-        begin = store.begin[block + g : end + g + 1]
-        slots = end - block
-        base, size = store.first_coupling[g], begin[slots]
-        for slot in range(low, high):
-            column = blocks[block + slot]
-            for other in range(slot, slots):
-                row = blocks[block + other]
-                start = known[column, row]
-                if start < 0:
-                    start = look_up(met, pattern, row, column)
-                    if start < 0:
-                        return False
-                starts[other - slot] = start
-            width = begin[slot + 1] - begin[slot]
-            panel = np.empty(width * (size - begin[slot]))
-            fetch_panel(values, begin, slot, slots, starts, panel)
-            multiply_panel(panel, width, store.couplings, products, base, size, 3 * points, begin[slot])
-    return True
-
-
-@compile_kernel
-def fetch_panel(
-    values: FloatArray, begin: IntArray, slot: int, slots: int, starts: IntArray, panel: FloatArray
-) -> None:
-    """Copy the blocks of a column, which start at ``starts``, transposed, to (w, length).
-
-    Multiples of three, as positions and attitudes are, are written out: a loop over three is mostly overhead.
-    """
-    width, length = begin[slot + 1] - begin[slot], begin[slots] - begin[slot]
-    column = panel[: width * length].reshape((width, length))
-    for other in range(slot, slots):
-        place = starts[other - slot]
-        low, high = begin[other] - begin[slot], begin[other + 1] - begin[slot]
-        if width % 3 == 0:
-            for i in range(low, high):
-                for j in range(0, width, 3):
-                    column[j, i] = values[place]
-                    column[j + 1, i] = values[place + 1]
-                    column[j + 2, i] = values[place + 2]
-                    place += 3
-        else:
-            for i in range(low, high):
-                for j in range(width):
-                    column[j, i] = values[place + j]
-                place += width
-
-
-@compile_kernel
-def multiply_panel(
-    panel: FloatArray,
-    width: int,
-    couplings: FloatArray,
-    products: FloatArray,
-    base: int,
-    size: int,
-    rows: int,
-    first: int,
-) -> None:
-    """Add to the products of a group what a block column and its mirror image make of its couplings."""
-    E = couplings[base : base + rows * size].reshape((rows, size))
-    H = products[base : base + rows * size].reshape((rows, size))
-    column = panel[: width * (size - first)].reshape((width, size - first))
-    multiply(column, E[:, first:], H[:, first:])
-
-
-@compile_kernel
-def multiply(column: FloatArray, E: FloatArray, H: FloatArray) -> None:
-    """Add to H what a block column (w, length) of the lower triangle and its mirror image make of E."""
-    width = column.shape[0]
-    whole = width - width % 3
-    for q in range(E.shape[0]):
-        source, target = E[q], H[q]
-        for j in range(width):
-            for i in range(width):
-                target[j] += column[j, i] * source[i]
-        below, beneath = source[width:], target[width:]
-        for j in range(0, whole, 3):
-            a, b, c = column[j, width:], column[j + 1, width:], column[j + 2, width:]
-            of_a, of_b, of_c = 0.0, 0.0, 0.0
-            x, y, z = source[j], source[j + 1], source[j + 2]
-            for i in range(below.size):
-                of_a += a[i] * below[i]
-                of_b += b[i] * below[i]
-                of_c += c[i] * below[i]
-                beneath[i] += x * a[i] + y * b[i] + z * c[i]
-            target[j] += of_a
-            target[j + 1] += of_b
-            target[j + 2] += of_c
-        for j in range(whole, width):
-            row, total = column[j, width:], 0.0
-            for i in range(below.size):
-                total += row[i] * below[i]
-                beneath[i] += row[i] * source[j]
-            target[j] += total
 
 
 @compile_kernel
@@ -223,7 +122,8 @@ def finish(
     of_frame: FloatArray,
     store: Store,
     groups: int,
-    products: FloatArray,
+    E: FloatArray,
+    H: FloatArray,
     of_points: FloatArray,
     of_rays: FloatArray,
     shares: FloatArray,
@@ -239,7 +139,7 @@ def finish(
         size = clique.begin[merge(frame, pointers[p], pointers[p + 1], runs, met, clique)]
         for k in range(done, done + store.points[g]):
             p = order[k]
-            add_products(store.couplings, products, at, size, of_points[p])
+            add_products(E, H, at, size, of_points[p])
             cofactors_of_rays(
                 by_point,
                 flat,
@@ -250,28 +150,36 @@ def finish(
                 runs,
                 clique.local,
                 frames,
-                products,
+                H,
                 at,
-                size,
                 of_points[p],
                 forms,
                 of_rays,
                 shares,
             )
-            at += 3 * size
+            at += size
         done += store.points[g]
 
 
 @compile_inline
 def add_products(E: FloatArray, H: FloatArray, first: int, size: int, Q: FloatArray) -> None:
-    """Add EᵀH of one point, (3, size) both from ``first`` on, to its cofactors (3, 3)."""
-    for i in range(3):
-        for j in range(i + 1):
-            one, other, total = first + i * size, first + j * size, 0.0
-            for m in range(size):
-                total += E[one + m] * H[other + m]
-            Q[i, j] += total
-            Q[j, i] = Q[i, j]
+    """Add EᵀH of one point, (size, 4) both from the unknown ``first`` on, to its cofactors (3, 3)."""
+    n00, n10, n11, n20, n21, n22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for m in range(4 * first, 4 * (first + size), 4):
+        x, y, z = H[m], H[m + 1], H[m + 2]
+        n00 += E[m] * x
+        n10 += E[m + 1] * x
+        n11 += E[m + 1] * y
+        n20 += E[m + 2] * x
+        n21 += E[m + 2] * y
+        n22 += E[m + 2] * z
+    Q[0, 0] += n00
+    Q[1, 1] += n11
+    Q[2, 2] += n22
+    Q[1, 0] += n10
+    Q[2, 0] += n20
+    Q[2, 1] += n21
+    Q[0, 1], Q[0, 2], Q[1, 2] = Q[1, 0], Q[2, 0], Q[2, 1]
 
 
 @compile_kernel
@@ -297,14 +205,14 @@ def cofactors(
         return False
     factor = np.empty(by_point.shape)
     invert_points(by_point, pointers, factor, of_points)
-    store = store_for(max(min(LARGEST_STORE, 3 * keys.size * room), 3 * room))
-    products = np.empty(store.couplings.size)
+    store = store_for(max(STORE, 3 * room))
+    E, H = np.empty(4 * (store.couplings.size // 3)), np.empty(4 * (store.couplings.size // 3))
     order, done = grouped(keys), NONE
     while done < order.size:
         last, groups = fill_store(
             store, NONE, order, done, factor, by_others, frame, pointers, runs, met, clique, room
         )
-        if not multiply_by_inverse(store, groups, met, pattern, values, products):
+        if not multiply_by_inverse(store, groups, met, pattern, values, E, H):
             return False
         finish(
             by_point,
@@ -318,7 +226,8 @@ def cofactors(
             of_frame,
             store,
             groups,
-            products,
+            E,
+            H,
             of_points,
             of_rays,
             shares,

@@ -18,8 +18,6 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 # Numbers in a store and in a strip of columns of the reduced system: 1.6 and 1.2 MB, that they stay in the cache.
 STORE, STRIP = 200_000, 150_000
-# The cofactors of points are worked out chunk by chunk, and their store is as large as a chunk (32 MB).
-LARGEST_STORE = 4_000_000
 
 
 class Store(NamedTuple):

@@ -59,7 +59,6 @@ def cofactors_of_rays(
     of_frame: FloatArray,
     H: FloatArray,
     base: int,
-    size: int,
     Q: FloatArray,
     forms: FloatArray,
     of_rays: FloatArray,
@@ -67,7 +66,7 @@ def cofactors_of_rays(
 ) -> None:
     """Set the cofactors (2, 2) of the rays first … end − 1 of one point with Q_pp = Q, and their shares (2,).
 
-    ``by_others`` and the products H, (3, size) from ``base`` on, are flat; ``forms`` is working space.
+    ``by_others`` and the products H, (m, 4) from the unknown ``base`` on, are flat; ``forms`` is working space.
     """
     for i in range(first, end):
         a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
@@ -81,10 +80,10 @@ def cofactors_of_rays(
         x0, x1, x2, y0, y1, y2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # Hᵀ jᵀ
         start = runs.pointers[frame[i]]
         for t in range(start, runs.pointers[frame[i] + 1]):
-            at, one = 2 * i * width + runs.first[t], base + local[i - first, t - start]
+            at, one = 2 * i * width + runs.first[t], 4 * (base + local[i - first, t - start])
             for k in range(runs.length[t]):
                 x, y = by_others[at + k], by_others[at + width + k]
-                h0, h1, h2 = H[one + k], H[one + size + k], H[one + 2 * size + k]
+                h0, h1, h2 = H[one + 4 * k], H[one + 4 * k + 1], H[one + 4 * k + 2]
                 x0 += x * h0
                 x1 += x * h1
                 x2 += x * h2
