@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallestIntArray
 
 
 @compile_kernel
@@ -17,13 +17,12 @@ def fill(
     carries: FloatArray,
     controlled: float,
     v: FloatArray,
-    out: BoolArray,
     absorbed: FloatArray,
     carried: FloatArray,
     joint: FloatArray,
-    freedom: FloatArray,
+    freedom: SmallestIntArray,
 ) -> None:
-    """Set the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows of their group.
+    """Set the quality of the rays at ``place`` (k,) of a chunk, which are these rows (n, 2) and (n,) of their group.
 
     ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
     into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
@@ -40,20 +39,18 @@ def fill(
         radius = np.hypot(half, b)
         turn = 0.5 * np.arctan2(b, half)
         cosine, sine = np.cos(turn), np.sin(turn)
-        total, count = 0.0, 0.0
+        total, count = 0.0, 0
         if mean + radius > controlled:
             total += (cosine * x + sine * y) ** 2 / (mean + radius)
-            count += 1.0
+            count += 1
         if mean - radius > controlled:
             total += (cosine * y - sine * x) ** 2 / (mean - radius)
-            count += 1.0
+            count += 1
+        joint[row], freedom[row] = total, count
         for m in range(2):
             if weight[i, m] != 0.0:
                 absorbed[row, m] = white[i, m, m]
                 carried[row, m] = carries[i, m]
-                if not out[row, m]:
-                    joint[row, m] = total
-                    freedom[row, m] = count
 
 
 @compile_kernel
