@@ -36,16 +36,16 @@ def fill(
         b = -white[i, 0, 1] if w != 0.0 and z != 0.0 else 0.0
         x, y = v[row, 0] * w if w != 0.0 else 0.0, v[row, 1] * z if z != 0.0 else 0.0
         mean, half = 0.5 * (a + c), 0.5 * (a - c)
-        radius = np.hypot(half, b)
-        turn = 0.5 * np.arctan2(b, half)
-        cosine, sine = np.cos(turn), np.sin(turn)
+        radius = np.sqrt(half * half + b * b)
+        large, small = mean + radius, mean - radius
         total, count = 0.0, 0
-        if mean + radius > controlled:
-            total += (cosine * x + sine * y) ** 2 / (mean + radius)
-            count += 1
-        if mean - radius > controlled:
-            total += (cosine * y - sine * x) ** 2 / (mean - radius)
-            count += 1
+        if small > controlled:
+            total = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+            count = 2
+        elif large > controlled:  # along the axis of the larger eigenvalue alone
+            along = (a - small) * x * x + 2.0 * b * x * y + (c - small) * y * y
+            total = along / ((large - small) * large)
+            count = 1
         joint[row], freedom[row] = total, count
         for m in range(2):
             if weight[i, m] != 0.0:
