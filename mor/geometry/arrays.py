@@ -12,3 +12,5 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 SmallIntArray: TypeAlias = NDArray[np.int32]
 """Numbers of names: tables have many rows."""
+SmallestIntArray: TypeAlias = NDArray[np.int8]
+"""Numbers of components of a row."""

@@ -24,7 +24,7 @@ def cluster_quality(
     tangent: FloatArray | None,
     extra: Directions,
 ) -> dict[int, Correlated]:
-    """Quality of the entries of a cluster, by group; joint tests and what errors carry are set in ``quality``."""
+    """Quality of the entries of a cluster, by group; what errors carry is set in ``quality``."""
     plan = adjustment.plan
     _, jacobian, columns = cluster_rows(plan, cluster, adjustment.inverse.values, tangent)
     q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
@@ -42,10 +42,7 @@ def cluster_quality(
     for number in np.unique(cluster.groups):
         here = cluster.groups == number
         rows, components = place = cluster.rows[here], cluster.components[here]
-        inside = ~quality[number].out[place]
         quality[number].carried[place] = carried[here]
-        quality[number].joint[place] = np.where(inside, joint[here], np.nan)
-        quality[number].freedom[place] = np.where(inside, freedom[here], np.nan)
         found[int(number)] = Correlated(
             rows,
             components,
@@ -55,6 +52,8 @@ def cluster_quality(
             weighted=(precision @ misclosure)[here],
             precision=np.diagonal(precision)[here],
             q_weighted=np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))[here],
+            joint=joint[here],
+            freedom=freedom[here],
         )
     return found
 

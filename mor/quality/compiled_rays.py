@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallestIntArray
 
 
 @compile_kernel
@@ -17,13 +17,12 @@ def fill(
     carries: FloatArray,
     controlled: float,
     v: FloatArray,
-    out: BoolArray,
     absorbed: FloatArray,
     carried: FloatArray,
     joint: FloatArray,
-    freedom: FloatArray,
+    freedom: SmallestIntArray,
 ) -> None:
-    """Set the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows of their group.
+    """Set the quality of the rays at ``place`` (k,) of a chunk, which are these rows (n, 2) and (n,) of their group.
 
     ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
     into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
@@ -37,23 +36,21 @@ def fill(
         b = -white[i, 0, 1] if w != 0.0 and z != 0.0 else 0.0
         x, y = v[row, 0] * w if w != 0.0 else 0.0, v[row, 1] * z if z != 0.0 else 0.0
         mean, half = 0.5 * (a + c), 0.5 * (a - c)
-        radius = np.hypot(half, b)
-        turn = 0.5 * np.arctan2(b, half)
-        cosine, sine = np.cos(turn), np.sin(turn)
-        total, count = 0.0, 0.0
-        if mean + radius > controlled:
-            total += (cosine * x + sine * y) ** 2 / (mean + radius)
-            count += 1.0
-        if mean - radius > controlled:
-            total += (cosine * y - sine * x) ** 2 / (mean - radius)
-            count += 1.0
+        radius = np.sqrt(half * half + b * b)
+        large, small = mean + radius, mean - radius
+        total, count = 0.0, 0
+        if small > controlled:
+            total = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+            count = 2
+        elif large > controlled:  # along the axis of the larger eigenvalue alone
+            along = (a - small) * x * x + 2.0 * b * x * y + (c - small) * y * y
+            total = along / ((large - small) * large)
+            count = 1
+        joint[row], freedom[row] = total, count
         for m in range(2):
             if weight[i, m] != 0.0:
                 absorbed[row, m] = white[i, m, m]
                 carried[row, m] = carries[i, m]
-                if not out[row, m]:
-                    joint[row, m] = total
-                    freedom[row, m] = count
 
 
 @compile_kernel

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray, SmallestIntArray
 
 
 class Correlated(NamedTuple):
@@ -26,6 +26,8 @@ class Correlated(NamedTuple):
     weighted: FloatArray
     precision: FloatArray
     q_weighted: FloatArray
+    joint: FloatArray
+    freedom: FloatArray
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,10 @@ class ObservationQuality:
     """1 − r: part of an error that goes into the adjusted value; for uncorrelated entries."""
     carried: FloatArray
     """What an error of 1 does to the points of the observation, in the datum of the adjustment: see ``carried.py``."""
-    joint: FloatArray
-    """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
-    freedom: FloatArray
-    """Number of components of a row that are controlled independently of each other."""
+    joint_of_row: FloatArray
+    """(n,) statistic of the joint test of the uncorrelated components of a row, χ² with ``freedom``."""
+    freedom_of_row: SmallestIntArray
+    """(n,) number of these components that are controlled independently of each other."""
     sigma: FloatArray
     """Standard deviations the adjustment worked with."""
     out: BoolArray
@@ -57,8 +59,8 @@ class ObservationQuality:
             self.v[rows],
             self.absorbed[rows],
             self.carried[rows],
-            self.joint[rows],
-            self.freedom[rows],
+            self.joint_of_row[rows],
+            self.freedom_of_row[rows],
             self.sigma[rows],
             self.out[rows],
             _at(self.correlated, np.arange(len(self.v))[rows]) if self.correlated else None,
@@ -69,6 +71,16 @@ class ObservationQuality:
         """Redundancy numbers."""
         r: FloatArray = np.clip(1.0 - self.absorbed, 0.0, 1.0)
         return self._active("r", r)
+
+    @property
+    def joint(self) -> FloatArray:
+        """Statistic of the joint test of the components of a row, χ² with ``freedom``; the same for each of them."""
+        return self._of_row("joint", self.joint_of_row)
+
+    @property
+    def freedom(self) -> FloatArray:
+        """Number of components of a row that are controlled independently of each other."""
+        return self._of_row("freedom", self.freedom_of_row)
 
     @property
     def q_adjusted(self) -> FloatArray:
@@ -100,6 +112,9 @@ class ObservationQuality:
     @property
     def _weight(self) -> FloatArray:
         return 1.0 / np.where(np.isfinite(self.v), self.sigma, np.nan) ** 2
+
+    def _of_row(self, name: str, values: FloatArray | SmallestIntArray) -> FloatArray:
+        return self._active(name, np.where(np.isfinite(self.v), values[:, None], np.nan))
 
     def _active(self, name: str, values: FloatArray) -> FloatArray:
         values = self._corrected(name, values)

@@ -112,7 +112,7 @@ def _fill_rays(
         one = quality[number]
         rows = chunk.row[place]
         if compiled.available:
-            arrays = one.v, one.out, one.absorbed, one.carried, one.joint, one.freedom
+            arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
             compiled_rays.fill(rows, place, chunk.weight, white, carries, CONTROLLED, *arrays)
         else:
             weight = chunk.weight[place]
@@ -145,7 +145,8 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
 
 
 def _empty(group: ObservationGroup) -> ObservationQuality:
-    v, absorbed, carried, joint, freedom = (np.full(group.observed.shape, np.nan) for _ in range(5))
+    v, absorbed, carried = (np.full(group.observed.shape, np.nan) for _ in range(3))
+    joint, freedom = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
     return ObservationQuality(v, absorbed, carried, joint, freedom, group.sigma, group.left_out)
 
 
@@ -159,11 +160,10 @@ def _fill(
 ) -> None:
     """Rows of uncorrelated observations with W J Q Jᵀ W (n, m, m), W their weights (n, m) to the power ½."""
     joint, freedom = joint_statistic(quality.v[rows] * weight, np.eye(white.shape[1]) - white, here)
-    tested = here & ~quality.out[rows]
     quality.absorbed[rows] = np.where(here, np.diagonal(white, axis1=1, axis2=2), quality.absorbed[rows])
     quality.carried[rows] = np.where(here, carries, quality.carried[rows])
-    quality.joint[rows] = np.where(tested, joint[:, None], quality.joint[rows])
-    quality.freedom[rows] = np.where(tested, freedom[:, None], quality.freedom[rows])
+    quality.joint_of_row[rows] = joint
+    quality.freedom_of_row[rows] = freedom
 
 
 def _with_correlated(

@@ -66,7 +66,8 @@ class AssessedGroups:
         if quality is None:
             nothing = np.full(group.observed.shape, np.nan)
             none = np.zeros(nothing.shape, dtype=bool)
-            one = ObservationQuality(*(nothing,) * 6, none)
+            no_joint = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
+            one = ObservationQuality(nothing, nothing, nothing, *no_joint, nothing, none)
             return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
         return AssessedRows(group, is_check, quality, one, tests, normalised_residuals(one))

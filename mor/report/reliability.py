@@ -10,10 +10,13 @@ from mor.observations import ObservationGroup
 from mor.quality.effects import Effect
 from mor.quality.fixed_points import fixed_point_tests
 from mor.quality.levels import chi2_level
+from mor.quality.mostly_out import MostlyOut, mostly_out
 from mor.quality.snooping import Snooped
 from mor.quality.solved import Solved
 from mor.report.once import once
 from mor.report.outward import said, said_differences, said_signs, said_sizes
+
+_FRAMES = ("image", "station", "system")
 
 
 @once
@@ -109,9 +112,17 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
         return None
     return {
         "clean": snooping.clean,
+        "mostly_out": [_mostly_out(solved, one) for one in mostly_out(snooping)],
         "sigma0_before": snooping.before.sigma0,
         "steps": [_step(solved, step) for step in snooping.steps],
     }
+
+
+def _mostly_out(solved: Solved, one: MostlyOut) -> dict[str, Any]:
+    name = solved.network.blocks[one.kind].ids[one.block]
+    space, _, own = name.partition(" ")
+    of, name = (space, own) if space in _FRAMES and own else (one.kind, name)
+    return {"of": of, "id": name, "excluded": one.excluded, "observations": one.observations}
 
 
 def _step(solved: Solved, step: Snooped) -> dict[str, Any]:

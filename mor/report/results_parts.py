@@ -270,10 +270,20 @@ class SnoopingStep(Place):
     w: float
 
 
+class MostlyOut(Part):
+    """An image, station or point of which more than half of the observations were taken out."""
+
+    of: str
+    id: str
+    excluded: int
+    observations: int
+
+
 class Snooping(Part):
     """Data snooping."""
 
     clean: bool
+    mostly_out: list[MostlyOut] = []
     sigma0_before: float
     steps: list[SnoopingStep]
 

@@ -14,6 +14,7 @@ from scenes import Scene, levelling_network, mixed_network, photo_block
 from mor.adjustment.solve import Outcome, adjust
 from mor.quality.assess import Levels, assess
 from mor.quality.exclusion import exclude
+from mor.quality.mostly_out import MostlyOut, mostly_out
 from mor.quality.robust import robust_estimate
 from mor.quality.snooping import snoop
 
@@ -292,3 +293,28 @@ def test_one_observation_among_equals_is_the_median_for_l1():
     robust = robust_estimate(quality, "l1")
     assert quality.adjustment.values["point"][1, 2] == pytest.approx(1.081)
     assert robust.adjustment.values["point"][1, 2] == pytest.approx(1.004, abs=2e-4)
+
+
+@pytest.mark.parametrize("count", [8, 20])
+def test_an_image_that_loses_most_of_its_rays_is_named(block, count):
+    scene, start = block
+    rng = np.random.default_rng(1)
+    rows = 30 * 4 + rng.choice(30, count, replace=False)
+    sizes = rng.choice([-1.0, 1.0], (count, 2)) * rng.uniform(8.0, 60.0, (count, 2))
+    problem, quality = _assessed(scene, start, 1, lambda problem: plant(problem, 0, rows, sizes))
+    found = snoop(problem, quality, Levels(), aposteriori=True)
+    assert set(rows) <= set(_out(found.quality))
+    told = [one for one in mostly_out(found) if one.kind == "rotation"]
+    assert told == ([MostlyOut("rotation", 4, 20, 30)] if count == 20 else [])
+    assert [one for one in mostly_out(found) if one.kind == "point"] == []
+
+
+def test_a_point_held_at_a_wrong_place_is_named(block):
+    scene, start = block
+    problem, _ = _assessed(scene, start, 2)
+    wrong = {kind: values.copy() for kind, values in start.items()}
+    wrong["point"][2, 1] += 0.05
+    quality = assess(adjust(problem, wrong))
+    found = snoop(problem, quality, Levels(), aposteriori=True)
+    assert [(one.kind, one.block) for one in mostly_out(found)] == [("point", 2)]
+    assert mostly_out(found)[0].observations == 9

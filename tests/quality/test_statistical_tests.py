@@ -46,7 +46,8 @@ def test_normalised_residuals_only_where_something_controls():
     absorbed = np.array([[0.75, 1.0 - 1e-9, np.nan]])
     nothing = np.full((1, 3), np.nan)
     sigma, out = np.array([[2e-3, 1.0, 1.0]]), np.zeros((1, 3), bool)
-    w = normalised_residuals(ObservationQuality(v, absorbed, nothing, nothing, nothing, sigma, out))
+    joint, freedom = np.full(1, np.nan), np.zeros(1, dtype=np.int8)
+    w = normalised_residuals(ObservationQuality(v, absorbed, nothing, joint, freedom, sigma, out))
     assert w[0, 0] == pytest.approx(3.0)
     assert np.isnan(w[0, 1:]).all()
 

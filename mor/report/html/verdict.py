@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.report.html.derived import rms
 from mor.report.html.page_data import PageData
+from mor.report.text.reliability import mostly_out_in_words
 from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
@@ -45,7 +46,7 @@ def headline(data: PageData) -> Statement:
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
-    emptied = _emptied(data)
+    emptied = [*_emptied(data), *_mostly_out(data)]
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
@@ -74,6 +75,12 @@ def _emptied(data: PageData) -> list[str]:
         for row in data.view.groups.to_dicts()
         if row["observations"] == 0 and row["excluded"] > 0
     ]
+
+
+def _mostly_out(data: PageData) -> list[str]:
+    """Things of which most observations were taken out."""
+    snooping = data.view.gross_errors.get("snooping")
+    return [mostly_out_in_words(row, data.words) for row in (snooping or {}).get("mostly_out", [])]
 
 
 def _flagged(count: int, say: Words) -> str:

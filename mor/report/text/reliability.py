@@ -115,6 +115,7 @@ def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
     lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
         lines.append(words("NOT CLEAN: something that is still flagged could not be excluded."))
+    lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:SHOWN]]
     rows = [
         [str(step["round"]), step["action"], _place(step, words), fixed(step["w"], 2)]
         for step in data["steps"][: 5 * SHOWN]
@@ -124,6 +125,18 @@ def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
     if len(data["steps"]) > len(rows):
         lines.append(words("and {count} more in results.json", count=len(data["steps"]) - len(rows)))
     return lines
+
+
+def mostly_out_in_words(row: dict[str, Any], words: Words) -> str:
+    """One sentence on something of which most observations were taken out."""
+    return words(
+        "Of {thing} {id}, {out} of {count} observations were taken out: is not rather the whole of it wrong "
+        "(name, given values, a frame that moved) than each of them?",
+        thing=words(row["of"]),
+        id=row["id"],
+        out=row["excluded"],
+        count=row["observations"],
+    )
 
 
 def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
