@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mor.counting import counted
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
@@ -89,7 +90,10 @@ def _regression(one: Path, other: Path, tol: float, quiet: bool) -> ExitCode:
             click.echo(f"{difference.place}: {difference.one} | {difference.other}")
         if len(found) > SHOWN:
             click.echo(f"and {len(found) - SHOWN} more")
-        click.echo(f"{len(found)} differences beyond {tol:g}" if found else f"equal within {tol:g}", err=True)
+        click.echo(
+            f"{counted(len(found), 'difference')} beyond {tol:g}" if found else f"equal within {tol:g}",
+            err=True,
+        )
     return ExitCode.REJECTED if found else ExitCode.DONE
 
 
@@ -145,4 +149,4 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataF
     tests = [pair_movement(solved.quality, *point_numbers(solved, row)) for row in rows]
     names = [f"{one} - {other}" for one, other in rows]
     table = movement_table(names, tests, solved.network.edge.matrix, level, known)
-    return table, [f"{int(table['moved'].sum())} of {len(rows)} pairs have moved (level {level:g})."]
+    return table, [f"{int(table['moved'].sum())} of {counted(len(rows), 'pair')} moved (level {level:g})."]

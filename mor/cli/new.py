@@ -67,6 +67,7 @@ def command(
     Exit codes: 0 done; 2 input.
     """
     from mor.cli.convert import write_new
+    from mor.counting import counted
     from mor.errors import InputError, Problem, nearest
     from mor.project.beginning import CameraSettings, begin
     from mor.project.recognise import recognise
@@ -82,5 +83,5 @@ def command(
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     write_new(texts, force)
     for table in found:
-        click.echo(f"{table.path}: {table.kind}, {len(table.rows)} rows", err=True)
+        click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
     click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)

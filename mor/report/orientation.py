@@ -14,6 +14,7 @@ from mor.approximate.plane_object import on_level_plane, on_wall, scale_from_len
 from mor.approximate.plane_shape import PlaneShape, shape_of_plane
 from mor.approximate.relative_outcome import RelativeOrientation
 from mor.approximate.relative_robust import RobustOrientation, robust_relative_orientation
+from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import angles_from_rotation
@@ -120,8 +121,9 @@ def relative_text(data: dict[str, Any]) -> str:
     lines = [f"Relative orientation: {data['words']}", f"object: {data['geometry']}"]
     lines.append(f"{data['used']} of {data['points']} points used, sigma0 {short(data['sigma0'], 4)} [1]")
     if 10 * data["used"] < 9 * data["points"] and data["usable"]:
+        apart = counted(data["points"] - data["used"], "point does", "points do")
         lines.append(
-            f"{data['points'] - data['used']} points do not agree: more than a few wrong pairs can be a wrong camera "
+            f"{apart} not agree: more than a few wrong pairs can be a wrong camera "
             "constant, image coordinates not relative to the principal point, or mismatched identities."
         )
     if data["usable"]:
@@ -141,7 +143,8 @@ def relative_text(data: dict[str, Any]) -> str:
         lines += ["", _residual_table(data)]
     if data["alternatives"]:
         lines.append(
-            f"{len(data['alternatives'])} other orientations fit about as well; a further image decides."
+            f"{counted(len(data['alternatives']), 'other orientation fits', 'other orientations fit')} about as well; "
+            "a further image decides."
         )
     return "\n".join(lines) + "\n"
 

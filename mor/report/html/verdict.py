@@ -41,7 +41,7 @@ def headline(data: PageData) -> Statement:
     test, count = summary["global_test"], summary["iterations"]
     if summary["redundancy"] == 0:
         words = say(
-            "The adjustment converged after {count} iterations, but the redundancy is 0: nothing is tested.",
+            "The adjustment converged after {count:iteration|iterations}, but the redundancy is 0: nothing is tested.",
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
@@ -50,14 +50,17 @@ def headline(data: PageData) -> Statement:
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
         words = say(
-            "The adjustment converged after {count} iterations, but the global test rejects it: residuals are {size} "
-            "than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
+            "The adjustment converged after {count:iteration|iterations}, but the global test rejects it: "
+            "residuals are {size} than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
             count=count,
             size=say("larger") if larger else say("smaller"),
             ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
         )
         return Statement(BAD if larger else DOUBT, say("Not accepted"), f"{words} {flagged}")
-    words = say("The adjustment converged after {count} iterations, the global test accepts it.", count=count)
+    words = say(
+        "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
+        count=count,
+    )
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
@@ -79,11 +82,7 @@ def _emptied(data: PageData) -> list[str]:
 def _flagged(count: int, say: Words) -> str:
     if count == 0:
         return say("No observation is flagged.")
-    return (
-        say("1 observation is flagged.")
-        if count == 1
-        else say("{count} observations are flagged.", count=count)
-    )
+    return say("{count:observation is|observations are} flagged.", count=count)
 
 
 def _global(data: PageData) -> Statement | None:
@@ -92,7 +91,7 @@ def _global(data: PageData) -> Statement | None:
     if summary["redundancy"] == 0:
         return None
     numbers = say(
-        "vᵀPv = {statistic} with {redundancy} degrees of freedom, accepted between {lower} and {upper} "
+        "vᵀPv = {statistic} with {redundancy:degree|degrees} of freedom, accepted between {lower} and {upper} "
         "(χ², level {level}); σ0 a posteriori / a priori = {ratio}.",
         statistic=f"{test['statistic']:.1f}",
         redundancy=summary["redundancy"],
@@ -154,7 +153,7 @@ def _controlled(data: PageData) -> Statement | None:
     low = used.filter(pl.col("r") < _LOW_R).height
     loose = data.view.summary["uncontrolled"]
     words = say(
-        "Mean redundancy number {mean}; {low} of {all} observations have r < {limit}.",
+        "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
         mean=f"{float(used['r'].to_numpy().mean()):.2f}",
         low=low,
         all=used.height,
@@ -218,7 +217,7 @@ def _geometry(data: PageData) -> Statement | None:
     two = only.filter(pl.col("n") <= 2).height
     narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
     words = data.words(
-        "{two} points are seen by two rays only, {narrow} under less than {limit} {unit} "
+        "{two:point is|points are} seen by two rays only, {narrow} under less than {limit} {unit} "
         "(points that nothing but rays determine).",
         two=two,
         narrow=narrow,

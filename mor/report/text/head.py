@@ -58,7 +58,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
-    lines = [words("Converged after {count} iterations.", count=len(adjustment.iterations))]
+    lines = [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
     if test.redundancy == 0:
         lines.append(words("Nothing is controlled: the redundancy is 0, there is no test."))
@@ -77,7 +77,11 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         )
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
-        words("{count} observations with |w| > {limit}.", count=flagged, limit=fixed(quality.critical, 2))
+        words(
+            "{count:observation|observations} with |w| > {limit}.",
+            count=flagged,
+            limit=fixed(quality.critical, 2),
+        )
         if flagged
         else words("No observation is flagged.")
     )
@@ -103,7 +107,7 @@ def _advice(solved: Solved, words: Words) -> list[str]:
     if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
         return [
             words(
-                "{count} iterations were not enough; settings: {{max_iterations: …}} allows more, "
+                "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
                 "better start values need fewer.",
                 count=count,
             )

@@ -133,8 +133,8 @@ def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
     lines = [
         heading(words("Robust estimation ({method}) beside least squares", method=data["method"])),
         words(
-            "{count} observations hardly count; points differ by {rms} {unit} (root mean square), "
-            "{largest} {unit} at most.",
+            "{count:observation hardly counts|observations hardly count}; points differ by {rms} {unit} "
+            "(root mean square), {largest} {unit} at most.",
             count=len(data["rejected"]),
             rms=fixed(data["rms_shift"], d),
             unit=unit,

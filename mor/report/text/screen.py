@@ -142,5 +142,5 @@ def _groups(solved: Solved, words: Words) -> list[str]:
     headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
     lines = ["", *table(headers, rows, words=words).splitlines()]
     if len(groups) > GROUPS:
-        lines.append(words("and {count} more groups in report.txt", count=len(groups) - GROUPS))
+        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - GROUPS))
     return lines

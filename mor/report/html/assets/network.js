@@ -226,10 +226,10 @@ function words({ kind, row }) {
   }
   if (kind === "point") {
     parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
-    parts.push(say("{rays} rays, {others} other rows", { rays: value(table, "rays", row), others: value(table, "others", row) }));
+    parts.push(say("{rays:ray|rays}, {others:other row|other rows}", { rays: value(table, "rays", row), others: value(table, "others", row) }));
     if (has(table, "angle")) parts.push(`${say("best intersection")} ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
     if (has(table, "mean_r")) parts.push(`${say("mean r")} ${shown(value(table, "mean_r", row), { fixed: 2 })}, ${say("largest |w|")} ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
-  } else if (kind === "image") parts.push(say("{count} points", { count: value(table, "points", row) }));
+  } else if (kind === "image") parts.push(say("{count:point|points}", { count: value(table, "points", row) }));
   return `${parts.join(" · ")} (${say("σ in the datum: {datum}", { datum: meta.datum })})`;
 }
 
