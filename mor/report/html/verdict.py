@@ -9,13 +9,17 @@ import numpy as np
 import polars as pl
 
 from mor.report.html.derived import rms
+from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.words.language import Words
+from mor.report.worst import component_of
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
 _LOW_R = 0.1
 _STRONG = 0.95
+_NAMED = 3
+"""Observations that nothing controls that are named one by one."""
 _NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
 """Hyphens that are minus signs."""
 
@@ -143,7 +147,7 @@ def _worst(data: PageData) -> Statement | None:
 def place(row: dict[str, Any]) -> str:
     """An observation in words: type, between what, component."""
     between = " – ".join(part for part in (row["at"], row["from"], row["to"]) if part)
-    return f"{row['type']} {between}, {row['component']}"
+    return f"{row['type']} {between}{component_of(row)}"
 
 
 def _controlled(data: PageData) -> Statement | None:
@@ -151,7 +155,7 @@ def _controlled(data: PageData) -> Statement | None:
     if used.height == 0:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
-    loose = data.view.summary["uncontrolled"]
+    free = used.filter(pl.col("flag") == "uncontrolled")
     words = say(
         "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
         mean=f"{float(used['r'].to_numpy().mean()):.2f}",
@@ -159,9 +163,12 @@ def _controlled(data: PageData) -> Statement | None:
         all=used.height,
         limit=f"{_LOW_R:g}",
     )
-    if loose:
-        words += " " + say("Without any control: {count} (an error there stays unseen).", count=loose)
-    state = DOUBT if low > 0.05 * used.height or loose else GOOD
+    if 0 < free.height <= _NAMED:
+        names = "; ".join(place(row) for row in free.iter_rows(named=True))
+        words += " " + say("An error stays unseen in: {names}.", names=names)
+    elif free.height:
+        words += " " + say("Without any control: {count} (an error there stays unseen).", count=free.height)
+    state = DOUBT if low > 0.05 * used.height or free.height else GOOD
     return Statement(state, say("Reliability"), words)
 
 
@@ -190,21 +197,18 @@ def _points(data: PageData) -> Statement | None:
     if points.height == 0:
         return None
     sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]
-    numbers = ", ".join(
-        f"σ{name.upper()} {value:.3g}" for name, value in zip("xyz", sigma, strict=True) if value is not None
-    )
     worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(
         0, named=True
     )
-    unit = data.view.length
-    words = say(
-        "Root mean square {numbers} {unit}; the weakest point is {id}",
-        numbers=numbers,
-        unit=unit,
-        id=worst["id"],
+    unit, factor = small_unit(data.view.length, worst["ellipsoid_a"] or max(filter(None, sigma), default=1.0))
+    numbers = ", ".join(
+        f"σ{name.upper()} {factor * value:.3g} {unit}"
+        for name, value in zip("xyz", sigma, strict=True)
+        if value
     )
+    words = say("Root mean square {numbers}; the weakest point is {id}", numbers=numbers, id=worst["id"])
     if worst["ellipsoid_a"]:
-        axis = f"{worst['ellipsoid_a']:.3g}"
+        axis = f"{factor * worst['ellipsoid_a']:.3g}"
         words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
     return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}")
 

@@ -9,6 +9,10 @@ from mor.report.tables import group_table
 from mor.report.text._layout import fixed, short
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
+from mor.report.worst import between, uncontrolled_residuals
+
+NAMED = 3
+"""Observations that nothing controls that are named one by one."""
 
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -85,7 +89,28 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    return [*lines, *_emptied(solved, words)]
+    return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
+
+
+def _uncontrolled(solved: Solved, words: Words) -> list[str]:
+    """Observations that nothing controls: no test speaks of them. A few are named."""
+    rows, count = uncontrolled_residuals(solved, NAMED)
+    if count == 0:
+        return []
+    if count > NAMED:
+        return [
+            words(
+                "{count:observation is|observations are} not controlled (r = 0).",
+                count=count,
+            )
+        ]
+    return [
+        words(
+            "{count:observation is|observations are} not controlled (r = 0): {names}.",
+            count=count,
+            names="; ".join(between(row) for row in rows.iter_rows(named=True)),
+        )
+    ]
 
 
 def _emptied(solved: Solved, words: Words) -> list[str]:
