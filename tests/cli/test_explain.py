@@ -48,7 +48,9 @@ def test_words_of_a_term(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain", "exit", "code", "4"]) == 0
     assert "leave something open" in capsys.readouterr().out
     assert run(["explain", "redundanzanteil"]) == 0
-    assert capsys.readouterr().out.startswith("r, redundancy number, redundancy numbers (German: Redundanzanteil)")
+    assert capsys.readouterr().out.startswith(
+        "r, redundancy number, redundancy numbers (German: Redundanzanteil)"
+    )
 
 
 def test_unknown_term(capsys: pytest.CaptureFixture[str]) -> None:

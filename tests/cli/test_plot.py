@@ -110,3 +110,15 @@ def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
     nothing = pl.DataFrame({"id": []}, {"id": pl.String})
     bare = replace(view, images=nothing, stations=nothing)
     assert network(bare).axes[0].get_xlabel() == "X [m]"
+
+
+def test_a_picture_in_german(results: Path, tmp_path: Path) -> None:
+    """SVG has the letters of its texts in comments: words of both languages are told apart by them."""
+    said = {}
+    for language in ("en", "de"):
+        path = tmp_path / f"{language}.svg"
+        assert run(["plot", "network", str(results), "-o", str(path), "--lang", language]) == 0
+        said[language] = set(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8")))
+    assert {"Strahlen", "Bilder", "Standpunkte", "Punkte"} <= said["de"]
+    assert {"rays", "images", "stations", "points"} <= said["en"] - said["de"]
+    assert any(text.endswith("Datum: fest") for text in said["de"])
