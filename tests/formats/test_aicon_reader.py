@@ -77,7 +77,7 @@ def test_what_is_left_out_is_told(folder):
     notes = [note.message for note in read_foreign(folder).notes]
     for words in (
         "image '3' is switched off",
-        "1 rays not used: point 'C'",
+        "1 ray not used: point 'C'",
         "2 rays not used: image '3'",
         "A-C not used",
     ):
