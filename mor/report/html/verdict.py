@@ -132,7 +132,7 @@ def _worst(data: PageData) -> Statement | None:
         "w = {w}, estimated error {error} {unit}.",
         count=summary["flagged"],
         limit=f"{data.view.critical:.2f}",
-        expected=f"{expected:.1f}",
+        expected=f"{expected:.1f}" if expected >= 0.05 else f"{expected:.1g}",
         all=used.height,
         place=place(row),
         w=f"{row['test']:.2f}",
