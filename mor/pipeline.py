@@ -39,6 +39,9 @@ def read_document(path: Path) -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines. Raises :class:`InputError`."""
     if is_foreign(path):
         return read_foreign(path)
+    if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
+        words = "this is a table, expected a project file; mor new begins one from tables"
+        raise InputError([Mistake(words, str(path))])
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

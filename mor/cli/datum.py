@@ -51,6 +51,11 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     if output is not None:
         check_inputs(output, inputs(opened))
     solved, document = in_datum(opened, target)
+    if not solved.adjustment.defect.datum.size:
+        words = (
+            "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
+        )
+        click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)
         write_results(solved, document, opened.folder, output, force, choice)

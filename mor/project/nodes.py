@@ -76,6 +76,7 @@ def read_yaml(text: str, file: str) -> Document:
 
 
 _BROKEN = (
+    ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
     ("quoted scalar", "the quote that opens here is not closed"),
     ("flow", "the bracket that opens here is not closed, or a comma is missing in it"),
     ("simple key", "expected key: value, found no colon"),

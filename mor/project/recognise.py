@@ -96,6 +96,8 @@ def recognise(path: Path) -> Found:
             else path.open(encoding="utf-8-sig", newline="") as file
         ):
             lines = file.read().splitlines()
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(path))]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError([Problem(f"this table cannot be read: {error}", str(path))]) from None
     first = lines[0] if lines else ""

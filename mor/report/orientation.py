@@ -44,10 +44,28 @@ def read_homologous(path: Path) -> Measured:
     if "id" not in frame.columns or images < 2:
         found = ", ".join(frame.columns)
         raise InputError([Problem(f"expected the columns id, x1, y1, x2, y2, found {found}", str(path), 1)])
+    _check_names(frame["id"].to_list(), path)
     names = [f"{axis}{image}" for image in range(1, images + 1) for axis in "xy"]
     return Measured(
         tuple(frame["id"].to_list()), _numbers(frame, names, path).reshape(frame.height, images, 2)
     )
+
+
+def _check_names(ids: list[str | None], path: Path) -> None:
+    """Every row has a name of its own."""
+    first: dict[str, int] = {}
+    problems = []
+    for line, name in enumerate(ids, start=2):
+        if name is None or not name.strip():
+            problems.append(Problem("id is empty", str(path), line))
+        elif name in first:
+            problems.append(
+                Problem(f"id {name!r} is given twice (first in line {first[name]})", str(path), line)
+            )
+        else:
+            first[name] = line
+    if problems:
+        raise InputError(problems)
 
 
 def _numbers(frame: pl.DataFrame, names: list[str], path: Path) -> FloatArray:
@@ -213,6 +231,8 @@ def _placed(
 def planar_text(data: dict[str, Any]) -> str:
     """Plane object for reading, every admissible solution."""
     lines = [f"Plane object: {data['words']}"]
+    if not data["solutions"]:
+        return lines[0] + "\n"
     lines.append(
         f"sigma0 {short(data['sigma0'], 4)} [1], redundancy {data['redundancy']}, system: {data['system']}"
     )

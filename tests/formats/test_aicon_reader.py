@@ -124,7 +124,7 @@ def test_missing_files_and_folders(folder, tmp_path):
         read_foreign(folder)
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match=r"found 0 \.ior files"):
+    with pytest.raises(InputError, match=r"or one \.ior file in it"):
         read_foreign(empty)
     with pytest.raises(InputError, match=r"unknown format '\.xyz'"):
         read_foreign(tmp_path / "wall.xyz")
