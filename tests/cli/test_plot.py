@@ -12,6 +12,8 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
+from small_projects import LEVELLING
+
 from mor.cli import run
 from mor.cli.plot import KINDS, view_of_source
 from mor.report.plots.network import covariances, ellipse_lines
@@ -122,3 +124,20 @@ def test_a_picture_in_german(results: Path, tmp_path: Path) -> None:
     assert {"Strahlen", "Bilder", "Standpunkte", "Punkte"} <= said["de"]
     assert {"rays", "images", "stations", "points"} <= said["en"] - said["de"]
     assert any(text.endswith("Datum: fest") for text in said["de"])
+
+
+def test_ellipses_of_heights_are_drawn_in_elevation(tmp_path: Path) -> None:
+    """The plan of a levelling net has none."""
+    project = tmp_path / "project.yaml"
+    project.write_text(
+        LEVELLING.replace("[B, 0, 0, 11]", "[B, 90, 0, 11]").replace("[C, 0, 0,", "[C, 0, 80,")
+    )
+    assert run(["plot", "ellipses", str(project), "-o", str(tmp_path / "e.svg")]) == 0
+    assert run(["plot", "network", str(project), "-o", str(tmp_path / "n.svg")]) == 0
+    words = [
+        set(re.findall(r"<!-- (.*?) -->", (tmp_path / f"{name}.svg").read_text(encoding="utf-8")))
+        for name in "en"
+    ]
+    assert {"X [m]", "Z [m]"} <= words[0]
+    assert any(text.startswith("1σ ellipses × ") for text in words[0])
+    assert {"X [m]", "Y [m]"} <= words[1]

@@ -43,18 +43,19 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
 
 
 def ellipses(view: View, words: Words = ENGLISH) -> Figure:
-    """Standard error ellipses of the points, enlarged, with the bar that says how much."""
+    """Standard error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation."""
     from matplotlib.collections import LineCollection
 
     figure = sheet()
-    axes, chosen = _prepared(view, figure)
+    heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
+    axes, chosen = _prepared(view, figure, upright=heights)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     covariance = covariances(view)[:, chosen][:, :, chosen]
     size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
-    extent = float(np.ptp(places(view), axis=0).max(initial=0.0))
+    extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
     large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
-    if large > 0.0 and extent > 0.0:
+    if large > 0.0:
         scale = round_length(_SHARE * extent / large)
         lines = ellipse_lines(places(view)[:, chosen], covariance, scale)[size > 0.0]
         axes.add_collection(
@@ -99,15 +100,18 @@ def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> F
     return lines
 
 
-def _prepared(view: View, figure: Figure) -> tuple[Axes, list[int]]:
-    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards."""
+def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
+    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards.
+
+    In elevation where it is asked for (``upright``), or where the network is higher than deep.
+    """
     axes = figure.add_subplot()
     drawn = drawn_axes(view.summary["axes"]["xy"])
     plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
     chosen = plan
-    if view.points.height > 2:
+    if view.points.height > 2 or upright:
         extent = np.ptp(places(view), axis=0)
-        if extent[2] > 2.0 * extent[plan].min():
+        if upright or extent[2] > 2.0 * extent[plan].min():
             chosen = [plan[int(np.argmax(extent[plan]))], 2]
     names = "XYZ"
     axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")

@@ -130,7 +130,7 @@ class TestInABrowser:
     def test_a_picked_point_is_told_in_german(self, german: Any) -> None:
         german.execute_script("pick(known('N2'))")
         words = german.find_element("id", "picked").text
-        assert words.startswith("Punkt N2 · X 40.1144 ± ")
+        assert words.startswith("Punkt N2 · X 40.1144 m ± ")
         assert "(σ im Datum: fest)" in words
 
     def test_status_is_shown_and_filtered_in_german(self, german: Any) -> None:

@@ -246,7 +246,7 @@ function words({ kind, row }) {
   const title = say(kind), parts = [`${title[0].toUpperCase()}${title.slice(1)} ${value(table, "id", row)}`];
   for (const name of ["x", "y", "z"]) {
     const sigma = value(table, `s${name}`, row);
-    parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}${sigma > 0 ? "" : ` ${meta.length}`}`);
+    parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })} ${meta.length}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}`);
   }
   if (kind === "point") {
     parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
