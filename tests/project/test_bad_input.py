@@ -471,3 +471,25 @@ def test_broken_yaml_is_told_in_plain_words(tmp_path: Path, text: str, line: int
     assert run.code == 2
     assert run.err.startswith(f"{tmp_path}/project.yaml:{line}: this is not valid YAML: ")
     assert words in run.err
+
+
+def test_a_unit_that_does_not_fit_is_told_once(tmp_path: Path) -> None:
+    """Where it stands, not with every row."""
+    found = wrong(
+        tmp_path, "columns: [from, to, dz, sigma]", "units: {dz: gon}\n    columns: [from, to, dz, sigma]"
+    )
+    assert found == [
+        "project.yaml:8: column dz: unit 'gon' does not fit a length "
+        "(known: m, dm, cm, mm, um, µm, μm, km, ft, us-ft, in)"
+    ]
+
+
+def test_a_number_beyond_all_numbers(tmp_path: Path) -> None:
+    found = wrong(tmp_path, "1.002", "1e400")
+    assert found == ["project.yaml:9: dz: found '1e400', expected a finite number"]
+
+
+def test_one_column_is_one_column(tmp_path: Path) -> None:
+    assert wrong(tmp_path, "[A, 0, 0, 10]", "[A]") == [
+        "project.yaml:4: found 1 column, expected 4 (id, x, y, z)"
+    ]
