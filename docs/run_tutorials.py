@@ -29,7 +29,7 @@ from typing import NamedTuple
 FOLDER = Path(__file__).parent / "tutorials"
 BLOCK = re.compile(r"^```(console|diff|text)\n(.*?)^```$", re.M | re.S)
 DECIMAL = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?")
-COUNT = re.compile(r"\d+ iterations")
+COUNT = re.compile(r"\d+ iterations?")
 MORE = "…"
 
 

@@ -20,7 +20,10 @@ FILES = (
     ("project.yaml", "the project: cameras, points, observations, datum, with tables beside it"),
     ("project.results/", "report.txt and report.html for people, results.json and tables for programs"),
 )
-ENVIRONMENT = (("MOR_DEBUG", "1 shows where an internal error happened"),)
+ENVIRONMENT = (
+    ("MOR_LANG", "language of what people read, en or de, where --lang does not tell it"),
+    ("MOR_DEBUG", "1 shows where an internal error happened"),
+)
 
 Command = tuple[click.Context, click.Command]
 

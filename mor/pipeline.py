@@ -25,7 +25,7 @@ from mor.project.model import Settings as ProjectSettings
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
 from mor.project.reading import TableWatcher, ignore_table
-from mor.project.validation import validate
+from mor.project.validation import validate, without_empty_keys
 from mor.quality.assess import Levels, assess
 from mor.quality.solved import Solved
 from mor.quality.treatment import Wanted, treat
@@ -39,6 +39,9 @@ def read_document(path: Path) -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines. Raises :class:`InputError`."""
     if is_foreign(path):
         return read_foreign(path)
+    if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
+        words = "this is a table, expected a project file; mor new begins one from tables"
+        raise InputError([Mistake(words, str(path))])
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -47,7 +50,7 @@ def read_document(path: Path) -> Document:
         raise InputError([Mistake("this is a folder, expected a project file", str(path))]) from None
     except UnicodeDecodeError:
         raise InputError([Mistake("this is not UTF-8 text", str(path))]) from None
-    return read_yaml(text, str(path))
+    return without_empty_keys(read_yaml(text, str(path)))
 
 
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:

@@ -14,7 +14,7 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("errors", "units", "compilation"),
+    ("errors", "units", "compilation", "counting"),
     ("geometry",),
     ("parameters",),
     ("observations",),

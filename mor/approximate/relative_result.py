@@ -20,6 +20,8 @@ BY_ITSELF = 2.9e-7
 """Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
 APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
+MINIMA_APART = 1.0
+"""The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
 WEAK = 0.1
 """Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
 WRONG = 6.0
@@ -103,15 +105,20 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     most = _front_count(a, b, chosen)
-    tolerance = APART * float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
+    sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
         for one in fitting
         if _front_count(a, b, one) >= BEHIND * most
         and one.objective <= as_good
-        and _distance(one, chosen) > tolerance + 1e-6
+        and _distance(one, chosen) > _tolerance(one, chosen, sigma)
     ]
-    return chosen, _one_each(rivals, tolerance)
+    return chosen, _one_each(rivals, APART * sigma)
+
+
+def _tolerance(one: Coplanarity, other: Coplanarity, sigma: float) -> float:
+    """Distance up to which two orientations are the same."""
+    return (MINIMA_APART if one.converged and other.converged else APART) * sigma + 1e-6
 
 
 def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:

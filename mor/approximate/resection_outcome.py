@@ -28,6 +28,10 @@ class ResectionOutcome(Enum):
 
     DETERMINED = "one pose fits"
     AMBIGUOUS = "several poses fit equally well; a further point, or the side it was taken from, decides"
+    AMBIGUOUS_AND_WEAK = (
+        "several poses fit, and at least one of them is hardly determined: near the dangerous cylinder over the "
+        "circle of the points, or points too close together; further points decide"
+    )
     WEAK = "a pose fits but is hardly determined: points too close together or a dangerous position"
     TOO_FEW = "fewer than three points"
     INVALID = "a ray or a point is no number, or a ray is zero, or their numbers differ"
@@ -40,7 +44,12 @@ class ResectionOutcome(Enum):
     @property
     def usable(self) -> bool:
         """True if the pose, or one of several, can serve as a start value."""
-        return self in (ResectionOutcome.DETERMINED, ResectionOutcome.AMBIGUOUS, ResectionOutcome.WEAK)
+        return self in (
+            ResectionOutcome.DETERMINED,
+            ResectionOutcome.AMBIGUOUS,
+            ResectionOutcome.AMBIGUOUS_AND_WEAK,
+            ResectionOutcome.WEAK,
+        )
 
 
 @dataclass(frozen=True)
@@ -102,7 +111,7 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     # Without redundancy every pose fits exactly: two close to one another, near the dangerous cylinder, are two.
     rivals = _different(pose, rivals, 8.0 * spread + 1e-6 if redundancy > 0 else SAME)
     return Resection(
-        _outcome(points, pose, agreeing, rivals, covariance),
+        _outcome(bundle, points, agreeing, [pose, *rivals]),
         pose.position,
         pose.rotation,
         angles_from_rotation(pose.rotation),
@@ -134,15 +143,19 @@ def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:
     return np.asarray((vectors / np.maximum(values, 1e-15)) @ vectors.T / np.outer(scale, scale))
 
 
-def _outcome(
-    points: FloatArray, pose: Pose, agreeing: BoolArray, rivals: list[Pose], covariance: FloatArray
-) -> ResectionOutcome:
+def _outcome(bundle: Bundle, points: FloatArray, agreeing: BoolArray, poses: list[Pose]) -> ResectionOutcome:
+    """What to say of the poses that fit, the best first."""
     if np.sum(agreeing) < max(3, HALF * len(points)):
         return ResectionOutcome.DOES_NOT_FIT
-    if rivals:
-        return ResectionOutcome.AMBIGUOUS
-    nearest = float(np.min(np.linalg.norm(points[agreeing] - pose.position, axis=1)))
-    position, rotation = np.sqrt(np.max(np.diag(covariance)[:3])), np.sqrt(np.max(np.diag(covariance)[3:]))
-    if rotation > WEAK or position > WEAK * nearest:
-        return ResectionOutcome.WEAK
-    return ResectionOutcome.DETERMINED
+    weak = any(_is_weak(bundle.take(agreeing), points[agreeing], pose) for pose in poses)
+    if len(poses) > 1:
+        return ResectionOutcome.AMBIGUOUS_AND_WEAK if weak else ResectionOutcome.AMBIGUOUS
+    return ResectionOutcome.WEAK if weak else ResectionOutcome.DETERMINED
+
+
+def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
+    """True where the rotation, or the position against the nearest point, is hardly determined."""
+    variances = np.diag(_covariance(bundle, points, pose))
+    nearest = float(np.min(np.linalg.norm(points - pose.position, axis=1)))
+    position, rotation = np.sqrt(np.max(variances[:3])), np.sqrt(np.max(variances[3:]))
+    return bool(rotation > WEAK or position > WEAK * nearest)

@@ -7,13 +7,14 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
 
 from mor.cli._iterations import iteration_line, iteration_table
+from mor.report.words.language import ENGLISH, Words
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -36,6 +37,8 @@ class Progress:
     """Where events go as JSON Lines, for programs that watch."""
     steps: list[Iteration] = field(default_factory=list)
     """Iterations of this phase."""
+    words: Words = ENGLISH
+    """What people are told in; events are the same in every language."""
 
     def event(self, kind: str, /, **data: object) -> None:
         """Tell a watching program what happened: one line, at once."""
@@ -46,13 +49,13 @@ class Progress:
 
     def phase(self, name: str) -> None:
         """A new phase begins."""
-        self.name = name
+        self.name = self.words.listed(name)
         self.event("phase", name=name)
         self._leave_iterations()
         if self.status is not None:
-            self.status.update(f"{name} …")
+            self.status.update(f"{self.name} …")
         elif self.verbose and not self.quiet:
-            click.echo(f"{name} …", err=True)
+            click.echo(f"{self.name} …", err=True)
 
     def counter(self, total: int) -> Callable[[int], None]:
         """Counts what is done of a phase, and shows how much is left of it and for how long."""
@@ -64,7 +67,14 @@ class Progress:
             done += count
             if self.status is not None and 0 < done <= total:
                 left = (time.monotonic() - begun) * (total - done) / done
-                self.status.update(f"{name}: {100 * done // total} %, {left:.0f} s left")
+                self.status.update(
+                    self.words(
+                        "{name}: {share} %, {left} s left",
+                        name=name,
+                        share=100 * done // total,
+                        left=f"{left:.0f}",
+                    )
+                )
 
         return more
 
@@ -81,13 +91,14 @@ class Progress:
         for note in notes:
             self.event("note", message=note.message, file=note.file, line=note.line)
             if not self.quiet:
-                click.echo(f"note: {note}", err=True)
+                said = replace(note, message=self.words.listed(note.message))
+                click.echo(self.words("note: {text}", text=said), err=True)
 
     def note(self, words: str) -> None:
         """Something the user should know."""
         self.event("note", message=words, file="", line=0)
         if not self.quiet:
-            click.echo(f"note: {words}", err=True)
+            click.echo(self.words("note: {text}", text=self.words.listed(words)), err=True)
 
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""
@@ -100,25 +111,30 @@ class Progress:
         )
         self.steps.append(step)
         if self.status is not None:
-            self.status.update(iteration_table(self.steps, "adjusting …"))
+            title = f"{self.words('adjusting')} …"
+            self.status.update(iteration_table(self.steps, title, words=self.words))
         elif self.verbose and not self.quiet:
-            click.echo(iteration_line(step), err=True)
+            click.echo(iteration_line(step, self.words), err=True)
 
     def _leave_iterations(self) -> None:
         """The live table of the phase that ends stays on the terminal."""
         if self.status is not None and self.steps:
             most = {} if not self.verbose else {"most": None}
-            self.status.console.print(iteration_table(self.steps, "adjusted", **most))
+            self.status.console.print(
+                iteration_table(self.steps, self.words("adjusted"), **most, words=self.words)
+            )
         self.steps.clear()
 
 
 @contextmanager
-def progress(quiet: bool, verbose: bool, events: TextIO | None = None) -> Iterator[Progress]:
+def progress(
+    quiet: bool, verbose: bool, events: TextIO | None = None, words: Words = ENGLISH
+) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
     if quiet or not sys.stderr.isatty():
-        yield Progress(quiet, verbose, events=events)
+        yield Progress(quiet, verbose, events=events, words=words)
         return
     from rich.console import Console
 
-    with Console(stderr=True).status("starting …") as status:
-        yield Progress(quiet, verbose, status, events=events)
+    with Console(stderr=True).status(f"{words('starting')} …") as status:
+        yield Progress(quiet, verbose, status, events=events, words=words)

@@ -66,7 +66,12 @@ def in_datum(opened: Opened, target: str) -> tuple[Solved, Document]:
     from mor.quality.release import released, strained
 
     data = read_yaml(f"datum: {{{target}}}" if ":" in target else f"datum: {target}", "--to").data
-    document = replace(opened.document, data={**opened.document.data, **data})
+    document = replace(
+        opened.document,
+        data={**opened.document.data, **data},
+        lines={**opened.document.lines, ("datum",): 0},
+        files={**opened.document.files, ("datum",): "--to"},
+    )
     network = _with_reference(read_network(document, opened.folder), opened.reference)
     if not network.datum.free:
         return _solved(network, document.file), document

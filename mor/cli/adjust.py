@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
+from mor.cli._language import language_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -37,13 +38,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Data snooping: take flagged observations out one by one until the rest is clean.",
 )
-@click.option(
-    "--lang",
-    type=click.Choice(["en", "de"]),
-    default="en",
-    show_default=True,
-    help="Language of report.txt, report.html and of the summary.",
-)
+@language_option("report.txt, report.html and of what the terminal says")
 @click.option(
     "--html/--no-html",
     default=None,
@@ -113,7 +108,8 @@ def command(
     from mor.report.write import Choice, is_large, results_text, tables_by_size, write_results
 
     writes = output is not None or not as_json
-    with progress(quiet, verbose, events) as say, compiler_announced(say.note):
+    words = words_of(lang)
+    with progress(quiet, verbose, events, words) as say, compiler_announced(say.note):
         say.phase("reading")
         document = read_document(project)
         folder = output or project.with_suffix(".results")
@@ -143,7 +139,6 @@ def command(
     if as_json:
         click.echo(results_text(solved), nl=False)
     if not quiet or solved.quality is None:
-        words = words_of(lang)
         click.echo(screen(solved, words), err=True)
         if writes:
             click.echo(words("results in {place}", place=folder), err=True)

@@ -38,13 +38,15 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.adjusted_project import Placed
-    from mor.report.folder import check_free
+    from mor.report.folder import check_free, check_inputs
     from mor.report.protocol import protocol
-    from mor.report.write import write_project
+    from mor.report.write import PROJECT, write_project
 
     folder = output or project.with_suffix(".start")
     check_free(folder, force)
     document = read_document(project)
+    tables = (project.parent / name for name in document.table_files())
+    check_inputs(folder, [project, *tables], [PROJECT])
     network = read_network(document, project.parent)
     with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
         approximation = approximate(network)

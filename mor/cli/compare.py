@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mor.counting import counted
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
     import polars as pl
 
 SHOWN = 20
+SCHEMA = "mor-results"
+"""As :data:`mor.report.summary.SCHEMA`, which takes long to import."""
 
 
 @click.command(name="compare")
@@ -65,9 +69,14 @@ def command(
     """
     if not 0.0 < level < 1.0:
         raise InputError([Problem(f"--level: found {level:g}, expected a number between 0 and 1")])
+    if tol < 0.0:
+        raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
+    if epochs and pairs is not None:
+        raise InputError([Problem("choose one of --epochs, --pairs")])
     wanted = 1 if pairs is not None else 2
     if len(results) != wanted:
-        raise InputError([Problem(f"found {len(results)} results, expected {wanted}")])
+        expected = "one folder of results with --pairs" if pairs is not None else "two to compare"
+        raise InputError([Problem(f"found {len(results)}, expected {expected}")])
     if pairs is not None:
         table, words = _pairs(results[0], pairs, level, known_sigma0)
     elif epochs:
@@ -86,31 +95,45 @@ def _regression(one: Path, other: Path, tol: float, quiet: bool) -> ExitCode:
     found = differences(_content(one), _content(other), tol)
     if not quiet:
         for difference in found[:SHOWN]:
-            click.echo(f"{difference.place}: {difference.one} | {difference.other}")
+            click.echo(f"{difference.place}: {_said(difference.one)} | {_said(difference.other)}")
         if len(found) > SHOWN:
             click.echo(f"and {len(found) - SHOWN} more")
-        click.echo(f"{len(found)} differences beyond {tol:g}" if found else f"equal within {tol:g}", err=True)
+        click.echo(
+            f"{counted(len(found), 'difference')} beyond {tol:g}" if found else f"equal within {tol:g}",
+            err=True,
+        )
     return ExitCode.REJECTED if found else ExitCode.DONE
+
+
+def _said(value: Any) -> str:
+    """A value of results on one line: of a row that the other one lacks only that it is there."""
+    return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
 
 
 def _content(path: Path) -> Any:
     file = path / "results.json" if path.is_dir() else path
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError([Problem("this file does not exist", str(file))]) from None
-    except ValueError as error:
-        raise InputError([Problem(f"this is no results.json: {error}", str(file))]) from None
+    except ValueError:
+        content = None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError([Problem("expected a folder of results, or its results.json", str(file))])
+    return content
+
+
+def _folder(path: Path) -> Path:
+    """The folder of results that a results.json stands in."""
+    return path.parent if path.name == "results.json" else path
 
 
 def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
-    from dataclasses import replace
-
     from mor.cli._results import open_results, solve_again
     from mor.quality.epochs import blocks_of, common_points, compare_epochs, over_points
     from mor.report.movements import movement_table, verdict
 
-    first, second = open_results(one), open_results(other)
+    first, second = open_results(_folder(one)), open_results(_folder(other))
     if first.network.edge != second.network.edge:
         raise InputError([Problem("the two epochs have different units or axes", str(other))])
     names = common_points(first.network, second.network)
@@ -133,16 +156,27 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataF
     from mor.report.covariance import point_numbers
     from mor.report.movements import movement_table
 
-    solved = solve_again(open_results(path))
+    solved = solve_again(open_results(_folder(path)))
     assert solved.quality is not None
+    names, tests = [], []
+    for line, (one, other) in _listed(pairs):
+        try:
+            tests.append(pair_movement(solved.quality, *point_numbers(solved, (one, other))))
+        except InputError as error:
+            raise InputError(replace(p, file=str(pairs), line=line) for p in error.problems) from None
+        names.append(f"{one} - {other}")
+    table = movement_table(names, tests, solved.network.edge.matrix, level, known)
+    return table, [f"{int(table['moved'].sum())} of {counted(len(names), 'pair')} moved (level {level:g})."]
+
+
+def _listed(pairs: Path) -> list[tuple[int, list[str]]]:
+    """Line and points of each row of a table of pairs."""
     try:
-        with pairs.open(newline="", encoding="utf-8") as file:
-            rows = [row[:2] for row in csv.reader(file) if row][1:]
+        with pairs.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
     except FileNotFoundError:
         raise InputError([Problem("this file does not exist", str(pairs))]) from None
-    if any(len(row) < 2 for row in rows):
+    if not rows or any(len(row) < 2 for _, row in rows):
         raise InputError([Problem("expected two columns of points below a header", str(pairs))])
-    tests = [pair_movement(solved.quality, *point_numbers(solved, row)) for row in rows]
-    names = [f"{one} - {other}" for one, other in rows]
-    table = movement_table(names, tests, solved.network.edge.matrix, level, known)
-    return table, [f"{int(table['moved'].sum())} of {len(rows)} pairs have moved (level {level:g})."]
+    return rows

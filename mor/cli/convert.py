@@ -34,6 +34,7 @@ def command(foreign: Path, output: Path, force: bool, quiet: bool) -> None:
     \b
     Exit codes: 0 done; 2 input.
     """
+    from mor.counting import counted
     from mor.formats import read_foreign
     from mor.project.rewrite import project_files
 
@@ -44,7 +45,8 @@ def command(foreign: Path, output: Path, force: bool, quiet: bool) -> None:
         for note in document.notes:
             click.echo(f"note: {note}", err=True)
         click.echo(
-            f"{output}, and {len(texts) - 1} tables beside it" if len(texts) > 1 else str(output), err=True
+            f"{output}, and {counted(len(texts) - 1, 'table')} beside it" if len(texts) > 1 else str(output),
+            err=True,
         )
 
 

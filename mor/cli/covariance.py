@@ -59,7 +59,7 @@ def command(
     \b
     Exit codes: 0 done; 2 input, or no solution.
     """
-    from mor.cli._results import in_datum, open_results, solve_again
+    from mor.cli._results import in_datum, inputs, open_results, solve_again
     from mor.errors import InputError, Problem
     from mor.report import covariance as report
 
@@ -70,6 +70,8 @@ def command(
     if (blocks or relative) and output.suffix != ".csv":
         raise InputError([Problem("--blocks and --relative are written as .csv", str(output))])
     opened = open_results(results)
+    if output.resolve() in {path.resolve() for path in inputs(opened)}:
+        raise InputError([Problem("the results are read from this file; choose another one", str(output))])
     solved = in_datum(opened, target)[0] if target is not None else solve_again(opened)
     if blocks:
         report.write_rows(output, report.POINT_BLOCK_HEADER, report.point_blocks(solved))
@@ -77,7 +79,9 @@ def command(
         rows = report.relative_rows(solved, [_pair(text) for text in relative])
         report.write_rows(output, report.RELATIVE_HEADER, rows)
     elif points is not None:
-        names = [name.strip() for name in points.split(",")]
+        names = [name.strip() for name in points.split(",") if name.strip()]
+        if not names:
+            raise InputError([Problem(f"--points: found {points!r}, expected names of points A,B,…")])
         report.write_covariance(output, report.covariance_of_points(solved, names))
     else:
         report.write_covariance(output, report.covariance_of_everything(solved))

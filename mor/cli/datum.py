@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mor.cli._language import language_option
+
 
 @click.command(name="datum")
 @click.argument("results", type=click.Path(path_type=Path))
@@ -20,7 +22,8 @@ import click
     help="Folder of all results in that datum; without it the points are printed as CSV.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
-def command(results: Path, target: str, output: Path | None, force: bool) -> None:
+@language_option("report.txt and report.html")
+def command(results: Path, target: str, output: Path | None, force: bool, lang: str) -> None:
     """Carry RESULTS into another datum by S-transformation, without a new adjustment.
 
     \b
@@ -39,6 +42,7 @@ def command(results: Path, target: str, output: Path | None, force: bool) -> Non
     from mor.cli._results import in_datum, inputs, open_results
     from mor.report.folder import check_free, check_inputs
     from mor.report.tables import point_table
+    from mor.report.words.language import words_of
     from mor.report.write import Choice, tables_by_size, write_results
 
     if output is not None:
@@ -47,8 +51,14 @@ def command(results: Path, target: str, output: Path | None, force: bool) -> Non
     if output is not None:
         check_inputs(output, inputs(opened))
     solved, document = in_datum(opened, target)
+    if not solved.adjustment.defect.datum.size:
+        words = (
+            "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
+        )
+        click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:
-        write_results(solved, document, opened.folder, output, force, Choice(tables_by_size(solved)))
-        click.echo(f"results in {output}", err=True)
+        choice = Choice(tables_by_size(solved), language=lang)
+        write_results(solved, document, opened.folder, output, force, choice)
+        click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:
         click.echo(point_table(solved).write_csv(), nl=False)

@@ -61,15 +61,17 @@ def command(
 
     The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
     directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
-    more. Points and images that only observations name are listed; no start values are needed.
+    more. A list id, x, y, z whose names are images has their projection centres. Points and images that only
+    observations name are listed; no start values are needed.
 
     \b
     Exit codes: 0 done; 2 input.
     """
     from mor.cli.convert import write_new
+    from mor.counting import counted
     from mor.errors import InputError, Problem, nearest
     from mor.project.beginning import CameraSettings, begin
-    from mor.project.recognise import recognise
+    from mor.project.recognise import recognise, told_apart
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
@@ -77,10 +79,10 @@ def command(
             raise InputError(
                 [Problem(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
             )
-    found = [recognise(table) for table in tables]
+    found = told_apart([recognise(table) for table in tables])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     write_new(texts, force)
     for table in found:
-        click.echo(f"{table.path}: {table.kind}, {len(table.rows)} rows", err=True)
+        click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
     click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)

@@ -11,7 +11,7 @@ _CONSTANT = click.option(
     help="Camera constant, in the unit of the image coordinates; once for all images, or once for each.",
 )  # fmt: skip
 _SIGMA = click.option(
-    "--sigma", metavar="NUMBER", type=float, default=0.001, show_default=True,
+    "--sigma", metavar="NUMBER", type=click.FloatRange(min=0.0, min_open=True), default=0.001, show_default=True,
     help="σ of the image coordinates, in their unit.",
 )  # fmt: skip
 _UNIT = click.option(
@@ -110,6 +110,8 @@ def planar_command(
     from mor.report import orientation
     from mor.report.json import to_json
 
+    if length is not None and (length[0] == length[1] or length[2] <= 0.0):
+        raise click.UsageError("--length takes two different points and a positive length")
     measured = orientation.read_homologous(points)
     shape = orientation.planar(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
     data = orientation.planar_data(measured, shape, length, wall, angles)

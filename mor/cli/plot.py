@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mor.cli._language import language_option
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mor.report.view import View
+    from mor.report.words.language import Words
 
 KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
 
@@ -34,7 +37,8 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
     help="Image (of residuals) or camera (of camera) to draw.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
-def command(kind: str, source: Path, output: Path, name: str | None, force: bool) -> None:
+@language_option("the picture")
+def command(kind: str, source: Path, output: Path, name: str | None, force: bool, lang: str) -> None:
     """Draw a picture of SOURCE: network, ellipses, residuals, camera or histogram.
 
     \b
@@ -53,11 +57,12 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
     """
     from mor.errors import InputError, Problem
     from mor.report.plots.sheet import save, style
+    from mor.report.words.language import words_of_page
 
     if output.exists() and not force:
         raise InputError([Problem("this file exists; --force replaces it", str(output))])
     with style():
-        save(drawn(kind, view_of_source(source), name), output)
+        save(drawn(kind, view_of_source(source), name, words_of_page(lang)), output)
 
 
 def view_of_source(source: Path) -> View:
@@ -79,8 +84,8 @@ def view_of_source(source: Path) -> View:
     return view_of(solved, observation_table(solved))
 
 
-def drawn(kind: str, view: View, name: str | None) -> Figure:
-    """The picture of a kind."""
+def drawn(kind: str, view: View, name: str | None, words: Words) -> Figure:
+    """The picture of a kind, in a language."""
     from mor.report.plots.camera import camera
     from mor.report.plots.histogram import histogram
     from mor.report.plots.network import ellipses, network
@@ -91,8 +96,8 @@ def drawn(kind: str, view: View, name: str | None) -> Figure:
             f"--of names an image or a camera; a picture of kind {kind!r} shows everything"
         )
     if kind == "residuals":
-        return residuals(view, name)
+        return residuals(view, name, words)
     if kind == "camera":
-        return camera(view, name)
+        return camera(view, name, words)
     simple = {"network": network, "ellipses": ellipses, "histogram": histogram}
-    return simple[kind](view)
+    return simple[kind](view, words)

@@ -32,6 +32,10 @@ def is_foreign(path: Path) -> bool:
 def read_foreign(path: Path) -> Document:
     """The project that a foreign file or folder describes. Raises :class:`InputError` with every mistake found."""
     reader = _reader(path)
+    if reader is None and not path.suffix and not path.exists():
+        raise InputError([Problem("this file does not exist", str(path))])
+    if reader is None and path.suffix in (".yaml", ".yml"):
+        raise InputError([Problem("this is a project file already; mor adjust takes it as it is", str(path))])
     if reader is None:
         words = f"unknown format {path.suffix!r}{nearest(path.suffix, READERS)} (known: {', '.join(READERS)})"
         raise InputError([Problem(words, str(path))])

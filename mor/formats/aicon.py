@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mor.counting import counted
 from mor.errors import Problem
 from mor.formats.aicon_files import Words, enough, numbers, read_words, stem_of
 from mor.formats.draft import Draft, Row
@@ -122,7 +123,7 @@ def _put_points(lines: list[Words], draft: Draft) -> set[str]:
     elif new and len(known) < 3:
         draft.put("datum", "free")
         if datum:
-            words = f"{len(datum)} datum points cannot carry a datum; all points carry it"
+            words = f"{counted(len(datum), 'datum point')} cannot carry a datum; all points carry it"
             draft.note(words, file=lines[0].file)
     return {str(row.cells[0]) for row in (*new, *known)}
 
@@ -145,7 +146,7 @@ def _put_rays(lines: list[Words], images: set[str], points: set[str], draft: Dra
         else:
             rows.append(Row([image, point, x, y], line.line))
     draft.notes += [
-        Problem(f"{count} rays not used: {name} is switched off or does not exist", file)
+        Problem(f"{counted(count, 'ray')} not used: {name} is switched off or does not exist", file)
         for name, count in lost.items()
     ]
     if rows:

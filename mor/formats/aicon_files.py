@@ -26,11 +26,15 @@ def stem_of(path: Path) -> Path:
     """What the names of all files begin with. Raises :class:`InputError` where a folder holds none or several."""
     if path.is_dir():
         stems = sorted({_bare(file) for file in path.iterdir() if _bare(file).suffix == ".ior"})
-        if len(stems) != 1:
-            names = f" ({', '.join(stem.name for stem in stems)})" if stems else ""
-            raise InputError(
-                [Problem(f"found {len(stems)} .ior files{names} in this folder, expected one", str(path))]
-            )
+        if not stems:
+            projects = sorted(file.name for file in path.glob("*.yaml"))
+            hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
+            words = f"this is a folder, expected a project file, or one .ior file in it{hint}"
+            raise InputError([Problem(words, str(path))])
+        if len(stems) > 1:
+            names = ", ".join(stem.name for stem in stems)
+            words = f"found {len(stems)} .ior files ({names}) in this folder, expected one"
+            raise InputError([Problem(words, str(path))])
         return stems[0].with_suffix("")
     bare = _bare(path)
     return bare.with_suffix("") if bare.suffix in SUFFIXES else bare

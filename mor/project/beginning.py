@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from mor.project.recognise import Found
+from mor.project.recognise import PLACES, Found
 from mor.project.rewrite import LONGEST
 
 _SIGMA = {
@@ -25,7 +25,6 @@ _SIGMA = {
     "vector": "{sigma: 5 mm}",
     "height_difference": "{sigma: 1 mm}",
 }
-_PLACES = ("point", "at", "from", "to", "station")
 _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
@@ -71,7 +70,7 @@ def begin(
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(
-            target, "points", _names(measured, _PLACES), [*by_kind["points"], *by_kind["stations"]], texts
+            target, "points", _names(measured, PLACES), [*by_kind["points"], *by_kind["stations"]], texts
         ),
         "observations": [_entry(target, table, corner) for table in measured],
         "datum": datum,
@@ -148,6 +147,7 @@ def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
         "kind": table.kind,
         "file": Path(os.path.relpath(table.path, target.parent)).as_posix(),
         "details": lines,
+        "has_camera": "camera" in table.columns,
         "has_sigma": table.has_sigma,
         "sigma": "{sigma: 0.3 px}" if table.kind == "image" and corner else _SIGMA.get(table.kind, ""),
     }

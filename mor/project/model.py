@@ -248,6 +248,12 @@ class Datum(Strict):
         description="Coordinates at which shifts, rotations and scale of the inner constraints are taken",
     )
 
+    @model_validator(mode="after")
+    def _one_kind(self) -> Datum:
+        if self.minimal is not None and "free" in self.model_fields_set:
+            raise ValueError("give either free or minimal")
+        return self
+
 
 class Settings(Strict):
     """How to solve and to test."""

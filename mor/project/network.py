@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
@@ -190,7 +191,7 @@ def _datum(reading: Reading) -> DatumChoice:
     )
     _mark(reading, mask, by_components)
     parts = [
-        f"{', '.join(components)} of {len(names)} named points or groups"
+        f"{', '.join(components)} of {counted(len(names), 'named point or group', 'named points or groups')}"
         for components, names in by_components.items()
     ]
     return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)

@@ -63,9 +63,7 @@ def read_yaml(text: str, file: str) -> Document:
     try:
         node = yaml.compose(text, Loader=loader)
     except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 0
-        words = " ".join(part for part in (error.context, error.problem) if part)
-        raise InputError([Problem(f"this is not valid YAML: {words}", file, line)]) from None
+        raise InputError([_broken(error, file)]) from None
     except yaml.YAMLError as error:
         words = str(error).splitlines()[0]
         raise InputError([Problem(f"this is not a text file of YAML: {words}", file)]) from None
@@ -75,6 +73,35 @@ def read_yaml(text: str, file: str) -> Document:
     problems: list[Problem] = []
     data = _walk(node, (), lines, problems, file)
     return Document(data, lines, file, problems=tuple(problems))
+
+
+_BROKEN = (
+    ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
+    ("quoted scalar", "the quote that opens here is not closed"),
+    ("flow", "the bracket that opens here is not closed, or a comma is missing in it"),
+    ("simple key", "expected key: value, found no colon"),
+    (
+        "cannot start any token",
+        "this cannot stand here: indent with blanks, not with tabs; quote texts that begin with @, ` or %",
+    ),
+    ("undefined alias", "texts that begin with * need quotes"),
+    ("block", "the indentation does not fit the lines above"),
+    (
+        "mapping values are not allowed",
+        "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
+    ),
+    ("single document", "a second document begins here (---); a project file has one"),
+)
+"""What YAML complains of, in plain words."""
+
+
+def _broken(error: yaml.MarkedYAMLError, file: str) -> Problem:
+    """Broken YAML in plain words, where they are known; what is left open is told where it began."""
+    said = " ".join(part for part in (error.context, error.problem) if part)
+    plain = next((words for part, words in _BROKEN if part in said), said)
+    begun = "opens here" in plain or "no colon" in plain
+    mark = (error.context_mark if begun else None) or error.problem_mark
+    return Problem(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)
 
 
 def _walk(node: yaml.Node, path: Path, lines: dict[Path, int], problems: list[Problem], file: str) -> Any:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import gzip
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mor.errors import InputError, Problem
@@ -55,6 +55,8 @@ _KNOWN = {name for names in KINDS.values() for name in names} | {
     "face",
 }
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
+PLACES = ("point", "at", "from", "to", "station")
+"""Columns of measurements that name points."""
 _NUMBER = re.compile(r"^[-+]?[\d.]")
 
 
@@ -94,6 +96,8 @@ def recognise(path: Path) -> Found:
             else path.open(encoding="utf-8-sig", newline="") as file
         ):
             lines = file.read().splitlines()
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(path))]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError([Problem(f"this table cannot be read: {error}", str(path))]) from None
     first = lines[0] if lines else ""
@@ -109,19 +113,44 @@ def recognise(path: Path) -> Found:
         raise InputError(
             [Problem(f"what is this? found the columns {', '.join(header)}; {_wanted()}", str(path), 1)]
         )
+    if kind == "points" and _means(columns["id"]) == "image":
+        kind = "images"
     return Found(path, kind.split(" ")[0], columns, units, delimiter, header, rows[1:])
+
+
+def told_apart(tables: Sequence[Found]) -> list[Found]:
+    """The tables again, where lists of points that are images of the other tables are lists of images.
+
+    A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Raises
+    :class:`InputError` for a list with both.
+    """
+    images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
+    points = {name for table in tables for place in PLACES for name in table.texts(place)}
+    return [
+        _told_apart(table, images - points, points) if table.kind == "points" else table for table in tables
+    ]
+
+
+def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
+    ids = table.texts("id")
+    of_images, of_points = ([name for name in ids if name in known] for known in (images, points))
+    if of_images and of_points:
+        words = (
+            f"image {of_images[0]!r} and point {of_points[0]!r} stand in one list; make two tables of it, "
+            "positions of images and points"
+        )
+        raise InputError([Problem(words, str(table.path))])
+    return replace(table, kind="images") if of_images else table
 
 
 def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
     """Columns by the names of the project, with the units their names carry (``x_mm``, ``x [mm]``)."""
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
-    is_list = {"x", "y", "z"} <= {_plain(cell)[0] for cell in header} and "image" not in {
-        _OTHER_NAMES.get(_plain(cell)[0], _plain(cell)[0]) for cell in header
-    }
+    meant = {_means(cell) for cell in header}
+    is_list = {"x", "y", "z"} <= meant and not {"image", "point"} <= meant
     for cell in header:
-        name, unit = _plain(cell)
-        name = _OTHER_NAMES.get(name, name)
+        name, unit = _means(cell), _plain(cell)[1]
         if name in ("point", "image") and (is_list or _has_angles(header)):
             name = "id"
         if (name in _KNOWN or name.startswith("sigma_")) and name not in columns:
@@ -133,6 +162,12 @@ def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
 
 def _has_angles(header: tuple[str, ...]) -> bool:
     return {"omega", "phi", "kappa"} <= {_plain(cell)[0] for cell in header}
+
+
+def _means(cell: str) -> str:
+    """Name of a column as a project has it."""
+    name = _plain(cell)[0]
+    return _OTHER_NAMES.get(name, name)
 
 
 def _plain(cell: str) -> tuple[str, str]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from mor.counting import counted
 from mor.errors import Problem
 from mor.geometry.arrays import IntArray, SmallIntArray
 from mor.project.columns import Column, Source, tell_rows
@@ -41,7 +42,7 @@ def our_name(table: Table, name: str) -> str | None:
 
 def wrong_length(found: int, names: Sequence[str | None]) -> str:
     """Words for a row that has another number of columns than its table."""
-    return f"found {found} columns, expected {len(names)} ({', '.join(name or '-' for name in names)})"
+    return f"found {counted(found, 'column')}, expected {len(names)} ({', '.join(name or '-' for name in names)})"
 
 
 def from_text(

@@ -146,10 +146,11 @@ def _numbers(
     if column.required:
         tell_rows(problems, missing, source, f"{column.name} is empty")
     factor = _factor(column, unit)
-    if factor is None and cells.dtype.is_numeric() and column.factor is not None:
+    if factor is None and column.factor is not None:
         _, words = _parsed(column, "1", unit)
-        problems.append(place.problem(f"column {column.name}: {words}", "units"))
-        return np.zeros(len(cells))
+        if words or cells.dtype.is_numeric():
+            problems.append(place.problem(f"column {column.name}: {words}", "units"))
+            return np.zeros(len(cells))
     plain = (
         cells.cast(pl.Float64, strict=False)
         if factor is not None
@@ -194,9 +195,10 @@ def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
     """Number behind a text, and what is wrong with it."""
     assert column.parse is not None
     try:
-        return column.parse(text, unit), ""
+        value = column.parse(text, unit)
     except ValueError as error:
         return np.nan, str(error)
+    return (value, "") if np.isfinite(value) else (np.nan, f"found {text!r}, expected a finite number")
 
 
 def _fits(column: Column, unit: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -27,6 +28,27 @@ def validate(document: Document) -> Project:
     return project
 
 
+def without_empty_keys(document: Document) -> Document:
+    """The document without keys that have nothing behind them (``settings:``), where they are keys of the model.
+
+    What is empty elsewhere has a meaning, as in ``columns``, or is a mistake, as a camera without any word.
+    """
+    return replace(document, data=_without_empty(document.data, ()))
+
+
+def _without_empty(data: Any, path: Path) -> Any:
+    if isinstance(data, list):
+        return [
+            _without_empty(entry, (*path, k)) if isinstance(entry, dict) else entry
+            for k, entry in enumerate(data)
+        ]
+    if not isinstance(data, dict):
+        return data
+    known = set(_known_keys(path))
+    kept = {key: value for key, value in data.items() if value is not None or key not in known}
+    return {key: _without_empty(value, (*path, key)) for key, value in kept.items()}
+
+
 def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetails]:
     """Of a value that is none of several things it may be, only what it fails as what it looks like."""
     paths = [_data_path(document.data, detail) for detail in details]
@@ -35,7 +57,9 @@ def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetai
         for detail, path in zip(details, paths, strict=True)
         if not _of_another_kind(detail)
         or not any(
-            other is not detail and not _of_another_kind(other) and beneath[: len(path)] == path
+            other is not detail
+            and beneath[: len(path)] == path
+            and (len(beneath) > len(path) or not _of_another_kind(other))
             for other, beneath in zip(details, paths, strict=True)
         )
     ]
@@ -56,7 +80,7 @@ def _problems(document: Document, details: list[ErrorDetails]) -> list[Problem]:
     for path, found in by_path.items():
         where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
         words = dict.fromkeys(_words(detail, path, where) for detail in found)
-        opening = f"{where}: found {found[0].get('input')!r}, expected "
+        opening = f"{where}: found {_short(found[0].get('input'))}, expected "
         if len(words) > 1 and all(text.startswith(opening) for text in words):
             words = {opening + ", or ".join(text.removeprefix(opening) for text in words): None}
         problems += [Problem(text, document.file_of(path), document.line(path)) for text in words]
@@ -72,17 +96,45 @@ def _words(detail: ErrorDetails, path: Path, where: str) -> str:
         return f"{where or 'the project'}: this key is required"
     if kind == "value_error":
         return f"{where}: {detail['ctx']['error']}"
+    context = detail.get("ctx", {})
     if kind == "literal_error":
-        expected = detail["ctx"]["expected"]
+        expected = context["expected"]
         choices = [choice.strip("' ") for choice in expected.replace(" or ", ", ").split(",")]
-        return f"{where}: found {given!r}, expected {expected}{nearest(str(given), choices)}"
-    if kind == "string_pattern_mismatch":
-        return f"{where}: found {given!r}, expected a number, with or without a unit"
+        return f"{where}: found {_short(given)}, expected {expected}{nearest(str(given), choices)}"
     message = detail["msg"]
-    return f"{where}: found {_short(given)}, {message[0].lower()}{message[1:]}"
+    expected = _EXPECTED[kind].format(**context) if kind in _EXPECTED else message[0].lower() + message[1:]
+    return f"{where}: found {_short(given)}, expected {expected}"
+
+
+_EXPECTED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "keys and values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "{ge:g} or more",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt:g}",
+    "list_type": "a list",
+    "model_attributes_type": "keys and values",
+    "model_type": "keys and values",
+    "string_pattern_mismatch": "a number, with or without a unit",
+    "string_too_long": "a single character",
+    "string_too_short": "a text that is not empty",
+    "string_type": "a single value",
+}
+"""What was expected where pydantic complains, in the words of a project file."""
 
 
 def _short(given: Any) -> str:
+    if given is None:
+        return "nothing"
+    if isinstance(given, (dict, list)):
+        return "keys and values" if isinstance(given, dict) else "a list"
     text = repr(given)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

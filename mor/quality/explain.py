@@ -99,10 +99,8 @@ def _open_datum(solved: Solved, say: Say) -> list[str]:
     count = solved.adjustment.defect.datum.shape[1]
     movements = _movements(solved, say)
     lines = [
-        say("The observations leave 1 movement of the whole network open: {movements}.", movements=movements)
-        if count == 1
-        else say(
-            "The observations leave {count} movements of the whole network open: {movements}.",
+        say(
+            "The observations leave {count:movement|movements} of the whole network open: {movements}.",
             count=count,
             movements=movements,
         )

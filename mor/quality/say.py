@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from mor.counting import Place
+
 
 class Say(Protocol):
     """Says an English sentence with its values, in the language of the reader."""
@@ -16,7 +18,7 @@ class Say(Protocol):
 
 def english(text: str, /, **values: object) -> str:
     """The sentence as it stands."""
-    return text.format(**values)
+    return text.format(**{name: Place(value) for name, value in values.items()})
 
 
 def enumerated(names: Sequence[str], most: int, say: Say) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -39,15 +39,18 @@ def check_free(folder: Path, force: bool) -> None:
         )
 
 
-def check_inputs(folder: Path, inputs: Iterable[Path]) -> None:
-    """Raise :class:`InputError` where results would overwrite a file that the project is read from, forced or not."""
+def check_inputs(folder: Path, inputs: Iterable[Path], names: Collection[str] = ()) -> None:
+    """Raise :class:`InputError` where results would overwrite a file that the project is read from, forced or not.
+
+    ``names`` are written besides the results of an adjustment.
+    """
     problems = [
         Problem(
             "results would overwrite this file, which the project is read from; choose another folder",
             str(path),
         )
         for path in dict.fromkeys(inputs)
-        if path.resolve().parent == folder.resolve() and _is_result(path.name)
+        if path.resolve().parent == folder.resolve() and (_is_result(path.name) or path.name in names)
     ]
     if problems:
         raise InputError(problems)

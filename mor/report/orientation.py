@@ -14,6 +14,7 @@ from mor.approximate.plane_object import on_level_plane, on_wall, scale_from_len
 from mor.approximate.plane_shape import PlaneShape, shape_of_plane
 from mor.approximate.relative_outcome import RelativeOrientation
 from mor.approximate.relative_robust import RobustOrientation, robust_relative_orientation
+from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import angles_from_rotation
@@ -43,10 +44,28 @@ def read_homologous(path: Path) -> Measured:
     if "id" not in frame.columns or images < 2:
         found = ", ".join(frame.columns)
         raise InputError([Problem(f"expected the columns id, x1, y1, x2, y2, found {found}", str(path), 1)])
+    _check_names(frame["id"].to_list(), path)
     names = [f"{axis}{image}" for image in range(1, images + 1) for axis in "xy"]
     return Measured(
         tuple(frame["id"].to_list()), _numbers(frame, names, path).reshape(frame.height, images, 2)
     )
+
+
+def _check_names(ids: list[str | None], path: Path) -> None:
+    """Every row has a name of its own."""
+    first: dict[str, int] = {}
+    problems = []
+    for line, name in enumerate(ids, start=2):
+        if name is None or not name.strip():
+            problems.append(Problem("id is empty", str(path), line))
+        elif name in first:
+            problems.append(
+                Problem(f"id {name!r} is given twice (first in line {first[name]})", str(path), line)
+            )
+        else:
+            first[name] = line
+    if problems:
+        raise InputError(problems)
 
 
 def _numbers(frame: pl.DataFrame, names: list[str], path: Path) -> FloatArray:
@@ -120,8 +139,9 @@ def relative_text(data: dict[str, Any]) -> str:
     lines = [f"Relative orientation: {data['words']}", f"object: {data['geometry']}"]
     lines.append(f"{data['used']} of {data['points']} points used, sigma0 {short(data['sigma0'], 4)} [1]")
     if 10 * data["used"] < 9 * data["points"] and data["usable"]:
+        apart = counted(data["points"] - data["used"], "point does", "points do")
         lines.append(
-            f"{data['points'] - data['used']} points do not agree: more than a few wrong pairs can be a wrong camera "
+            f"{apart} not agree: more than a few wrong pairs can be a wrong camera "
             "constant, image coordinates not relative to the principal point, or mismatched identities."
         )
     if data["usable"]:
@@ -141,7 +161,8 @@ def relative_text(data: dict[str, Any]) -> str:
         lines += ["", _residual_table(data)]
     if data["alternatives"]:
         lines.append(
-            f"{len(data['alternatives'])} other orientations fit about as well; a further image decides."
+            f"{counted(len(data['alternatives']), 'other orientation fits', 'other orientations fit')} about as well; "
+            "a further image decides."
         )
     return "\n".join(lines) + "\n"
 
@@ -210,6 +231,8 @@ def _placed(
 def planar_text(data: dict[str, Any]) -> str:
     """Plane object for reading, every admissible solution."""
     lines = [f"Plane object: {data['words']}"]
+    if not data["solutions"]:
+        return lines[0] + "\n"
     lines.append(
         f"sigma0 {short(data['sigma0'], 4)} [1], redundancy {data['redundancy']}, system: {data['system']}"
     )

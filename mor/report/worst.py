@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import polars as pl
 
@@ -50,6 +52,17 @@ def _limit(sizes: list[FloatArray], count: int) -> float:
             flat = np.partition(flat, len(flat) - count)[len(flat) - count :]
         largest = np.sort(np.concatenate([largest, flat]))[-count:]
     return max(float(largest[0]), 0.0) if len(largest) else 0.0
+
+
+def between(row: dict[str, Any]) -> str:
+    """A row of the table of residuals in a sentence: type, between what, component."""
+    names = " - ".join(name for name in (row["at"], row["from"], row["to"]) if name)
+    return f"{row['type']} {names}{component_of(row)}"
+
+
+def component_of(row: dict[str, Any]) -> str:
+    """The component after a comma; nothing where it is the type once more, as of a distance."""
+    return "" if row["component"] == row["type"] else f", {row['component']}"
 
 
 def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:

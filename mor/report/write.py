@@ -19,6 +19,8 @@ from mor.report.text import text_report
 from mor.report.words.language import words_of, words_of_page
 from mor.report.worst import worst_residuals
 
+PROJECT = "project.yaml"
+"""Name of a project that is written into a folder of its own."""
 MOST_LISTED = 2_000_000
 """Observations up to which all residuals and the page are written where nothing else is asked for."""
 WORST = 10_000
@@ -97,7 +99,7 @@ def write_project(placed: Placed, document: Document, source: Path, folder: Path
     """Write a project with the placed values as start values, and its tables, into a folder."""
     text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
     writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
-    write_folder(folder, {**writers, "project.yaml": _text(text)}, force)
+    write_folder(folder, {**writers, PROJECT: _text(text)}, force)
 
 
 def results_text(solved: Solved) -> str:

@@ -260,3 +260,24 @@ def test_outcomes_speak(scenes):
     found = oriented(scenes.plane_scene(3, 0.001, n=20))
     assert "plane" in found.words
     assert not RelativeOutcome.TOO_FEW.usable
+
+
+@pytest.mark.parametrize(("kind", "seed", "points"), [("plane_scene", 20498, None), ("scene", 20204, 8)])
+def test_two_minima_are_two_however_near(scenes, kind, seed, points):
+    """Two minima less than four standard deviations apart: the covariance of one knows nothing of the other."""
+    made = getattr(scenes, kind)(seed, 0.005, n=points)
+    a, b = (image_bundle(rays, made.sigma) for rays in made.rays)
+    found = relative_orientation(a, b)
+    assert found.outcome is RelativeOutcome.AMBIGUOUS
+    (other,) = found.alternatives
+    sigma = np.sqrt(np.linalg.eigvalsh(found.covariance)[-1])
+    apart = np.hypot(
+        np.linalg.norm(found.base - other.base),
+        np.linalg.norm(found.rotation - other.rotation) / np.sqrt(2.0),
+    )
+    assert sigma < apart < 4.0 * sigma
+    again = adjust_coplanarity(a, b, other.base, other.rotation)
+    assert np.linalg.norm(again.rotation - other.rotation) < 1e-5
+    base, rotation = scenes.relative_truth(made.cameras)
+    strict = adjust_coplanarity(a, b, base, rotation)
+    assert min(np.linalg.norm(one.rotation - strict.rotation) for one in (found, other)) < 1e-5

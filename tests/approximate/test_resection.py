@@ -203,3 +203,20 @@ def test_points_close_together_are_weak_not_wrong(scenes):
     rays = scenes.image(points, position, scenes.looking(position, np.zeros(3), 0.4), 0.005, rng)
     found = resect(image_bundle(rays, 0.005), points)
     assert found.outcome in (ResectionOutcome.WEAK, ResectionOutcome.AMBIGUOUS)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_several_poses_near_the_dangerous_cylinder_are_called_weak_too(scenes, seed):
+    """Three points on a circle, seen from the cylinder over it, and from its axis: only there all poses are firm."""
+    rng = np.random.default_rng(seed)
+    angles = np.array([0.3, 2.1, 4.0])
+    points = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(3)])
+    outcomes = []
+    for radius in (1.0, 0.2):
+        position = np.array([radius * np.cos(1.2), radius * np.sin(1.2), 3.0])
+        rotation = scenes.looking(position, points.mean(axis=0), 0.4)
+        rays = scenes.image(points, position, rotation, 0.005, rng)
+        outcomes.append(resect(image_bundle(rays, 0.005), points).outcome)
+    assert outcomes[0] in (ResectionOutcome.AMBIGUOUS_AND_WEAK, ResectionOutcome.WEAK)
+    assert outcomes[1] in (ResectionOutcome.AMBIGUOUS, ResectionOutcome.DETERMINED)
+    assert all(outcome.usable for outcome in outcomes)

@@ -395,3 +395,13 @@ def test_familywise_level_lowers_the_level_of_each_test(tmp_path: Path) -> None:
     assert 1.0 - (1.0 - data["snooping_level"]) ** 96 == pytest.approx(0.05, rel=1e-9)
     assert data["gross_errors"]["alpha0"] == data["snooping_level"]
     assert data["critical_w"] > 3.4
+
+
+def test_reports_in_another_datum_in_german(tmp_path: Path) -> None:
+    results = adjusted(tmp_path / "one")
+    run = mor("datum", results, "--to", "free: [P0, P5, P9]", "-o", tmp_path / "other", "--lang", "de")
+    assert run.code == 0, run.err
+    assert run.err.startswith("Ergebnisse in ")
+    report = (tmp_path / "other" / "report.txt").read_text(encoding="utf-8")
+    assert "Teilspurminimierung über x, y, z von 3 genannten Punkten oder Gruppen" in report
+    assert '<html lang="de"' in (tmp_path / "other" / "report.html").read_text(encoding="utf-8")

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from pathlib import Path
 
 import polars as pl
 import pytest
 
+import mor.report.html
+import mor.report.text
 from mor.adjustment.solve import Outcome
 from mor.cli import INTERRUPTED, run
-from mor.errors import ExitCode
+from mor.errors import ExitCode, InputError
 from mor.report.words.terms import find, terms
 
+HTML = Path(mor.report.html.__file__).parent
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
 
@@ -43,7 +48,9 @@ def test_words_of_a_term(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain", "exit", "code", "4"]) == 0
     assert "leave something open" in capsys.readouterr().out
     assert run(["explain", "redundanzanteil"]) == 0
-    assert capsys.readouterr().out.startswith("r, redundancy number (German: Redundanzanteil)")
+    assert capsys.readouterr().out.startswith(
+        "r, redundancy number, redundancy numbers (German: Redundanzanteil)"
+    )
 
 
 def test_unknown_term(capsys: pytest.CaptureFixture[str]) -> None:
@@ -54,3 +61,63 @@ def test_unknown_term(capsys: pytest.CaptureFixture[str]) -> None:
 def test_all_terms_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == len(terms())
+
+
+def test_every_term_is_explained_in_german_too(capsys: pytest.CaptureFixture[str]) -> None:
+    """The same terms, and advice where there is advice in English; no sentence was left as it was."""
+    english, german = terms("en"), terms("de")
+    assert [t.names for t in english] == [t.names for t in german]
+    assert [bool(t.advice) for t in english] == [bool(t.advice) for t in german]
+    same = {e.names[0] for e, g in zip(english, german, strict=True) if e.text == g.text}
+    assert same <= {"A1"}
+    assert run(["explain", "--lang", "de", "r"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Redundanzanteil: r, redundancy number")
+    assert "Was zu tun ist: Unter 0,1 bleibt ein grober Fehler unbemerkt." in said
+
+
+def test_the_language_may_be_told_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MOR_LANG", "de")
+    assert run(["explain", "datum"]) == 0
+    assert "Was zu tun ist: " in capsys.readouterr().out
+    assert run(["explain", "datum", "--lang", "en"]) == 0
+    assert "What to do: " in capsys.readouterr().out
+
+
+def test_every_heading_of_the_reports_is_explained() -> None:
+    """Heads of tables of the text report, of the page, and of its key figures."""
+    text = {name for path in Path(mor.report.text.__file__).parent.glob("*.py") for name in headers(path)}
+    templates = " ".join(path.read_text(encoding="utf-8") for path in (HTML / "templates").glob("*.j2"))
+    heads = re.findall(r"<th\b[^>]*>(.*?)</th>", templates)
+    page = {name for head in heads for name in (re.findall(r'say\("([^"]*)"', head) or [head])}
+    columns = re.findall(r'say\("([^"]*)"\)', (HTML / "assets" / "main.js").read_text(encoding="utf-8"))
+    wanted = {name for name in (text | page | set(columns)) if "{" not in name} - {"", "none"}
+    assert len(wanted) > 80
+    assert {name for name in wanted if not is_explained(name)} == set()
+
+
+@pytest.mark.parametrize(
+    "word",
+    ["value", "sigma", "sum r", "flagged", "beyond test", "hardly determined", "minimal", "S-transformation"],
+)
+def test_words_of_reports(word: str) -> None:
+    assert len(find(word)) == 1
+
+
+def is_explained(name: str) -> bool:
+    try:
+        return bool(find(name))
+    except InputError:
+        return False
+
+
+def headers(path: Path) -> set[str]:
+    """Constants of lists that are called headers, without their units."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "headers":
+            constants = [str(part.value) for part in ast.walk(node.value) if isinstance(part, ast.Constant)]
+            found |= {text.partition(" [")[0] for text in constants} - {"", "]"}
+    return found

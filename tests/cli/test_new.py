@@ -93,6 +93,8 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("id,x,y,z,omega,phi,kappa", "images"),
         ("image,X0,Y0,Z0,omega,phi,kappa", "images"),
         ("Name,X,Y,Z", "points"),
+        ("Photo,X,Y,Z", "images"),
+        ("image,point,x,y,z", "image"),
         ("von,nach,Strecke", "distance"),
         ("at,from,to,angle", "angle"),
         ("from,to,dx,dy,dz", "vector"),
@@ -118,3 +120,47 @@ def test_tables_nobody_knows(
     assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "p.yaml").exists()
+
+
+def test_a_list_whose_names_are_images_has_projection_centres(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GNSS positions ``id, x, y, z`` of the strip: with their σ they carry the block, and no control is needed."""
+    images = pl.read_csv(SAMPLES / "aerial_strip" / "images.csv", infer_schema=False)
+    images.select("id", "x", "y", "z").write_csv(tmp_path / "gnss.csv")
+    shutil.copy(SAMPLES / "aerial_strip" / "image_points.csv", tmp_path)
+    project = tmp_path / "p.yaml"
+    tables = [str(tmp_path / name) for name in ("image_points.csv", "gnss.csv")]
+    assert run(["new", str(project), *tables, "-c", "120.0037", "--camera", "DMC"]) == 0
+    assert "gnss.csv: images, 18 rows" in capsys.readouterr().err
+    assert run(["check", str(project)]) == 0
+    assert "      18 images" in capsys.readouterr().out
+    text = project.read_text(encoding="utf-8").replace("free: 120.0037", "fixed: 120.0037")
+    for name in ("xh", "yh", "A1", "A2", "B1", "B2"):
+        text = text.replace(f"      {name}: {{free: 0}}\n", "")
+    sigma = "values: {camera: DMC, sigma_x: 5 cm, sigma_y: 5 cm, sigma_z: 8 cm}"
+    project.write_text(text.replace("values: {camera: DMC}", sigma), encoding="utf-8")
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    truth = pl.read_csv(SAMPLES / "aerial_strip" / "truth" / "images.csv", schema_overrides={"id": pl.String})
+    found = pl.read_csv(tmp_path / "r" / "images.csv", schema_overrides={"id": pl.String})
+    both = found.join(truth, on="id", suffix="_true")
+    assert both.height == 18
+    assert np.abs((both["x"] - both["x_true"]).to_numpy()).max() < 0.5
+
+
+def test_images_and_points_in_one_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rays.csv").write_text("image,point,x,y\nI1,P1,1,2\n")
+    (tmp_path / "mixed.csv").write_text("id,x,y,z\nI1,0,0,9\nP1,0,0,0\n")
+    tables = [str(tmp_path / name) for name in ("rays.csv", "mixed.csv")]
+    assert run(["new", str(tmp_path / "p.yaml"), *tables]) == 2
+    said = capsys.readouterr().err
+    assert "image 'I1' and point 'P1' stand in one list; make two tables of it" in said
+    assert not (tmp_path / "p.yaml").exists()
+
+
+def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rays.csv").write_text("image,point,x,y\n1,1,1,2\n1,2,1,2\n")
+    (tmp_path / "control.csv").write_text("id,x,y,z\n1,0,0,9\n2,0,0,0\n")
+    tables = [str(tmp_path / name) for name in ("rays.csv", "control.csv")]
+    assert run(["new", str(tmp_path / "p.yaml"), *tables]) == 0
+    assert "control.csv: points, 2 rows" in capsys.readouterr().err

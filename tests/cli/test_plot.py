@@ -12,6 +12,8 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
+from small_projects import LEVELLING
+
 from mor.cli import run
 from mor.cli.plot import KINDS, view_of_source
 from mor.report.plots.network import covariances, ellipse_lines
@@ -110,3 +112,32 @@ def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
     nothing = pl.DataFrame({"id": []}, {"id": pl.String})
     bare = replace(view, images=nothing, stations=nothing)
     assert network(bare).axes[0].get_xlabel() == "X [m]"
+
+
+def test_a_picture_in_german(results: Path, tmp_path: Path) -> None:
+    """SVG has the letters of its texts in comments: words of both languages are told apart by them."""
+    said = {}
+    for language in ("en", "de"):
+        path = tmp_path / f"{language}.svg"
+        assert run(["plot", "network", str(results), "-o", str(path), "--lang", language]) == 0
+        said[language] = set(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8")))
+    assert {"Strahlen", "Bilder", "Standpunkte", "Punkte"} <= said["de"]
+    assert {"rays", "images", "stations", "points"} <= said["en"] - said["de"]
+    assert any(text.endswith("Datum: fest") for text in said["de"])
+
+
+def test_ellipses_of_heights_are_drawn_in_elevation(tmp_path: Path) -> None:
+    """The plan of a levelling net has none."""
+    project = tmp_path / "project.yaml"
+    project.write_text(
+        LEVELLING.replace("[B, 0, 0, 11]", "[B, 90, 0, 11]").replace("[C, 0, 0,", "[C, 0, 80,")
+    )
+    assert run(["plot", "ellipses", str(project), "-o", str(tmp_path / "e.svg")]) == 0
+    assert run(["plot", "network", str(project), "-o", str(tmp_path / "n.svg")]) == 0
+    words = [
+        set(re.findall(r"<!-- (.*?) -->", (tmp_path / f"{name}.svg").read_text(encoding="utf-8")))
+        for name in "en"
+    ]
+    assert {"X [m]", "Z [m]"} <= words[0]
+    assert any(text.startswith("1σ ellipses × ") for text in words[0])
+    assert {"X [m]", "Y [m]"} <= words[1]

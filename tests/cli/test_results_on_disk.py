@@ -172,3 +172,14 @@ def test_all_results_are_known_as_such(tmp_path: Path) -> None:
 def test_folder_can_be_read_by_others(tmp_path: Path) -> None:
     assert mor("adjust", write(tmp_path, LEVELLING)).code == 0
     assert (tmp_path / "project.results").stat().st_mode & 0o777 == 0o755
+
+
+def test_start_values_never_overwrite_the_project_they_are_found_for(tmp_path: Path) -> None:
+    """Nor a table of it that is called as a table of results is."""
+    text = LEVELLING.replace("columns: [id, x, y, z], rows: [[A, 0, 0, 10]]", "file: points.csv")
+    project = write(tmp_path, text, points="id,x,y,z\nA,0,0,10\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    run = mor("approximate", project, "-o", tmp_path, "--force")
+    assert run.code == 2
+    assert run.err.count("which the project is read from; choose another folder") == 2
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

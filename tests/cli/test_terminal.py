@@ -14,7 +14,9 @@ from rich.console import Console
 from small_projects import LEVELLING, mor, write
 
 from mor.adjustment.solve import Iteration
+from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
+from mor.cli.adjust import left_out
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
 from mor.report.text.screen import WIDTH, screen
@@ -56,6 +58,23 @@ def test_iterations_show_sigma0_change_and_step() -> None:
         ["2", "2", "0.25", "damping", "1e-03"],
     ]
     assert iteration_line(step(1)) == "iteration 1: sigma0 / a priori 2, largest change 0.25 sigma, full step"
+
+
+def test_what_is_told_on_the_way_is_german(tmp_path: Path) -> None:
+    told = mor("adjust", write(tmp_path, LEVELLING), "--verbose", "--lang", "de", "--no-html").err
+    for line in ("liest …", "gleicht aus …", "Genauigkeit und Zuverlässigkeit …", "schreibt …"):
+        assert line in told.splitlines()
+    assert re.search(r"^Iteration 1: .*, größte Änderung \S+ sigma, voller Schritt$", told, re.MULTILINE)
+    assert iteration_line(step(1), words_of("de")).startswith("Iteration 1: sigma0 / a priori 2, ")
+    assert "Dämpfung 1e-03" in iteration_line(step(1, 1e-3), words_of("de"))
+
+
+def test_notes_are_there_in_german(outcome: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    german = words_of("de").catalogue
+    monkeypatch.setattr("mor.report.write.MOST_LISTED", 1)
+    notes = [note.message for note in left_out(outcome, None, None)]
+    assert len(notes) == 2
+    assert {*notes, FIRST_RUN, PLAIN} <= set(german)
 
 
 def test_of_many_iterations_the_first_and_the_last_are_shown() -> None:

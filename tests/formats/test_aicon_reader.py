@@ -77,7 +77,7 @@ def test_what_is_left_out_is_told(folder):
     notes = [note.message for note in read_foreign(folder).notes]
     for words in (
         "image '3' is switched off",
-        "1 rays not used: point 'C'",
+        "1 ray not used: point 'C'",
         "2 rays not used: image '3'",
         "A-C not used",
     ):
@@ -124,7 +124,7 @@ def test_missing_files_and_folders(folder, tmp_path):
         read_foreign(folder)
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match=r"found 0 \.ior files"):
+    with pytest.raises(InputError, match=r"or one \.ior file in it"):
         read_foreign(empty)
     with pytest.raises(InputError, match=r"unknown format '\.xyz'"):
         read_foreign(tmp_path / "wall.xyz")

@@ -238,7 +238,10 @@ class TestTheFileItself:
             ("- a\n", "project.yaml:1: expected a mapping of keys and values"),
             ("mor: 1\npoints: [\n", "project.yaml:3: this is not valid YAML"),
             ("mor: 1\npoints:\n\t- a\n", "project.yaml:3: this is not valid YAML"),
-            ("mor: 1\n---\nmor: 1\n", "project.yaml:2: this is not valid YAML: expected a single document"),
+            (
+                "mor: 1\n---\nmor: 1\n",
+                "project.yaml:2: this is not valid YAML: a second document begins here",
+            ),
             ("mor: 1\npoints: &a [*a]\n", "project.yaml:2: this is nested too deeply, or refers to itself"),
             ("mor: 1\n[a]: 2\n", "project.yaml:2: a key must be a plain text"),
             ("mor: \0\n", "project.yaml: this is not a text file of YAML"),
@@ -344,3 +347,149 @@ class TestAllMistakesAtOnce:
             rays="image,point,x,y\n11,P0,1,2\n010,Q0,1,2\n",
         )
         assert [line.split(": ", 1)[1] for line in found[1:]] == ["image '11' does not exist"]
+
+
+SECTIONS = (
+    "title",
+    "axes",
+    "cameras",
+    "images",
+    "pairs",
+    "stations",
+    "systems",
+    "features",
+    "instruments",
+    "checks",
+)
+
+
+def test_a_key_with_nothing_behind_it_is_as_if_it_were_not_there(tmp_path: Path) -> None:
+    """Also in the adjusted project, and with keys of sections left empty."""
+    empty = "".join(f"{name}:\n" for name in SECTIONS) + "datum:\nsettings: {sigma0: , robust: }\n"
+    project = write(tmp_path, LEVELLING.replace("units: {length: m}", "units: {length: m, angle: }") + empty)
+    assert mor("adjust", project, "--snoop").code == 0
+    assert mor("adjust", tmp_path / "project.results" / "adjusted.yaml").code == 0
+    plain = mor("adjust", write(tmp_path / "plain", LEVELLING), "--snoop")
+    assert plain.code == 0
+    tables = [
+        (folder / "project.results" / "points.csv").read_text() for folder in (tmp_path, tmp_path / "plain")
+    ]
+    assert tables[0] == tables[1]
+
+
+def test_a_required_key_with_nothing_behind_it(tmp_path: Path) -> None:
+    assert wrong(tmp_path, "mor: 1", "mor:") == ["project.yaml:1: mor: this key is required"]
+    found = wrong(tmp_path, "type: height_difference", "type:")
+    assert found == ["project.yaml:7: observations → 1 → type: this key is required"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("units: {length: m}", "units: m", "2: units: found 'm', expected keys and values"),
+        ("units: {length: m}", "settings: [1]", "2: settings: found a list, expected keys and values"),
+        ("units: {length: m}", "cameras: {N: }", "2: cameras → N: found nothing, expected keys and values"),
+        (
+            "units: {length: m}",
+            "cameras: {N: {interior: {c: }}}",
+            "2: cameras → N → interior → c: found nothing, expected a single value, or keys and values",
+        ),
+        ("units: {length: m}", "title: [a]", "2: title: found a list, expected a single value"),
+        (
+            "units: {length: m}",
+            "datum: [A]",
+            "2: datum: found a list, expected 'fixed' or 'free', or keys and values",
+        ),
+        (
+            "units: {length: m}",
+            "datum: {minimal: {z: }}",
+            "2: datum → minimal → z: found nothing, expected a single value, or a list",
+        ),
+        (
+            "units: {length: m}",
+            "datum: {free: [A], minimal: {z: A}}",
+            "2: datum: give either free or minimal",
+        ),
+        (
+            "units: {length: m}",
+            "settings: {max_iterations: many}",
+            "2: settings → max_iterations: found 'many', expected a whole number",
+        ),
+        (
+            "units: {length: m}",
+            "settings: {max_iterations: 0}",
+            "2: settings → max_iterations: found '0', expected 1 or more",
+        ),
+        (
+            "units: {length: m}",
+            "settings: {global_level: 2}",
+            "2: settings → global_level: found '2', expected a number below 1",
+        ),
+        (
+            "units: {length: m}",
+            "settings: {snooping: maybe}",
+            "2: settings → snooping: found 'maybe', expected true or false",
+        ),
+        ("[[A, 0, 0, 10]]", "A", "4: points → 1 → rows: found 'A', expected a list"),
+        (
+            "[A, 0, 0, 10]",
+            "[A, [0], 0, 10]",
+            "4: points → 1 → rows → 1 → 2: found a list, expected a single value",
+        ),
+        ("fixed: [x, y]", "fixed: x", "5: points → 2 → fixed: found 'x', expected a list"),
+        (
+            "rows: [[A, 0",
+            "delimiter: ab, rows: [[A, 0",
+            "4: points → 1 → delimiter: found 'ab', expected a single character",
+        ),
+        (
+            "type: height_difference",
+            "factor: 0",
+            "7: observations → 1 → factor: found '0', expected a number above 0",
+        ),
+    ],
+)
+def test_another_kind_of_value(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert f"project.yaml:{words}" in wrong(tmp_path, old, new)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("\ttitle: a\n", 10, "indent with blanks, not with tabs"),
+        ('title: "a\n', 10, "the quote that opens here is not closed"),
+        ("datum: {free: [A, B}\n", 10, "the bracket that opens here is not closed"),
+        ("title: *a\n", 10, "texts that begin with * need quotes"),
+        ("title: a: b\n", 10, "texts with ': ' need quotes"),
+        ("settings\n", 10, "expected key: value, found no colon"),
+        ("  title: a\n", 10, "the indentation does not fit the lines above"),
+        ("---\nmor: 1\n", 10, "a second document begins here"),
+    ],
+)
+def test_broken_yaml_is_told_in_plain_words(tmp_path: Path, text: str, line: int, words: str) -> None:
+    run = mor("check", write(tmp_path, LEVELLING + text))
+    assert run.code == 2
+    assert run.err.startswith(f"{tmp_path}/project.yaml:{line}: this is not valid YAML: ")
+    assert words in run.err
+
+
+def test_a_unit_that_does_not_fit_is_told_once(tmp_path: Path) -> None:
+    """Where it stands, not with every row."""
+    found = wrong(
+        tmp_path, "columns: [from, to, dz, sigma]", "units: {dz: gon}\n    columns: [from, to, dz, sigma]"
+    )
+    assert found == [
+        "project.yaml:8: column dz: unit 'gon' does not fit a length "
+        "(known: m, dm, cm, mm, um, µm, μm, km, ft, us-ft, in)"
+    ]
+
+
+def test_a_number_beyond_all_numbers(tmp_path: Path) -> None:
+    found = wrong(tmp_path, "1.002", "1e400")
+    assert found == ["project.yaml:9: dz: found '1e400', expected a finite number"]
+
+
+def test_one_column_is_one_column(tmp_path: Path) -> None:
+    assert wrong(tmp_path, "[A, 0, 0, 10]", "[A]") == [
+        "project.yaml:4: found 1 column, expected 4 (id, x, y, z)"
+    ]

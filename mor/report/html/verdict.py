@@ -9,14 +9,18 @@ import numpy as np
 import polars as pl
 
 from mor.report.html.derived import rms
+from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.words.language import Words
+from mor.report.worst import component_of
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
 _LOW_R = 0.1
 _STRONG = 0.95
+_NAMED = 3
+"""Observations that nothing controls that are named one by one."""
 _NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
 """Hyphens that are minus signs."""
 
@@ -42,7 +46,7 @@ def headline(data: PageData) -> Statement:
     test, count = summary["global_test"], summary["iterations"]
     if summary["redundancy"] == 0:
         words = say(
-            "The adjustment converged after {count} iterations, but the redundancy is 0: nothing is tested.",
+            "The adjustment converged after {count:iteration|iterations}, but the redundancy is 0: nothing is tested.",
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
@@ -51,14 +55,17 @@ def headline(data: PageData) -> Statement:
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
         words = say(
-            "The adjustment converged after {count} iterations, but the global test rejects it: residuals are {size} "
-            "than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
+            "The adjustment converged after {count:iteration|iterations}, but the global test rejects it: "
+            "residuals are {size} than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
             count=count,
             size=say("larger") if larger else say("smaller"),
             ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
         )
         return Statement(BAD if larger else DOUBT, say("Not accepted"), f"{words} {flagged}")
-    words = say("The adjustment converged after {count} iterations, the global test accepts it.", count=count)
+    words = say(
+        "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
+        count=count,
+    )
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
@@ -86,11 +93,7 @@ def _mostly_out(data: PageData) -> list[str]:
 def _flagged(count: int, say: Words) -> str:
     if count == 0:
         return say("No observation is flagged.")
-    return (
-        say("1 observation is flagged.")
-        if count == 1
-        else say("{count} observations are flagged.", count=count)
-    )
+    return say("{count:observation is|observations are} flagged.", count=count)
 
 
 def _global(data: PageData) -> Statement | None:
@@ -99,7 +102,7 @@ def _global(data: PageData) -> Statement | None:
     if summary["redundancy"] == 0:
         return None
     numbers = say(
-        "vᵀPv = {statistic} with {redundancy} degrees of freedom, accepted between {lower} and {upper} "
+        "vᵀPv = {statistic} with {redundancy:degree|degrees} of freedom, accepted between {lower} and {upper} "
         "(χ², level {level}); σ0 a posteriori / a priori = {ratio}.",
         statistic=f"{test['statistic']:.1f}",
         redundancy=summary["redundancy"],
@@ -136,7 +139,7 @@ def _worst(data: PageData) -> Statement | None:
         "w = {w}, estimated error {error} {unit}.",
         count=summary["flagged"],
         limit=f"{data.view.critical:.2f}",
-        expected=f"{expected:.1f}",
+        expected=f"{expected:.1f}" if expected >= 0.05 else f"{expected:.1g}",
         all=used.height,
         place=place(row),
         w=f"{row['test']:.2f}",
@@ -151,7 +154,7 @@ def _worst(data: PageData) -> Statement | None:
 def place(row: dict[str, Any]) -> str:
     """An observation in words: type, between what, component."""
     between = " – ".join(part for part in (row["at"], row["from"], row["to"]) if part)
-    return f"{row['type']} {between}, {row['component']}"
+    return f"{row['type']} {between}{component_of(row)}"
 
 
 def _controlled(data: PageData) -> Statement | None:
@@ -159,17 +162,20 @@ def _controlled(data: PageData) -> Statement | None:
     if used.height == 0:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
-    loose = data.view.summary["uncontrolled"]
+    free = used.filter(pl.col("flag") == "uncontrolled")
     words = say(
-        "Mean redundancy number {mean}; {low} of {all} observations have r < {limit}.",
+        "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
         mean=f"{float(used['r'].to_numpy().mean()):.2f}",
         low=low,
         all=used.height,
         limit=f"{_LOW_R:g}",
     )
-    if loose:
-        words += " " + say("Without any control: {count} (an error there stays unseen).", count=loose)
-    state = DOUBT if low > 0.05 * used.height or loose else GOOD
+    if 0 < free.height <= _NAMED:
+        names = "; ".join(place(row) for row in free.iter_rows(named=True))
+        words += " " + say("An error stays unseen in: {names}.", names=names)
+    elif free.height:
+        words += " " + say("Without any control: {count} (an error there stays unseen).", count=free.height)
+    state = DOUBT if low > 0.05 * used.height or free.height else GOOD
     return Statement(state, say("Reliability"), words)
 
 
@@ -198,21 +204,18 @@ def _points(data: PageData) -> Statement | None:
     if points.height == 0:
         return None
     sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]
-    numbers = ", ".join(
-        f"σ{name.upper()} {value:.3g}" for name, value in zip("xyz", sigma, strict=True) if value is not None
-    )
     worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(
         0, named=True
     )
-    unit = data.view.length
-    words = say(
-        "Root mean square {numbers} {unit}; the weakest point is {id}",
-        numbers=numbers,
-        unit=unit,
-        id=worst["id"],
+    unit, factor = small_unit(data.view.length, worst["ellipsoid_a"] or max(filter(None, sigma), default=1.0))
+    numbers = ", ".join(
+        f"σ{name.upper()} {factor * value:.3g} {unit}"
+        for name, value in zip("xyz", sigma, strict=True)
+        if value
     )
+    words = say("Root mean square {numbers}; the weakest point is {id}", numbers=numbers, id=worst["id"])
     if worst["ellipsoid_a"]:
-        axis = f"{worst['ellipsoid_a']:.3g}"
+        axis = f"{factor * worst['ellipsoid_a']:.3g}"
         words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
     return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}")
 
@@ -225,7 +228,7 @@ def _geometry(data: PageData) -> Statement | None:
     two = only.filter(pl.col("n") <= 2).height
     narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
     words = data.words(
-        "{two} points are seen by two rays only, {narrow} under less than {limit} {unit} "
+        "{two:point is|points are} seen by two rays only, {narrow} under less than {limit} {unit} "
         "(points that nothing but rays determine).",
         two=two,
         narrow=narrow,

@@ -13,6 +13,8 @@ from mor.report.palette import BLUE, GREY, ORANGE, RED
 from mor.report.plots.sheet import scale_bar, sheet
 from mor.report.rays import centres, places, rays_of
 from mor.report.view import View
+from mor.report.words.datum import datum_name
+from mor.report.words.language import ENGLISH, Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +26,7 @@ _SHARE = 0.03
 """Share of the extent that a large ellipse is drawn with."""
 
 
-def network(view: View) -> Figure:
+def network(view: View, words: Words = ENGLISH) -> Figure:
     """Points, images, stations and rays in the plane in which the points extend most."""
     figure = sheet()
     axes, chosen = _prepared(view, figure)
@@ -33,38 +35,46 @@ def network(view: View) -> Figure:
         start, end = centres(view)[rays.frame][:, chosen], places(view)[rays.point][:, chosen]
         gap = np.full((len(start), 1), np.nan)
         x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
-        axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label="rays", zorder=1)
-    _frames(view, axes, chosen)
-    _points(view, axes, chosen)
-    _finish(view, axes)
+        axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+    _frames(view, axes, chosen, words)
+    _points(view, axes, chosen, words)
+    _finish(view, axes, words)
     return figure
 
 
-def ellipses(view: View) -> Figure:
-    """Standard error ellipses of the points, enlarged, with the bar that says how much."""
+def ellipses(view: View, words: Words = ENGLISH) -> Figure:
+    """Standard error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation."""
     from matplotlib.collections import LineCollection
 
     figure = sheet()
-    axes, chosen = _prepared(view, figure)
-    _frames(view, axes, chosen)
-    _points(view, axes, chosen)
+    heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
+    axes, chosen = _prepared(view, figure, upright=heights)
+    _frames(view, axes, chosen, words)
+    _points(view, axes, chosen, words)
     covariance = covariances(view)[:, chosen][:, :, chosen]
     size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
-    extent = float(np.ptp(places(view), axis=0).max(initial=0.0))
+    extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
     large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
-    if large > 0.0 and extent > 0.0:
+    if large > 0.0:
         scale = round_length(_SHARE * extent / large)
         lines = ellipse_lines(places(view)[:, chosen], covariance, scale)[size > 0.0]
         axes.add_collection(
-            LineCollection(list(lines), colors=RED, linewidths=0.8, label=f"1σ ellipses × {scale:g}")
+            LineCollection(
+                list(lines),
+                colors=RED,
+                linewidths=0.8,
+                label=words("1σ ellipses × {scale}", scale=f"{scale:g}"),
+            )
         )
         axes.autoscale_view()
-        _finish(view, axes)
+        _finish(view, axes, words)
         length = round_length(0.1 * extent / scale)
         unit, factor = small_unit(view.length, length)
-        scale_bar(axes, scale * length, f"{length * factor:g} {unit} in the ellipses")
+        scale_bar(
+            axes, scale * length, words("{length} in the ellipses", length=f"{length * factor:g} {unit}")
+        )
     else:
-        _finish(view, axes)
+        _finish(view, axes, words)
     return figure
 
 
@@ -90,15 +100,18 @@ def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> F
     return lines
 
 
-def _prepared(view: View, figure: Figure) -> tuple[Axes, list[int]]:
-    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards."""
+def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
+    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards.
+
+    In elevation where it is asked for (``upright``), or where the network is higher than deep.
+    """
     axes = figure.add_subplot()
     drawn = drawn_axes(view.summary["axes"]["xy"])
     plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
     chosen = plan
-    if view.points.height > 2:
+    if view.points.height > 2 or upright:
         extent = np.ptp(places(view), axis=0)
-        if extent[2] > 2.0 * extent[plan].min():
+        if upright or extent[2] > 2.0 * extent[plan].min():
             chosen = [plan[int(np.argmax(extent[plan]))], 2]
     names = "XYZ"
     axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")
@@ -110,25 +123,30 @@ def _prepared(view: View, figure: Figure) -> tuple[Axes, list[int]]:
     return axes, chosen
 
 
-def _frames(view: View, axes: Axes, chosen: list[int]) -> None:
+def _frames(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     for frame, name, marker, colour in (
-        (view.images, "images", "D", ORANGE),
-        (view.stations, "stations", "^", RED),
+        (view.images, words("images"), "D", ORANGE),
+        (view.stations, words("stations"), "^", RED),
     ):
         if frame.height:
             xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
             axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
 
 
-def _points(view: View, axes: Axes, chosen: list[int]) -> None:
+def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     xyz = places(view)[:, chosen]
-    axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label="points", zorder=4)
+    axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label=words("points"), zorder=4)
     if view.points.height <= _MOST_LABELS:
         for name, place in zip(view.points["id"], xyz, strict=True):
             axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
 
 
-def _finish(view: View, axes: Axes) -> None:
+def _finish(view: View, axes: Axes, words: Words) -> None:
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
-    title = view.summary["title"] or "Network"
-    axes.set_title(f"{title} – datum: {view.summary['datum']}", fontsize=9, loc="left", pad=18)
+    title = view.summary["title"] or words("Network")
+    axes.set_title(
+        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}",
+        fontsize=9,
+        loc="left",
+        pad=18,
+    )

@@ -14,6 +14,7 @@ from mor.report.palette import BLUE, GREY, RED
 from mor.report.plots.sheet import scale_bar, sheet
 from mor.report.rays import Window
 from mor.report.view import View
+from mor.report.words.language import ENGLISH, Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +25,7 @@ _MOST = 60
 """Images that are drawn beside each other: those with the largest test values."""
 
 
-def residuals(view: View, image: str | None = None) -> Figure:
+def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> Figure:
     """Residual vectors, all at one scale. Raises :class:`InputError` for an unknown image, or without images."""
     measured = image_points(view)
     if measured.height == 0:
@@ -48,10 +49,9 @@ def residuals(view: View, image: str | None = None) -> Figure:
         if number == 0:
             length = round_length(0.2 * (area.x[1] - area.x[0]) / scale)
             unit, factor = small_unit(str(measured["unit"][0]), length)
-            words = (
-                f"{length * factor:g} {unit} in v (× {scale:g})" if wide else f"{length * factor:g} {unit}"
-            )
-            scale_bar(axes, scale * length, words)
+            said = f"{length * factor:g} {unit}"
+            wide_said = words("{length} in the vectors", length=said) + f" (× {scale:g})"
+            scale_bar(axes, scale * length, wide_said if wide else said)
     return figure
 
 

@@ -9,6 +9,10 @@ from mor.report.tables import group_table
 from mor.report.text._layout import fixed, short
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
+from mor.report.worst import between, uncontrolled_residuals
+
+NAMED = 3
+"""Observations that nothing controls that are named one by one."""
 
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -58,7 +62,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
-    lines = [words("Converged after {count} iterations.", count=len(adjustment.iterations))]
+    lines = [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
     if test.redundancy == 0:
         lines.append(words("Nothing is controlled: the redundancy is 0, there is no test."))
@@ -77,11 +81,36 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         )
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
-        words("{count} observations with |w| > {limit}.", count=flagged, limit=fixed(quality.critical, 2))
+        words(
+            "{count:observation|observations} with |w| > {limit}.",
+            count=flagged,
+            limit=fixed(quality.critical, 2),
+        )
         if flagged
         else words("No observation is flagged.")
     )
-    return [*lines, *_emptied(solved, words)]
+    return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
+
+
+def _uncontrolled(solved: Solved, words: Words) -> list[str]:
+    """Observations that nothing controls: no test speaks of them. A few are named."""
+    rows, count = uncontrolled_residuals(solved, NAMED)
+    if count == 0:
+        return []
+    if count > NAMED:
+        return [
+            words(
+                "{count:observation is|observations are} not controlled (r = 0).",
+                count=count,
+            )
+        ]
+    return [
+        words(
+            "{count:observation is|observations are} not controlled (r = 0): {names}.",
+            count=count,
+            names="; ".join(between(row) for row in rows.iter_rows(named=True)),
+        )
+    ]
 
 
 def _emptied(solved: Solved, words: Words) -> list[str]:
@@ -103,7 +132,7 @@ def _advice(solved: Solved, words: Words) -> list[str]:
     if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
         return [
             words(
-                "{count} iterations were not enough; settings: {{max_iterations: …}} allows more, "
+                "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
                 "better start values need fewer.",
                 count=count,
             )

@@ -30,7 +30,9 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     datum = datum_name(solved.adjustment.problem.datum.name, words)
     lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
     if frame.height > SHOWN:
-        lines.append(words("{count} more points are in the table of points.", count=frame.height - SHOWN))
+        lines.append(
+            words("{count:more point is|more points are} in the table of points.", count=frame.height - SHOWN)
+        )
     if solved.quality is not None:
         free = frame.filter(frame["status"] != "fixed")
         if free.height:

@@ -8,6 +8,7 @@ from mor.quality.solved import Solved
 from mor.report.reliability import fixed_point_rows, gross_errors
 from mor.report.text._layout import DIGITS, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
+from mor.report.worst import component_of
 
 SHOWN = 40
 
@@ -76,7 +77,7 @@ def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
 
 def _place(row: dict[str, Any], words: Words) -> str:
     names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
-    return f"{row['type']} {names}, {row['component']}"
+    return f"{row['type']} {names}{component_of(row)}"
 
 
 def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
@@ -146,8 +147,8 @@ def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
     lines = [
         heading(words("Robust estimation ({method}) beside least squares", method=data["method"])),
         words(
-            "{count} observations hardly count; points differ by {rms} {unit} (root mean square), "
-            "{largest} {unit} at most.",
+            "{count:observation hardly counts|observations hardly count}; points differ by {rms} {unit} "
+            "(root mean square), {largest} {unit} at most.",
             count=len(data["rejected"]),
             rms=fixed(data["rms_shift"], d),
             unit=unit,

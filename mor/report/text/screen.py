@@ -16,6 +16,7 @@ from mor.report.text.head import verdict
 from mor.report.text.undetermined import section as undetermined
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
+from mor.report.worst import component_of
 
 WIDTH = 100
 WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
@@ -76,7 +77,7 @@ def _worst(solved: Solved, words: Words) -> list[str]:
 
 def _named(row: dict[str, Any], words: Words) -> str:
     names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
-    return f"{row['type']} {names}, {row['component']}"
+    return f"{row['type']} {names}{component_of(row)}"
 
 
 def _points(solved: Solved, words: Words) -> list[str]:
@@ -86,11 +87,16 @@ def _points(solved: Solved, words: Words) -> list[str]:
         return []
     unit = solved.network.project.units.length
     rms = [float(np.sqrt(np.nanmean(free[f"s{name}"].cast(float).to_numpy() ** 2))) for name in "xyz"]
+    numbers = ", ".join(
+        f"{name.upper()} {words.number(short(value, 3))}"
+        for name, value in zip("xyz", rms, strict=True)
+        if value != 0.0
+    )
     worst = free.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(0, named=True)
     return [
         words(
-            "Points: sigma (rms) X {x}, Y {y}, Z {z} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
-            **{name: short(value, 3) for name, value in zip("xyz", rms, strict=True)},
+            "Points: sigma (rms) {numbers} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
+            numbers=numbers,
             id=worst["id"],
             axis=short(worst["ellipsoid_a"], 3),
             unit=unit,
@@ -142,5 +148,5 @@ def _groups(solved: Solved, words: Words) -> list[str]:
     headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
     lines = ["", *table(headers, rows, words=words).splitlines()]
     if len(groups) > GROUPS:
-        lines.append(words("and {count} more groups in report.txt", count=len(groups) - GROUPS))
+        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - GROUPS))
     return lines

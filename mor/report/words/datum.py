@@ -6,7 +6,7 @@ import re
 
 from mor.report.words.language import Words
 
-_CARRIED = re.compile(r"(.+?) of (\d+) named points or groups(?: and |$)")
+_CARRIED = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
 _HELD = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
 
 
@@ -16,7 +16,11 @@ def datum_name(name: str, words: Words) -> str:
     carried = rest.removeprefix("inner constraints over ")
     if kind == "free" and (found := _CARRIED.findall(carried)):
         said = [
-            words("{components} of {count} named points or groups", components=components, count=count)
+            words(
+                "{components} of {count:named point or group|named points or groups}",
+                components=components,
+                count=count,
+            )
             for components, count in found
         ]
         return words("free, inner constraints over {parts}", parts=f" {words('and')} ".join(said))

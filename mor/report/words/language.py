@@ -12,6 +12,8 @@ from importlib.resources import files
 
 import yaml
 
+from mor.counting import Place
+
 LANGUAGES = ("en", "de")
 _NAMES = frozenset({"id", "point", "place", "names"})
 """Places of a sentence that hold names of the user: 1.5 is a name there, not a number."""
@@ -30,7 +32,7 @@ class Words:
     def __call__(self, english: str, /, **values: object) -> str:
         """A sentence with its values; texts that are numbers get the decimal sign of the language."""
         said = {
-            key: str(value) if key in _NAMES else self.number(str(value)) for key, value in values.items()
+            key: Place(value if key in _NAMES else self.number(str(value))) for key, value in values.items()
         }
         return self.catalogue.get(english, english).format(**said)
 

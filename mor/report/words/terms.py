@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import yaml
 
 from mor.errors import InputError, Problem, nearest
+
+_UNIT = re.compile(r" \[[^\]]*\]$")
 
 
 @dataclass(frozen=True)
@@ -20,24 +24,40 @@ class Term:
     advice: str
 
 
-def terms() -> tuple[Term, ...]:
-    """All terms, in the order of the file."""
-    data = yaml.safe_load(files("mor.report.words").joinpath("terms.yaml").read_text(encoding="utf-8"))
+def terms(language: str = "en") -> tuple[Term, ...]:
+    """All terms, in the order of the file, explained in a language (en, de)."""
+    entries = _read("terms.yaml")
+    said = {entry["names"][0]: entry for entry in entries} if language == "en" else _read("de_terms.yaml")
     return tuple(
-        Term(tuple(entry["names"]), entry["de"], entry["text"], entry.get("do", "")) for entry in data
+        Term(
+            tuple(entry["names"]),
+            entry["de"],
+            said[entry["names"][0]]["text"],
+            said[entry["names"][0]].get("do", ""),
+        )
+        for entry in entries
     )
 
 
-def find(wanted: str) -> list[Term]:
-    """Terms of that name, upper or lower case, English or German. Raises :class:`InputError` for an unknown one."""
-    everything = terms()
+def find(wanted: str, language: str = "en") -> list[Term]:
+    """Terms of that name, upper or lower case, English or German, with or without a unit in brackets.
+
+    Raises :class:`InputError` for an unknown one, with the nearest known name.
+    """
+    everything = terms(language)
+    wanted = _UNIT.sub("", wanted)
     for key in (str, str.lower):
         found = [t for t in everything if key(wanted) in {key(n) for n in (*t.names, t.german)}]
         if found:
             return found
-    found = [t for t in everything if len(wanted) > 3 and wanted.lower() in t.german.lower()]
+    part = wanted.lower()
+    found = [t for t in everything if len(part) > 3 and any(part in n.lower() for n in (*t.names, t.german))]
     if found:
         return found
     known = [name for term in everything for name in (*term.names, term.german)]
     words = f"unknown term {wanted!r}{nearest(wanted, known)}; mor explain lists them all"
     raise InputError([Problem(words)])
+
+
+def _read(name: str) -> Any:
+    return yaml.safe_load(files("mor.report.words").joinpath(name).read_text(encoding="utf-8"))

@@ -12,6 +12,7 @@ import pytest
 from page_in_browser import wait_until
 
 import mor.report.html
+import mor.report.plots
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.report.html.page import _MEANINGS, page
 from mor.report.html.page_data import page_data
@@ -20,6 +21,7 @@ from mor.report.view import View
 from mor.report.words.language import words_of_page
 
 HTML = Path(mor.report.html.__file__).parent
+PLOTS = Path(mor.report.plots.__file__).parent
 SAID = re.compile(r"""\bsay\(\s*"((?:[^"\\]|\\.)*)\"""")
 """What templates and scripts say."""
 SILENT = re.compile(r"<(script|style)[ >].*?</\1>|<[^>]*>", re.DOTALL)
@@ -43,7 +45,7 @@ def said_in_python(path: Path) -> set[str]:
 def everything_said() -> set[str]:
     texts = [*HTML.glob("templates/*.j2"), *HTML.glob("assets/*.js")]
     return set().union(
-        *(said_in_python(path) for path in HTML.rglob("*.py")),
+        *(said_in_python(path) for path in (*HTML.rglob("*.py"), *PLOTS.glob("*.py"))),
         *(SAID.findall(path.read_text(encoding="utf-8")) for path in texts),
         _MEANINGS.values(),
     )
@@ -128,7 +130,7 @@ class TestInABrowser:
     def test_a_picked_point_is_told_in_german(self, german: Any) -> None:
         german.execute_script("pick(known('N2'))")
         words = german.find_element("id", "picked").text
-        assert words.startswith("Punkt N2 · X 40.1144 ± ")
+        assert words.startswith("Punkt N2 · X 40.1144 m ± ")
         assert "(σ im Datum: fest)" in words
 
     def test_status_is_shown_and_filtered_in_german(self, german: Any) -> None:

@@ -39,7 +39,7 @@ def shown(browser: Any, view: View, folder: Any) -> Any:
 def test_all_images_of_a_small_block(opened: Any, facade_view: View) -> None:
     panels = opened.execute_script(PANELS)
     assert [panel["name"] for panel in panels] == facade_view.images["id"].to_list()
-    assert "All 14 images" in opened.find_element("id", "multiples-title").text
+    assert "14 images side by side" in opened.find_element("id", "multiples-title").text
     for panel in panels:
         assert panel["perX"] == pytest.approx(panel["perY"], rel=1e-6), "axes are equal"
     flagged = facade_view.rays.filter(pl.col("flag") == "gross").select("from", "to").unique()

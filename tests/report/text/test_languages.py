@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import mor.cli
 import mor.quality
 import mor.report.text
 from mor.adjustment.defect import MOVEMENTS
@@ -17,10 +18,12 @@ from mor.report.text._layout import table
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, words_of, words_of_page
 
+CLI = Path(mor.cli.__file__).parent
 QUALITY = Path(mor.quality.__file__).parent
 SECTIONS = [
     *sorted(Path(mor.report.text.__file__).parent.glob("*.py")),
     *(QUALITY / f"{name}.py" for name in ("explain", "loose_frames", "say", "tilt")),
+    *(CLI / f"{name}.py" for name in ("_iterations", "_progress", "adjust")),
 ]
 
 
@@ -28,13 +31,11 @@ def sentences(path: Path) -> set[str]:
     """Texts that a section says in the language of the report."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        is_call = (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and node.func.id in ("words", "say")
-        )
-        if is_call and isinstance(node.args[0], ast.Constant):  # type: ignore[attr-defined]
-            found.add(node.args[0].value)  # type: ignore[attr-defined]
+        if not isinstance(node, ast.Call) or not node.args or not isinstance(node.args[0], ast.Constant):
+            continue
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        if name in ("words", "say", "phase"):
+            found.add(str(node.args[0].value))
     return found
 
 

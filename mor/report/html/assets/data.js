@@ -26,10 +26,10 @@ async function readData() {
   Object.assign(report, head);
 }
 
-// A sentence in the language of the page; the English one is the key.
+// A sentence in the language of the page; the English one is the key. {count:point|points} says 1 point, 2 points.
 function say(english, values = {}) {
   const text = (report.meta && report.meta.words[english]) || english;
-  return text.replace(/\{(\w+)\}/g, (place, name) => (name in values ? values[name] : place));
+  return text.replace(/\{(\w+)(?::([^|{}]*)\|([^{}]*))?\}/g, (place, name, one, many) => (!(name in values) ? place : one === undefined ? values[name] : `${values[name]} ${Number(values[name]) === 1 ? one : many}`));
 }
 
 function value(table, name, row) {

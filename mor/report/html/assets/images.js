@@ -88,7 +88,7 @@ function imageChart() {
   const bar = roundLength((0.12 * width) / scale), level = area.down ? area.y[1] + 0.06 * height : area.y[0] - 0.06 * height;
   const note = document.getElementById("image-note");
   note.textContent = [
-    say("{count} points", { count: rows.length }), `${say("coverage")} ${shown(value(report.images, "coverage", number), { fixed: 0 })} %`,
+    say("{count:point|points}", { count: rows.length }), `${say("coverage")} ${shown(value(report.images, "coverage", number), { fixed: 0 })} %`,
     `${say("rms v")} ${shown(value(report.images, "rms", number), { digits: 3 })} ${unit}`, `${say("mean r")} ${shown(value(report.images, "mean_r", number), { fixed: 2 })}`,
   ].join(", ");
   const layout = {

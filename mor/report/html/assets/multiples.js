@@ -73,7 +73,7 @@ async function showMultiples() {
   images.width = Math.max(element.clientWidth, 320);
   document.getElementById("multiples-title").textContent = names.length < images.order.length
     ? say("The {count} images with the largest test values, of {all}", { count: names.length, all: report.images.rows })
-    : say("All {count} images side by side", { count: names.length });
+    : say("{count:image|images} side by side", { count: names.length });
   document.getElementById("multiples-note").textContent = multiplesWords(names);
   await draw(element, multiplesChart);
   element.querySelector(".plot").on("plotly_clickannotation", ({ annotation }) => {

@@ -42,13 +42,13 @@ function prepareNetwork() {
 }
 
 function extent(tables) {
-  let largest = 0;
-  for (const name of ["x", "y", "z"]) {
-    let low = Infinity, high = -Infinity;
-    for (const table of tables) for (const x of has(table, name) ? table.columns[name].values : []) { if (x < low) low = x; if (x > high) high = x; }
-    if (high > low) largest = Math.max(largest, high - low);
-  }
-  return largest || 1;
+  return Math.max(...["x", "y", "z"].map((name) => span(tables, name))) || 1;
+}
+
+function span(tables, name) {
+  let low = Infinity, high = -Infinity;
+  for (const table of tables) for (const x of has(table, name) ? table.columns[name].values : []) { if (x < low) low = x; if (x > high) high = x; }
+  return high > low ? high - low : 0;
 }
 
 // Covariance of a point from σ and correlations, and a lower triangular root of it.
@@ -73,7 +73,7 @@ function pointTrace(x, y, z) {
     const [, title, unit] = network.colours.find(([key]) => key === network.colour);
     const values = points.columns[network.colour].values;
     const sorted = rows.map((k) => values[k]).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
-    const at = (share) => sorted[Math.floor(share * (sorted.length - 1))];
+    const at = (share) => sorted[Math.round(share * (sorted.length - 1))];
     const [said, factor] = finer(at(0.98), unit);
     Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : factor * values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: factor * at(0.02), cmax: factor * at(0.98), showscale: true, colorbar: { title: { text: `${title} [${said}]`, side: "right" }, thickness: 14, len: 0.7 } });
   }
@@ -138,7 +138,7 @@ function ellipsoids() {
   const mesh = { x: [], y: [], z: [], i: [], j: [], k: [] };
   const factor = network.scale * FACTORS[3][network.confidence];
   for (const row of rows) {
-    const L = root(covariance(row)), centre = place(report.points, row), first = mesh.x.length;
+    const L = needle(root(covariance(row))), centre = place(report.points, row), first = mesh.x.length;
     for (const u of sphere) ["x", "y", "z"].forEach((name, n) => mesh[name].push(centre[n] + factor * (L[n][0] * u[0] + L[n][1] * u[1] + L[n][2] * u[2])));
     for (let a = 0; a < rings; a++) for (let b = 0; b < spokes; b++) {
       const p = first + a * spokes + b, q = first + a * spokes + ((b + 1) % spokes);
@@ -146,6 +146,12 @@ function ellipsoids() {
     }
   }
   return [scaleBarInSpace(), { type: "mesh3d", name: say("ellipsoids × {scale}", { scale: network.scale }), meta: "ellipsoids", ...mesh, color: PALETTE.grey, opacity: 0.35, flatshading: false, hoverinfo: "skip", showlegend: true }];
+}
+
+// Held coordinates give an ellipsoid no extent: it is drawn so thick that it can be seen.
+function needle(L) {
+  const largest = Math.max(...L.map((line, n) => Math.hypot(...line.slice(0, n + 1))));
+  return L.map((line, n) => (line.some((x) => x !== 0) ? line : line.map((x, m) => (m === n ? 0.12 * largest : 0))));
 }
 
 // How long an enlarged semi-axis is drawn in space: a bar along X from the lower left corner.
@@ -180,9 +186,27 @@ function space() {
   const [x, y] = [axes.right, axes.up];
   const data = [pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...rayTraces([x, y, "z"])].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
-  const axis = (name, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, ...(reversed ? { autorange: "reversed" } : {}) });
-  const scene = { aspectmode: "data", xaxis: axis(x, axes.right_reversed), yaxis: axis(y, axes.up_reversed), zaxis: axis("z"), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
+  const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
+  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, range: reversed ? [side.high, side.low] : [side.low, side.high] });
+  const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
+  const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
+}
+
+// What is drawn lies in this box, one scale for its sides. Flat and straight networks get some room on either side.
+function boxOf(data) {
+  const box = {};
+  for (const name of ["x", "y", "z"]) {
+    let low = Infinity, high = -Infinity;
+    for (const trace of data) for (const v of trace[name]) if (v !== null && !Number.isNaN(v)) { if (v < low) low = v; if (v > high) high = v; }
+    box[name] = { low, high };
+  }
+  const largest = Math.max(...Object.values(box).map(({ low, high }) => high - low)) || 1;
+  for (const side of Object.values(box)) {
+    const middle = (side.low + side.high) / 2, half = Math.max(0.53 * (side.high - side.low), 0.07 * largest);
+    Object.assign(side, { low: middle - half, high: middle + half, size: (2 * half) / largest });
+  }
+  return box;
 }
 
 const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
@@ -222,14 +246,14 @@ function words({ kind, row }) {
   const title = say(kind), parts = [`${title[0].toUpperCase()}${title.slice(1)} ${value(table, "id", row)}`];
   for (const name of ["x", "y", "z"]) {
     const sigma = value(table, `s${name}`, row);
-    parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}${sigma > 0 ? "" : ` ${meta.length}`}`);
+    parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })} ${meta.length}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}`);
   }
   if (kind === "point") {
     parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
-    parts.push(say("{rays} rays, {others} other rows", { rays: value(table, "rays", row), others: value(table, "others", row) }));
+    parts.push(say("{rays:ray|rays}, {others:other row|other rows}", { rays: value(table, "rays", row), others: value(table, "others", row) }));
     if (has(table, "angle")) parts.push(`${say("best intersection")} ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
     if (has(table, "mean_r")) parts.push(`${say("mean r")} ${shown(value(table, "mean_r", row), { fixed: 2 })}, ${say("largest |w|")} ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
-  } else if (kind === "image") parts.push(say("{count} points", { count: value(table, "points", row) }));
+  } else if (kind === "image") parts.push(say("{count:point|points}", { count: value(table, "points", row) }));
   return `${parts.join(" · ")} (${say("σ in the datum: {datum}", { datum: meta.datum })})`;
 }
 
@@ -253,7 +277,18 @@ async function drawNetwork() {
   document.getElementById("network-note").textContent = notes.join(" ");
 }
 
+// A plumb line, and a network of which the heights alone are determined, are seen in elevation.
+function bestPlane() {
+  const { points, images, stations } = report;
+  const across = ["x", "y"].some((name) => span([points, images, stations], name) > 0);
+  const level = has(points, "sz") && ["sx", "sy"].every((name) => !numbers(points, name).some((s) => s > 0)) && numbers(points, "sz").some((s) => s > 0);
+  const upright = !across && span([points, images, stations], "z") > 0;
+  if (!upright && !level) return "plan";
+  return span([points], "y") > span([points], "x") ? "side" : "front";
+}
+
 function networkControls() {
+  document.getElementById("plane").value = bestPlane();
   const options = (id, list, chosen) => {
     document.getElementById(id).replaceChildren(...list.map(([key, title]) => new Option(title, key, false, String(key) === String(chosen))));
   };

@@ -57,7 +57,7 @@ class LongTable {
     this.heads();
     this.scroller.scrollTop = 0;
     this.show();
-    const words = rows.length === this.table.rows ? say("{count} rows.", { count: rows.length }) : say("{count} of {all} rows.", { count: rows.length, all: this.table.rows });
+    const words = rows.length === this.table.rows ? say("{count:row|rows}.", { count: rows.length }) : say("{count} of {all} rows.", { count: rows.length, all: this.table.rows });
     const noted = rows.length > PRINTED ? ` ${say("In print: the first {count} in the order shown.", { count: PRINTED })}` : "";
     this.element.querySelector(".state").textContent = words + noted;
   }
