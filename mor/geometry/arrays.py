@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,3 +12,6 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 SmallIntArray: TypeAlias = NDArray[np.int32]
 """Numbers of names: tables have many rows."""
+Int8Array: TypeAlias = NDArray[np.int8]
+AnyIntArray: TypeAlias = NDArray[np.signedinteger[Any]]
+"""Numbers that are only looked up: of ten million rows they are kept as small as they go."""

@@ -44,8 +44,8 @@ def cluster_quality(
         rows, components = place = cluster.rows[here], cluster.components[here]
         inside = ~quality[number].out[place]
         quality[number].carried[place] = carried[here]
-        quality[number].joint[place] = np.where(inside, joint[here], np.nan)
-        quality[number].freedom[place] = np.where(inside, freedom[here], np.nan)
+        quality[number].joint_of_row[place] = np.where(inside, joint[here], np.nan)
+        quality[number].freedom_of_row[place] = np.where(inside, freedom[here], np.nan)
         found[int(number)] = Correlated(
             rows,
             components,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, Int8Array, IntArray, SmallIntArray
 
 
 @compile_kernel
 def fill(
-    rows: IntArray,
+    rows: SmallIntArray,
     place: IntArray,
     weight: FloatArray,
     white: FloatArray,
@@ -21,13 +21,13 @@ def fill(
     absorbed: FloatArray,
     carried: FloatArray,
     joint: FloatArray,
-    freedom: FloatArray,
+    freedom: FloatArray | Int8Array,
 ) -> None:
     """Set the quality (group rows, 2) of the rays at ``place`` (k,) of a chunk, which are these rows of their group.
 
     ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
     into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
-    ``controlled`` are left out.
+    ``controlled`` are left out. ``joint`` and ``freedom`` have one column for the row, or one for each component.
     """
     for k in range(rows.size):
         row, i = rows[k], place[k]
@@ -51,9 +51,10 @@ def fill(
             if weight[i, m] != 0.0:
                 absorbed[row, m] = white[i, m, m]
                 carried[row, m] = carries[i, m]
-                if not out[row, m]:
-                    joint[row, m] = total
-                    freedom[row, m] = count
+        for m in range(joint.shape[1]):
+            if joint.shape[1] == 1 or (weight[i, m] != 0.0 and not out[row, m]):
+                joint[row, m] = total
+                freedom[row, m] = count
 
 
 @compile_kernel

@@ -1,18 +1,20 @@
 """Quality of the observations of one group: what is kept of it, and what follows from that.
 
-For ten million rays every array counts. Of an uncorrelated observation only the residual v, the part 1 − r of an error
-that the adjusted value absorbs, and what of it is carried into the points are kept; cofactors and weighted residuals
-follow from these and σ. Correlated observations, which are few, keep theirs.
+For ten million rays every array counts. Of an uncorrelated observation only the residual v and the part 1 − r of an
+error that the adjusted value absorbs are kept; cofactors and weighted residuals follow from these and σ. The joint test
+of its components is kept once for a row. Correlated observations, which are few, keep theirs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, Int8Array, IntArray
+from mor.quality.pieces import in_pieces, sum_of_known
 
 
 class Correlated(NamedTuple):
@@ -41,10 +43,10 @@ class ObservationQuality:
     """1 − r: part of an error that goes into the adjusted value; for uncorrelated entries."""
     carried: FloatArray
     """What an error of 1 does to the points of the observation, in the datum of the adjustment: see ``carried.py``."""
-    joint: FloatArray
-    """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
-    freedom: FloatArray
-    """Number of components of a row that are controlled independently of each other."""
+    joint_of_row: FloatArray
+    """(n, 1) statistic of the joint test, or (n, m) where parts of a row are tested by themselves."""
+    freedom_of_row: FloatArray | Int8Array
+    """Its degrees of freedom, alike."""
     sigma: FloatArray
     """Standard deviations the adjustment worked with."""
     out: BoolArray
@@ -53,63 +55,96 @@ class ObservationQuality:
 
     def at(self, rows: IntArray | slice) -> ObservationQuality:
         """Quality of some of the rows."""
+        if isinstance(rows, slice) and rows == slice(None):
+            return self
         return ObservationQuality(
             self.v[rows],
             self.absorbed[rows],
             self.carried[rows],
-            self.joint[rows],
-            self.freedom[rows],
+            self.joint_of_row[rows],
+            self.freedom_of_row[rows],
             self.sigma[rows],
             self.out[rows],
             _at(self.correlated, np.arange(len(self.v))[rows]) if self.correlated else None,
         )
 
     @property
+    def joint(self) -> FloatArray:
+        """Statistic of the joint test of the components of a row, χ² with ``freedom``; repeated for each of them."""
+        return self._of_rows(self.joint_of_row)
+
+    @property
+    def freedom(self) -> FloatArray:
+        """Number of components of a row that are controlled independently of each other."""
+        return self._of_rows(self.freedom_of_row)
+
+    def _of_rows(self, values: FloatArray | Int8Array) -> FloatArray:
+        if values.shape == self.v.shape and values.dtype == np.float64:
+            return np.asarray(values, dtype=np.float64)
+        return np.where(np.isfinite(self.v) & ~self.out, values, np.nan)
+
+    @property
     def r(self) -> FloatArray:
         """Redundancy numbers."""
-        r: FloatArray = np.clip(1.0 - self.absorbed, 0.0, 1.0)
-        return self._active("r", r)
+        return self._active("r", lambda one: np.clip(1.0 - one.absorbed, 0.0, 1.0))
 
     @property
     def q_adjusted(self) -> FloatArray:
         """Cofactors (variances for σ0 = 1) of the adjusted observations."""
-        return self._corrected("q_adjusted", self.absorbed * self.sigma**2)
+        return self._corrected("q_adjusted", lambda one: one.absorbed * one.sigma**2)
 
     @property
     def q_residual(self) -> FloatArray:
         """Cofactors of the residuals; 0 where an observation is not controlled at all."""
-        return self._active("q_residual", np.clip(1.0 - self.absorbed, 0.0, 1.0) * self.sigma**2)
+        return self._active("q_residual", lambda one: np.clip(1.0 - one.absorbed, 0.0, 1.0) * one.sigma**2)
 
     @property
     def weighted(self) -> FloatArray:
         """P v, so that Σ v · P v is the part of vᵀPv a group contributes, correlated or not; 0 where excluded."""
-        weighted = self._corrected("weighted", self.v * self._weight)
+        weighted = self._corrected("weighted", lambda one: one.v * one._weight)
         weighted[self.out] = 0.0
         return weighted
 
     @property
     def precision(self) -> FloatArray:
         """Diagonal of P."""
-        return self._active("precision", self._weight)
+        return self._active("precision", lambda one: one._weight)
 
     @property
     def q_weighted(self) -> FloatArray:
         """Diagonal of P Q_vv P, the cofactors of P v."""
-        return self._active("q_weighted", np.clip(1.0 - self.absorbed, 0.0, 1.0) * self._weight)
+        return self._active("q_weighted", lambda one: np.clip(1.0 - one.absorbed, 0.0, 1.0) * one._weight)
 
     @property
     def _weight(self) -> FloatArray:
         return 1.0 / np.where(np.isfinite(self.v), self.sigma, np.nan) ** 2
 
-    def _active(self, name: str, values: FloatArray) -> FloatArray:
-        values = self._corrected(name, values)
+    def _active(self, name: str, of_rows: _OfRows) -> FloatArray:
+        values = self._corrected(name, of_rows)
         values[self.out] = np.nan
         return values
 
-    def _corrected(self, name: str, values: FloatArray) -> FloatArray:
+    def _corrected(self, name: str, of_rows: _OfRows) -> FloatArray:
+        plain = replace(self, correlated=None)
+        values = in_pieces(self.v.shape, lambda rows: of_rows(plain.at(rows)))
         if self.correlated is not None:
             values[self.correlated.rows, self.correlated.components] = getattr(self.correlated, name)
         return values
+
+
+def redundancy_of(quality: ObservationQuality) -> float:
+    """Σ r of a group."""
+    return sum_of_known(quality.v.shape, lambda rows: quality.at(rows).r)
+
+
+def omega_of(quality: ObservationQuality) -> float:
+    """Σ v·Pv, the part of vᵀPv of a group."""
+
+    def of_rows(rows: slice) -> FloatArray:
+        one = quality.at(rows)
+        return one.v * one.weighted
+
+    return sum_of_known(quality.v.shape, of_rows)
 
 
 def _at(correlated: Correlated, rows: IntArray) -> Correlated | None:
@@ -123,3 +158,7 @@ def _at(correlated: Correlated, rows: IntArray) -> Correlated | None:
         return None
     kept = Correlated(*(array[here] for array in correlated))
     return kept._replace(rows=order[place[here]])
+
+
+_OfRows: TypeAlias = Callable[[ObservationQuality], FloatArray]
+"""Elementwise in the rows of a group."""
