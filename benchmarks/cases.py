@@ -17,6 +17,7 @@ class Case:
         peers: time Ceres on the same data. dense: its dense solvers too, which are no use beyond some 1 000 images.
         covariance: time ``ceres::Covariance``, which takes days for more than some 50 images.
         pycolmap: time pycolmap's covariance.
+        gama: time gama-local, which is for geodetic networks.
         usual: among the cases that run when none are named.
     """
 
@@ -31,6 +32,7 @@ class Case:
     dense: bool = True
     covariance: bool = False
     pycolmap: bool = False
+    gama: bool = False
     usual: bool = True
 
 
@@ -51,10 +53,21 @@ _ALL = (
     Case(
         "convergent-500", "500 images around an object, 30 rays", "convergent", (500, 20_000, 30), peers=True
     ),
-    Case("grid-10000-0", "10 000 points, neighbours only", "grid", (100, 0), command=True),
-    Case("grid-10000-200", "… and 200 long ties at random", "grid", (100, 200), command=True),
+    Case("grid-25", "25 points: does the runner run?", "grid", (5, 0), command=True, gama=True, usual=False),
+    Case("grid-2500-50", "2 500 points, 50 long ties at random", "grid", (50, 50), command=True, gama=True),
+    Case("grid-10000-0", "10 000 points, neighbours only", "grid", (100, 0), command=True, gama=True),
+    Case("grid-10000-200", "… and 200 long ties at random", "grid", (100, 200), command=True, gama=True),
     Case("grid-10000-2000", "… and 2 000 long ties at random", "grid", (100, 2000), command=True),
-    Case("mixed", "100 images, 5 000 tacheometric sights to points of theirs", "mixed", (10, 10, 5000)),
+    Case(
+        "mixed-6", "6 images, 40 sights: does the runner run?", "mixed", (2, 3, 40), command=True, usual=False
+    ),
+    Case(
+        "mixed",
+        "100 images, 5 000 tacheometric sights to points of theirs",
+        "mixed",
+        (10, 10, 5000),
+        command=True,
+    ),
     Case(
         "block-115",
         "115 images around an object, 67 rays",

@@ -16,26 +16,37 @@ from scenes import (
     SIGMA_IMAGE,
     Block,
     Grid,
+    Mixed,
     Scene,
 )
 
-from mor.geometry.arrays import IntArray
+from mor.geometry.arrays import FloatArray, IntArray
 
 _Column = pl.Series | NDArray[Any]
+_SIGMA = {"distance": SIGMA_DISTANCE, "bearing": SIGMA_BEARING, "height_difference": SIGMA_HEIGHT}
 _INTERIOR = ("c", "xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
 
 
 def write_project(scene: Scene, folder: Path, kind: str = "csv") -> Path:
-    """Write an image block or a network; returns the project file."""
+    """Write an image block, a network, or both in one; returns the project file."""
     if isinstance(scene, Block):
         return write_block(scene, folder, kind)
     if isinstance(scene, Grid):
         return write_grid(scene, folder)
-    raise ValueError("mixed scenes have no project folder")
+    return write_mixed(scene, folder, kind)
 
 
-def write_block(block: Block, folder: Path, kind: str = "csv") -> Path:
-    """Write an image block; ``kind`` is csv or parquet. Returns the project file."""
+def write_mixed(scene: Mixed, folder: Path, kind: str = "csv") -> Path:
+    """Write an image block with distances and bearings between its points. Returns the project file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sights = _write_sights(
+        folder, scene.one, scene.other, {"distance": scene.distance, "bearing": scene.bearing}
+    )
+    return write_block(scene.block, folder, kind, sights)
+
+
+def write_block(block: Block, folder: Path, kind: str = "csv", more: str = "") -> Path:
+    """Write an image block; ``kind`` is csv or parquet, ``more`` further observations. Returns the project file."""
     folder.mkdir(parents=True, exist_ok=True)
     centre, angles = block.observed_centre, block.start_angles
     images: dict[str, _Column] = {
@@ -70,7 +81,7 @@ images: [{{file: images.{kind}}}]
 points: [{{file: points.{kind}}}]
 observations:
   - {{type: image, file: rays.{kind}, values: {{sigma: "{SIGMA_IMAGE}"}}}}
-datum: fixed
+{more}datum: fixed
 """
     return _project(folder, text)
 
@@ -86,14 +97,12 @@ def write_grid(grid: Grid, folder: Path) -> Path:
             **{a: xyz[numbers, k] for k, a in enumerate("xyz")},
         }
         pl.DataFrame(columns).write_csv(folder / f"{name}.csv")
-    ends = {"from": _names("P", grid.one), "to": _names("P", grid.other)}
-    for name, values in (
-        ("distance", grid.distance),
-        ("bearing", grid.bearing),
-        ("height_difference", grid.height_difference),
-    ):
-        column = "dz" if name == "height_difference" else name
-        pl.DataFrame({**ends, column: values}).write_csv(folder / f"{name}.csv")
+    measured = {
+        "distance": grid.distance,
+        "bearing": grid.bearing,
+        "height_difference": grid.height_difference,
+    }
+    sights = _write_sights(folder, grid.one, grid.other, measured)
     text = f"""mor: 1
 title: Simulated network of {len(grid.point)} points
 units: {{length: m, angle: rad}}
@@ -101,12 +110,20 @@ points:
   - {{file: control.csv, fixed: [x, y, z]}}
   - {{file: points.csv}}
 observations:
-  - {{type: distance, file: distance.csv, values: {{sigma: "{SIGMA_DISTANCE}"}}}}
-  - {{type: bearing, file: bearing.csv, values: {{sigma: "{SIGMA_BEARING}"}}}}
-  - {{type: height_difference, file: height_difference.csv, values: {{sigma: "{SIGMA_HEIGHT}"}}}}
-datum: fixed
+{sights}datum: fixed
 """
     return _project(folder, text)
+
+
+def _write_sights(folder: Path, one: IntArray, other: IntArray, measured: dict[str, FloatArray]) -> str:
+    """Write a table for each type of observations between two points; returns their lines of the project file."""
+    ends = {"from": _names("P", one), "to": _names("P", other)}
+    lines = []
+    for name, values in measured.items():
+        column = "dz" if name == "height_difference" else name
+        pl.DataFrame({**ends, column: values}).write_csv(folder / f"{name}.csv")
+        lines.append(f'  - {{type: {name}, file: {name}.csv, values: {{sigma: "{_SIGMA[name]}"}}}}\n')
+    return "".join(lines)
 
 
 def _names(letter: str, numbers: IntArray) -> pl.Series:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,10 +38,17 @@ class Run(NamedTuple):
     output: str
     errors: str
     code: int
+    stopped: bool = False
+    """True where it was stopped at the limit of time."""
 
 
-def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, str] | None = None) -> Run:
-    """Run a program to its end; its output goes through files in a folder.
+def run(
+    command: Sequence[str | Path],
+    folder: Path,
+    environment: Mapping[str, str] | None = None,
+    limit: float | None = None,
+) -> Run:
+    """Run a program to its end, or for so many wall seconds; its output goes through files in a folder.
 
     Its peak can not come out smaller than this process itself is, which therefore has to be small.
     """
@@ -53,12 +61,17 @@ def run(command: Sequence[str | Path], folder: Path, environment: Mapping[str, s
             stderr=errors,
             env={**os.environ, **(environment or {})},
         )
+        watch = threading.Timer(limit or 0.0, child.kill)
+        if limit is not None:
+            watch.start()
         _, status, used = os.wait4(child.pid, 0)
+        watch.cancel()
     wall = time.perf_counter() - start
     child.returncode = os.waitstatus_to_exitcode(status)
     seconds = Seconds(used.ru_utime + used.ru_stime, wall)
     output_text, error_text = (path.read_text(errors="replace") for path in texts)
-    return Run(seconds, used.ru_maxrss * 1024, output_text, error_text, child.returncode)
+    stopped = limit is not None and wall >= limit and child.returncode < 0
+    return Run(seconds, used.ru_maxrss * 1024, output_text, error_text, child.returncode, stopped)
 
 
 def resident() -> int:

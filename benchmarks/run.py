@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cases import CASES, Case
+from gama import LIMIT, adjust_by_gama, available_gama
 from measure import Run, run
 from peers import ONE_THREAD, NotAvailableError, adjust_by_ceres, compile_ceres, covariance_by_pycolmap
 from tables import markdown, plain
@@ -26,6 +27,9 @@ from tables import markdown, plain
 _TASK = Path(__file__).parent / "task.py"
 _ROOT = Path(__file__).parents[1]
 _BEGIN, _END = "<!-- tables by benchmarks/run.py -->", "<!-- end of the tables -->"
+
+GAMA_DIGITS = 1e-4
+"""Part of σ0 by which gama-local may differ: it ends its iterations earlier, and writes fewer digits."""
 
 Variant = tuple[str, str, list[str], dict[str, str]]
 
@@ -88,6 +92,10 @@ def options() -> argparse.ArgumentParser:
         "--page", type=Path, metavar="FILE", help="put the tables into this page, in place of old ones"
     )
     parser.add_argument("--pycolmap", metavar="PYTHON", help="a Python that has pycolmap [this one]")
+    parser.add_argument("--gama", metavar="PROGRAM", help="gama-local of GNU Gama [the one on the path]")
+    parser.add_argument(
+        "--gama-limit", type=float, default=LIMIT, metavar="SECONDS", help=f"stop it then [{LIMIT:.0f}]"
+    )
     parser.add_argument(
         "--blas", default="", metavar="FOLDER", help="libblas and liblapack for Ceres [the system's]"
     )
@@ -138,6 +146,8 @@ def measured(
     one["load"] = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     if case.peers and ceres is not None:
         one |= peers(case, folder, scene, ceres, chosen, results)
+    if case.gama and not chosen.no_peers:
+        one |= gama(case, folder, scene, chosen, results)
     if case.command and not chosen.no_commands:
         one["commands"], failed = commands(case, folder, scene)
         for words in failed:
@@ -173,6 +183,24 @@ def peers(
     except NotAvailableError as error:
         leave_out(results, f"{case.name}, {'pycolmap' if 'ceres' in found else 'Ceres'}: {error}")
     return found
+
+
+def gama(
+    case: Case, folder: Path, scene: Path, chosen: argparse.Namespace, results: dict[str, Any]
+) -> dict[str, Any]:
+    """The same network by gama-local, and how far its result is from mor's."""
+    network = folder / "network.gkf"
+    try:
+        program = available_gama(chosen.gama)
+        task(folder, "gkf", str(scene), str(network))
+        done = adjust_by_gama(program, network, chosen.gama_limit)
+    except NotAvailableError as error:
+        leave_out(results, f"gama-local: {error}")
+        return {}
+    if "stopped_at" in done:
+        leave_out(results, f"{case.name}, gama-local: not done after {chosen.gama_limit:g} s, stopped")
+        return {"gama": done}
+    return {"gama": done | json.loads(task(folder, "compare", str(scene), done.pop("result")).output)}
 
 
 def commands(case: Case, folder: Path, scene: Path) -> tuple[dict[str, Any], list[str]]:
@@ -231,6 +259,8 @@ def right(one: dict[str, Any]) -> bool:
         checks += [abs(done["redundancy_check"]) < 1e-6, same(done["sigma0"], kernel["sigma0"])]
     if "ceres" in one:
         checks.append(same(one["ceres"]["objective"], kernel["objective"]))
+    if "sigma0" in one.get("gama", {}):
+        checks.append(abs(one["gama"]["sigma0"] - kernel["sigma0"]) <= GAMA_DIGITS * kernel["sigma0"])
     return all(checks)
 
 

@@ -33,7 +33,10 @@ def markdown(results: dict[str, Any]) -> str:
 
 def tables(cases: Cases) -> list[Table]:
     """Those tables that have rows."""
-    every = (iterations(cases), deviations(cases), agreement(cases), commands(cases), judged_figures(cases))
+    every = (
+        *(iterations(cases), deviations(cases), agreement(cases), commands(cases)),
+        *(networks(cases), judged_figures(cases)),
+    )
     return [table for table in every if table.rows]
 
 
@@ -151,6 +154,33 @@ def commands(cases: Cases) -> Table:
                 )
             )
     return Table("Whole commands", header, rows)
+
+
+def networks(cases: Cases) -> Table:
+    """Geodetic networks by gama-local: whole programs, each from its own file to its own results."""
+    header = (
+        "Network", "mor adjust, wall s", "CPU s", "peak, GB", "gama-local, wall s", "CPU s", "peak, GB", "wall, ratio",
+        "σ0, mor", "σ0, gama-local", "largest difference of coordinates",
+    )  # fmt: skip
+    rows = []
+    for name, one in cases.items():
+        if "gama" not in one:
+            continue
+        gama, mor = one["gama"], one.get("commands", {}).get("csv", {})
+        done = "stopped_at" not in gama
+        theirs = _wall_cpu_peak(gama) if done else (f"> {gama['stopped_at']:g}", "–", "–")
+        ratio = ("" if done else "> ") + _ratio(gama["wall"], mor["wall"]) if mor else "–"
+        sigma0 = f"{gama['sigma0']:.6f}" if done else "–"
+        largest = f"{1e3 * gama['largest_difference']:.2g} mm" if done else "–"
+        own = f"{one['kernel']['sigma0']:.6f}"
+        rows.append((name, *_wall_cpu_peak(mor), *theirs, ratio, own, sigma0, largest))
+    return Table("Geodetic networks", header, rows)
+
+
+def _wall_cpu_peak(done: dict[str, Any]) -> tuple[str, str, str]:
+    if not done:
+        return "–", "–", "–"
+    return f"{done['wall']:.2f}", f"{done['cpu']:.2f}", f"{done['peak_bytes'] / 1e9:.2f}"
 
 
 def judged_figures(cases: Cases) -> Table:

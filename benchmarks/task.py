@@ -2,6 +2,8 @@
 
 task.py scene NAME SIZE … FILE    make a scene and keep it
 task.py block FILE BLOCK          write a kept image block as the program of Ceres reads it
+task.py gkf FILE GKF              write a kept network as gama-local reads it
+task.py compare FILE RESULT       compare a result of gama-local with what mor adjusts
 task.py project FILE FOLDER KIND  write a kept scene as a project folder with csv or parquet tables
 task.py kernel FILE               time the kernel
 """
@@ -26,6 +28,14 @@ def main(what: str, *arguments: str) -> None:
         from peers import write_block
 
         write_block(scene, Path(arguments[1]))
+    elif what == "gkf":
+        from gama import write_gkf
+
+        write_gkf(scene, Path(arguments[1]))
+    elif what == "compare":
+        from gama import compared
+
+        print(json.dumps(compared(scene, Path(arguments[1]))))
     elif what == "project":
         from folders import write_project
 

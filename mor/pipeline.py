@@ -27,6 +27,7 @@ from mor.project.nodes import Document, read_yaml
 from mor.project.reading import TableWatcher, ignore_table
 from mor.project.validation import validate, without_empty_keys
 from mor.quality.assess import Levels, assess
+from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
 from mor.quality.treatment import Wanted, treat
 
@@ -62,9 +63,12 @@ def read_network(document: Document, folder: Path, read: TableWatcher = ignore_t
 
 
 def solve_network(
-    network: Network, watch: Watcher | None = None, assessing: Callable[[], None] | None = None
+    network: Network, watch: Watcher | None = None, assessing: Callable[[int], Done] | None = None
 ) -> Solved:
-    """Adjust a network and assess the outcome; ``assessing`` is called between the two."""
+    """Adjust a network and assess the outcome.
+
+    ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
+    """
     start = start_values(network)
     settings = network.project.settings
     adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
@@ -72,10 +76,9 @@ def solve_network(
     if not adjustment.outcome.is_solution:
         return Solved(network, adjustment, None)
     check_minimal(network, adjustment)
-    if assessing is not None:
-        assessing()
+    done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
-    quality = assess(adjustment, levels(settings), aposteriori)
+    quality = assess(adjustment, levels(settings), aposteriori, done)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment)

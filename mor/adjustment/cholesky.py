@@ -8,6 +8,7 @@ fixed at zero, and what remains is the factorisation of the matrix without its r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,12 +66,12 @@ class Factor:
         solution[plan.permutation] = x
         return solution.reshape(right_hand_side.shape)
 
-    def selected_inverse(self) -> BlockMatrix:
+    def selected_inverse(self, watch: Callable[[float], None] | None = None) -> BlockMatrix:
         """Return the blocks of N⁻¹ on the pattern of N; rows and columns of unknowns set aside are zero."""
         # The two modules know each other; which of them is imported first must not matter.
         from mor.adjustment.selected_inverse import selected_inverse
 
-        return selected_inverse(self)
+        return selected_inverse(self, watch)
 
     def _forward(self, x: FloatArray) -> None:
         """Replace x (permuted) by the solution of L y = x."""
@@ -113,19 +114,20 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
     ):  # whatever is not finite shows in the sum, and it is five times as fast
         raise ValueError("the normal matrix contains values that are not finite")
     updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
-    pivots: list[FloatArray] = []
-    below: list[FloatArray] = []
+    pivots, below = _room_for(elimination)
     set_aside = [np.empty(0, dtype=np.int64)]
     with threads_for(elimination.largest_front):
         for f in range(elimination.fronts):
-            front = _assembled_front(matrix.values, elimination, f, children := updates.pop(f, []))
+            children = updates.pop(f, [])
+            front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
             factor, vanished = _factor_in_place(front[0], tolerance), _NONE
             if factor is None:  # the assembled pivots are gone, and are needed once more
-                front = _assembled_front(matrix.values, elimination, f, children)
+                front[0][...], front[1][...] = 0.0, 0.0
+                front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
                 factor, vanished = _factor_dense(front[0], tolerance)
+            _keep(factor, pivots[f])
             lower = _below(factor, vanished, *front[1:])
-            pivots.append(factor)
-            below.append(lower)
+            _keep(lower, below[f])
             if vanished.size:
                 set_aside.append(vanished + elimination.pivot_pointers[f])
             if lower.size:
@@ -137,14 +139,43 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
     return Factor(elimination, tuple(pivots), tuple(below), np.sort(elimination.permutation[at]), at)
 
 
+def _room_for(plan: Elimination) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return zeros for L11 and L21 of each front, as parts of two arrays.
+
+    Thousands of arrays of their own, made anew with every factorisation, leave the memory full of holes.
+    """
+    k, r = plan.pivots, np.diff(plan.row_pointers)
+    return _parts(k, k), _parts(r, k)
+
+
+def _parts(rows: IntArray, columns: IntArray) -> list[FloatArray]:
+    ends = np.cumsum(rows * columns)
+    whole = np.zeros(int(ends[-1]) if ends.size else 0)
+    return [
+        whole[end - m * n : end].reshape((m, n), order="F")
+        for m, n, end in zip(rows.tolist(), columns.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def _keep(found: FloatArray, place: FloatArray) -> None:
+    """Copy what was found to its place, unless LAPACK has worked there."""
+    if not np.may_share_memory(found, place):
+        place[...] = found
+
+
 def _assembled_front(
-    values: FloatArray, plan: Elimination, f: int, updates: list[tuple[FloatArray, IntArray]]
+    values: FloatArray,
+    plan: Elimination,
+    f: int,
+    pivots: FloatArray,
+    below: FloatArray,
+    updates: list[tuple[FloatArray, IntArray]],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the arrays (pivots, below, rest) of a front with the matrix and the children's updates in it."""
-    k = int(plan.pivot_pointers[f + 1] - plan.pivot_pointers[f])
-    r = int(plan.row_pointers[f + 1] - plan.row_pointers[f])
-    pivots = np.zeros((k, k), order="F")
-    below = np.zeros((r, k), order="F")
+    """Return the arrays (pivots, below, rest) of a front with the matrix and the children's updates in it.
+
+    ``pivots`` (k, k) and ``below`` (r, k) are zeros to be used.
+    """
+    r = below.shape[0]
     rest = np.zeros((r, r), order="F")
     _assemble(values, *entries_of_front(plan.entries, f), pivots, below)
     for update, places in updates:

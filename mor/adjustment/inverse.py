@@ -12,6 +12,7 @@ So nothing weak is lost, nothing singular is hidden, and which unknowns are anch
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,9 +81,12 @@ class Inverse:
         product = normal_product(self.plan, self.values, null)
         return null - self.solve(product)
 
-    def selected(self) -> BlockMatrix:
-        """Cofactors of the reduced unknowns at the stored pattern, without the part of the weak directions."""
-        return self.factor.selected_inverse().scaled(self.scale)
+    def selected(self, watch: Callable[[float], None] | None = None) -> BlockMatrix:
+        """Cofactors of the reduced unknowns at the stored pattern, without the part of the weak directions.
+
+        ``watch`` is told how many more operations are done.
+        """
+        return self.factor.selected_inverse(watch).scaled(self.scale)
 
     def _reduced(self, rhs: FloatArray) -> FloatArray:
         anchored: FloatArray = self.scale[:, None] * self.factor.solve(self.scale[:, None] * rhs)

@@ -35,6 +35,11 @@ class Normals(NamedTuple):
     objective: float
     """lᵀPl."""
 
+    def spent(self) -> Normals:
+        """The objective alone: of a solution nobody asks for the system, and it takes room."""
+        none = np.zeros(0)
+        return Normals(BlockMatrix(self.matrix.structure, none), none, none, none, self.objective)
+
 
 class WhiteRows(NamedTuple):
     """Whitened rows of a row set or a cluster: unit weight, uncorrelated."""

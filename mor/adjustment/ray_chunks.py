@@ -22,7 +22,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.ray_plan import Chunk, RayPlan, pieces
 from mor.adjustment.rays import Rays
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
 from mor.observations import Computed
 from mor.parameters.index import Values
 
@@ -33,7 +33,7 @@ class RayChunk(NamedTuple):
     points: slice
     """Its eliminated points."""
     group: IntArray
-    row: IntArray
+    row: SmallIntArray
     weight: FloatArray
     """(n, 2) 1/σ, 0 where not observed."""
     rays: Rays
@@ -209,7 +209,7 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
             yield group, here
 
 
-def _computed(place: _Place, group: GroupFrames, rows: IntArray) -> Computed:
+def _computed(place: _Place, group: GroupFrames, rows: SmallIntArray) -> Computed:
     observations = place.problem.groups[group.group]
     blocks = [
         place.values[slot.kind][number[rows]]
@@ -233,7 +233,7 @@ def _by_frame(
 
 
 def _measured(plan: RayPlan, chunk: Chunk) -> Measured:
-    return Measured(*(array[chunk.rays] for array in plan.measured))
+    return plan.measurements.of(chunk.rays)
 
 
 def _pointers(plan: RayPlan, chunk: Chunk) -> IntArray:

@@ -13,7 +13,7 @@ from mor.adjustment.compiled import sorting
 from mor.adjustment.compiled.image_rays import Measured
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import Frames, GroupFrames, all_frames, group_frames, is_ray
-from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
+from mor.geometry.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
@@ -38,6 +38,29 @@ def pieces(chunk: Chunk, pointers: IntArray) -> Iterator[Chunk]:
         yield Chunk(slice(first, last), slice(int(pointers[first]), int(pointers[last])), chunk.frames)
 
 
+class Measurements(NamedTuple):
+    """Measurements of all n rays, in their order.
+
+    Where all come from one group and have one σ, nothing is kept twice: they are taken from the group, chunk by chunk.
+    """
+
+    observed: FloatArray
+    """(n, 2); or those of the group, in its own order."""
+    weight: FloatArray
+    """(n, 2) 1/σ, 0 where nothing was observed; or as many of the common one as the largest chunk has rays."""
+    measured: FloatArray
+    """(n, 2) measured coordinates that a camera model may correct; ``observed`` itself for most."""
+    row: SmallIntArray | None = None
+    """(n,) row of each ray in its group, where the measurements are taken from there."""
+
+    def of(self, rays: slice) -> Measured:
+        """Measurements of the rays of one chunk."""
+        if self.row is None:
+            return Measured(self.observed[rays], self.weight[rays], self.measured[rays])
+        observed = np.take(self.observed, self.row[rays], axis=0)  # in a quarter of the time of an index
+        return Measured(observed, self.weight[: len(observed)], observed)
+
+
 @dataclass(frozen=True)
 class RayPlan:
     """Rays of the eliminated points, sorted by point, those of a point by frame."""
@@ -48,14 +71,14 @@ class RayPlan:
     """(p, 3) unknowns of the eliminated points."""
     pointers: IntArray
     """(p+1,) rays of each point."""
-    row: IntArray
+    row: SmallIntArray
     """(n,) row of each ray in its group."""
     frame: SmallIntArray
     """(n,) frame of each ray within its chunk."""
     frames: Frames
     group_of_frame: IntArray
     """(f,) observation group of each frame."""
-    measured: Measured
+    measurements: Measurements
     chunks: tuple[Chunk, ...]
 
     @property
@@ -64,7 +87,7 @@ class RayPlan:
         parts = [chunk.frames[self.frame[chunk.rays]] for chunk in self.chunks]
         return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
-    def rows_of_group(self, number: int) -> IntArray:
+    def rows_of_group(self, number: int) -> AnyIntArray:
         """Rows of a group that are rays of eliminated points."""
         if len(self.frames.groups) == 1 and self.frames.groups[0].group == number:
             return self.row
@@ -96,12 +119,13 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     )
     pointers, order = _order(point, frame, len(points))
-    row, frame = row[order], frame[order]
+    row, frame = row.astype(np.int32)[order], frame[order]
     frames = all_frames(tuple(found), groups, index)
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
     columns = index.columns["point"][points] if len(points) else np.zeros((0, 3), dtype=np.int64)
-    measured = _measured(groups, found, frame, row)
+    longest = max((chunk.rays.stop - chunk.rays.start for chunk in chunks), default=0)
+    measured = _measured(groups, found, frame, row, longest)
     return RayPlan(points, columns, pointers, row, local, frames, group_of_frame, measured, chunks)
 
 
@@ -134,25 +158,35 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntA
 
 
 def _measured(
-    groups: tuple[ObservationGroup, ...], frames: list[GroupFrames], frame: IntArray, row: IntArray
-) -> Measured:
-    """Measurements in the order of the rays."""
+    groups: tuple[ObservationGroup, ...],
+    frames: list[GroupFrames],
+    frame: IntArray,
+    row: SmallIntArray,
+    longest: int,
+) -> Measurements:
+    """Measurements in the order of the rays; ``longest`` is the number of rays of the largest chunk."""
     if len(frames) == 1:
-        return Measured(*_of_rows(groups[frames[0].group], row))
+        return _of_rows(groups[frames[0].group], row, longest)
     parts = tuple(np.empty((len(row), 2)) for _ in range(3))
     for own in frames:
         here = np.flatnonzero((frame >= own.first) & (frame < own.first + own.count))
-        for part, values in zip(parts, _of_rows(groups[own.group], row[here]), strict=True):
+        for part, values in zip(parts, _of_rows(groups[own.group], row[here], len(here))[:3], strict=True):
             part[here] = values
-    return Measured(*parts)
+    return Measurements(parts[0], parts[1], parts[2])
 
 
-def _of_rows(group: ObservationGroup, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Observed values, weights, and the measured coordinates that a camera model may correct, (n, 2) each."""
+def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
+    """Measurements of some rows of a group."""
+    forward = (
+        group.type is not IMAGE_TYPES["brown"]
+    )  # all other models never look at the measured coordinates
+    one_sigma = group.sigma.strides == (0, 8) and bool(np.isfinite(group.observed).all())
+    if forward and one_sigma and longest < len(rows):
+        return Measurements(group.observed, 1.0 / group.sigma[:longest], group.observed, rows)
     observed, weight = group.observed[rows], 1.0 / group.sigma[rows]
     unseen = ~np.isfinite(observed)
     if unseen.any():
         observed[unseen] = weight[unseen] = 0.0
-    if group.type is not IMAGE_TYPES["brown"]:
-        return observed, weight, observed  # all other models compute forward, and never look at it
-    return observed, weight, np.nan_to_num(group.constants[rows, :2])
+    if forward:
+        return Measurements(observed, weight, observed)
+    return Measurements(observed, weight, np.nan_to_num(group.constants[rows, :2]))

@@ -8,6 +8,7 @@ fronts, with N⁻¹ = Z and Y = L21 L11⁻¹, and Z22 inherited from the parent:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,17 +23,24 @@ from mor.geometry.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from mor.adjustment.cholesky import Factor
+    from mor.adjustment.elimination import Elimination
 
 
-def selected_inverse(factor: Factor) -> BlockMatrix:
+Watcher = Callable[[float], None]
+"""Told how many more operations are done."""
+_TELLINGS = 100
+
+
+def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatrix:
     """Return the blocks of N⁻¹ on the pattern of N; rows and columns of unknowns set aside are zero.
 
     Exact, not an approximation: every entry equals that of the full inverse (of N without the rows and
-    columns of the unknowns set aside).
+    columns of the unknowns set aside). ``watch`` is told some hundred times how far it is.
     """
     from mor.adjustment.cholesky import entries_of_front
 
     plan = factor.elimination
+    tellings = _tellings(plan) if watch is not None else {}
     values = np.zeros(int(plan.structure.position[-1]))
     waiting = np.bincount(plan.parent[plan.parent >= 0], minlength=plan.fronts)
     inverses: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
@@ -45,6 +53,8 @@ def selected_inverse(factor: Factor) -> BlockMatrix:
                 _inherit(places, *inverses[parent], rest)
             pivots, below = _inverse_of_front(factor, f, rest)
             fronts.extract(values, *entries_of_front(plan.entries, f), pivots, below)
+            if watch is not None and f in tellings:
+                watch(tellings[f])
             if waiting[f]:
                 inverses[f] = (pivots, below, rest)
             if parent >= 0:
@@ -52,6 +62,23 @@ def selected_inverse(factor: Factor) -> BlockMatrix:
                 if waiting[parent] == 0:
                     del inverses[parent]
     return BlockMatrix(plan.structure, values)
+
+
+def operations(plan: Elimination) -> FloatArray:
+    """(f,) floating point operations of the selected inverse in each front."""
+    k, r = plan.pivots.astype(float), np.diff(plan.row_pointers).astype(float)
+    count: FloatArray = 2.0 / 3.0 * k**3 + 3.0 * k**2 * r + 2.0 * k * r**2
+    return count
+
+
+def _tellings(plan: Elimination) -> dict[int, float]:
+    """After which fronts, from the last one to the first, how many more operations are told."""
+    done = np.cumsum(operations(plan)[::-1])
+    if len(done) == 0:
+        return {}
+    steps = np.floor(done * (_TELLINGS / done[-1]))
+    ends = np.flatnonzero(np.diff(steps, prepend=0.0) > 0.0)
+    return dict(zip((len(done) - 1 - ends).tolist(), np.diff(done[ends], prepend=0.0).tolist(), strict=True))
 
 
 def _inverse_of_front(factor: Factor, f: int, rest: FloatArray) -> tuple[FloatArray, FloatArray]:

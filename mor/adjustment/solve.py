@@ -79,7 +79,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Adjustment:
-    """Outcome of the solver, complete with the system at the solution."""
+    """Outcome of the solver, complete with the inverse of the system at the solution."""
 
     problem: Problem
     plan: Plan
@@ -194,6 +194,8 @@ def _converged(state: Adjustment) -> Adjustment:
         outcome=Outcome.CONVERGED,
         defect=replace(state.defect, datum=datum),
         constraint=constraint(datum, state.problem, state.inverse.values),
+        stride=Stride(np.zeros(0)),
+        normals=state.normals.spent(),
     )
 
 

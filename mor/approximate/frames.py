@@ -102,10 +102,11 @@ def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:
 def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _Rays:
     """Rays of the completely measured rows of a group, and the images they belong to."""
     slots = zip(group.type.slots, group.blocks, strict=True)
-    blocks = {slot.part: numbers for slot, numbers in slots if slot.of == "image"}
+    blocks = {slot.part: numbers.astype(np.int64) for slot, numbers in slots if slot.of == "image"}
     rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])
     image = owners[np.searchsorted(keys, _pose_key(network, blocks))]
-    return _Rays(image, group.blocks[-1], rays, sigma).take(np.asarray(group.mask.all(axis=1)))
+    point = group.blocks[-1].astype(np.int64)
+    return _Rays(image, point, rays, sigma).take(np.asarray(group.mask.all(axis=1)))
 
 
 def _image_frame(network: Network, rays: _Rays) -> Frame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -47,8 +48,8 @@ class Progress:
             self.events.write(line + "\n")
             self.events.flush()
 
-    def phase(self, name: str) -> None:
-        """A new phase begins."""
+    def phase(self, name: str, total: int = 0) -> Callable[[int], None]:
+        """A new phase begins; what is returned counts what is done of a ``total``."""
         self.name = self.words.listed(name)
         self.event("phase", name=name)
         self._leave_iterations()
@@ -56,25 +57,23 @@ class Progress:
             self.status.update(f"{self.name} …")
         elif self.verbose and not self.quiet:
             click.echo(f"{self.name} …", err=True)
+        return self.counter(total)
 
     def counter(self, total: int) -> Callable[[int], None]:
         """Counts what is done of a phase, and shows how much is left of it and for how long."""
-        done, begun = 0, time.monotonic()
-        name = self.name
+        done, shown, begun = 0, 0, time.monotonic()
+        name, lock = self.name, threading.Lock()
 
         def more(count: int) -> None:
-            nonlocal done
-            done += count
-            if self.status is not None and 0 < done <= total:
-                left = (time.monotonic() - begun) * (total - done) / done
-                self.status.update(
-                    self.words(
-                        "{name}: {share} %, {left} s left",
-                        name=name,
-                        share=100 * done // total,
-                        left=f"{left:.0f}",
-                    )
-                )
+            nonlocal done, shown
+            with lock:  # the passes over the rays count from several threads
+                done += count
+                share = 100 * done // max(total, 1)
+                if self.status is not None and shown < share <= 100:
+                    shown = share
+                    left = f"{(time.monotonic() - begun) * (total - done) / done:.0f}"
+                    told = self.words("{name}: {share} %, {left} s left", name=name, share=share, left=left)
+                    self.status.update(told)
 
         return more
 

@@ -120,8 +120,11 @@ def command(
         say.notes(network.notes)
         network = snooped(network) if snoop else network
         say.phase("adjusting")
-        solved = solve_network(network, say.iteration, lambda: say.phase("precision and reliability"))
+        solved = solve_network(
+            network, say.iteration, lambda effort: say.phase("precision and reliability", effort)
+        )
         say.phase("writing")
+        said = "" if quiet and solved.quality is not None else screen(solved, words)
         if writes:
             say.notes(left_out(solved, tables, html))
             page = html if html is not None else not is_large(solved)
@@ -138,8 +141,8 @@ def command(
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
     if as_json:
         click.echo(results_text(solved), nl=False)
-    if not quiet or solved.quality is None:
-        click.echo(screen(solved, words), err=True)
+    if said:
+        click.echo(said, err=True)
         if writes:
             click.echo(words("results in {place}", place=folder), err=True)
     return code

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,5 +12,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 SmallIntArray: TypeAlias = NDArray[np.int32]
 """Numbers of names: tables have many rows."""
+AnyIntArray: TypeAlias = NDArray[np.signedinteger[Any]]
+"""Numbers that are only looked up: of ten million rows they are kept as small as they go."""
 SmallestIntArray: TypeAlias = NDArray[np.int8]
 """Numbers of components of a row."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.observations.names import Names
 from mor.units import Component
 
@@ -105,7 +105,7 @@ class ObservationGroup:
 
     name: str
     type: ObservationType
-    blocks: tuple[IntArray, ...]
+    blocks: tuple[AnyIntArray, ...]
     """One (n,) array of block numbers per slot."""
     observed: FloatArray
     """(n, m); NaN where a component was not observed."""

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
 from mor.parameters.kinds import KINDS, BlockKind
 
@@ -38,9 +38,9 @@ class Index:
     columns: Mapping[str, IntArray]
     unknown_kind: tuple[str, ...]
     """Kind keys, in the order in which ``kind_of`` numbers them."""
-    kind_of: IntArray
-    block_of: IntArray
-    component_of: IntArray
+    kind_of: AnyIntArray
+    block_of: AnyIntArray
+    component_of: AnyIntArray
 
     @property
     def count(self) -> int:
@@ -71,11 +71,11 @@ def index_unknowns(blocks: Mapping[str, Blocks]) -> Index:
         numbered[mask] = count + np.arange(np.count_nonzero(mask))
         columns[key] = numbered[table.owner, np.arange(table.kind.size)]
         where = np.nonzero(mask)
-        kind_of.append(np.full(len(where[0]), number))
-        block_of.append(where[0])
-        component_of.append(where[1])
+        kind_of.append(np.full(len(where[0]), number, dtype=np.int8))
+        block_of.append(where[0].astype(np.int32))
+        component_of.append(where[1].astype(np.int8))
         count += len(where[0])
-    none = [np.zeros(0, dtype=np.int64)]
+    none = [np.zeros(0, dtype=np.int8)]
     return Index(
         dict(blocks),
         columns,

@@ -76,7 +76,11 @@ class BlockStore:
     def blocks(self) -> Blocks:
         """The finished table of blocks."""
         size = self.kind.size
-        owner = np.repeat(np.arange(len(self.ids), dtype=np.int64)[:, None], size, axis=1)
+        owner: IntArray = np.broadcast_to(
+            np.arange(len(self.ids), dtype=np.int64)[:, None], (len(self.ids), size)
+        )
+        if self.shared:
+            owner = owner.copy()
         for (block, component), other in self.shared.items():
             owner[block, component] = other
         about_axes = np.isin(np.arange(len(self.ids)), list(self.about_axes)) if self.about_axes else None
@@ -90,10 +94,14 @@ class BlockStore:
         """(n, size) start values that differ from the values, NaN elsewhere."""
         return np.concatenate(self.start) if self.start else np.zeros((0, self.kind.size))
 
-    def start_values(self) -> FloatArray:
-        """(n, size) values the adjustment starts from, NaN where there are none yet."""
+    def start_values(self, values: FloatArray) -> FloatArray:
+        """(n, size) what the adjustment starts from, NaN where there is nothing yet: ``values``, or others.
+
+        The same array where no start value differs.
+        """
         start = self.all_start()
-        return np.where(np.isnan(start), self.all_values(), start)
+        missing = np.isnan(start)
+        return values if missing.all() else np.where(missing, values, start)
 
     def all_free(self) -> BoolArray:
         """(n, size) true where free or observed."""

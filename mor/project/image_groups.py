@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import Names
@@ -19,7 +19,7 @@ from mor.project.reading import Reading
 from mor.project.tables import Column, Place, Rows
 from mor.units import IMAGE
 
-Repeated = TypeVar("Repeated", FloatArray, IntArray)
+Repeated = TypeVar("Repeated", FloatArray, SmallIntArray)
 
 
 def units_of_values(entry: Observations) -> Observations:
@@ -93,9 +93,9 @@ def _image_group(
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
         r0 = reading.edge.number(camera.r0, IMAGE, "", scale)
     blocks = tuple(
-        points.parts["position"][point.numbers]
+        _blocks_of(points.parts["position"], point)
         if slot.of == "point"
-        else _once(images.parts[slot.part][image.numbers])
+        else _once(_blocks_of(images.parts[slot.part], image))
         for slot in type_.slots
     )
     group = ObservationGroup(
@@ -123,6 +123,14 @@ def _constants(model: CameraModel, observed: FloatArray, r0: float) -> FloatArra
         return np.concatenate([observed, own], axis=1)
     row = np.array([0.0, 0.0, *(r0 for _ in model.constants)])
     return np.broadcast_to(row, (len(observed), len(row)))
+
+
+def _blocks_of(blocks: IntArray, names: Names) -> SmallIntArray:
+    """Blocks (n,) of the things that rows name; the numbers of the names themselves where they are the same."""
+    if np.array_equal(blocks, np.arange(len(blocks))):
+        return names.numbers
+    found: SmallIntArray = blocks.astype(np.int32)[names.numbers]
+    return found
 
 
 def _once(array: Repeated) -> Repeated:

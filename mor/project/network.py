@@ -21,7 +21,7 @@ from mor.project.checks import check_groups
 from mor.project.correlations import Correlation, correlations
 from mor.project.direction_sets import check_direction_sets
 from mor.project.edge import Edge, ImageScale
-from mor.project.entities import Entities, unknown_name, workshop
+from mor.project.entities import Entities, entities, unknown_name, workshop
 from mor.project.features import feature_groups
 from mor.project.groups import read_groups
 from mor.project.images import read_images
@@ -128,20 +128,20 @@ def build_network(
         problems.append(reading.at("observations").problem("there are no observations"))
     if problems:
         raise InputError(problems)
-    stores = reading.shop.stores
+    stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
+    observed = {key: store.all_values() for key, store in stores.items()}
     return Network(
         project=project,
         edge=edge,
         scales=reading.scales,
-        things=reading.shop.things,
-        blocks={key: store.blocks() for key, store in stores.items() if store.ids},
+        things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
+        blocks={key: store.blocks() for key, store in stores.items()},
         start={
-            key: _representation(store.kind.is_rotation, store.start_values())
+            key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
             for key, store in stores.items()
-            if store.ids
         },
-        observed={key: store.all_values() for key, store in stores.items() if store.ids},
-        sigma={key: store.all_sigma() for key, store in stores.items() if store.ids},
+        observed=observed,
+        sigma={key: store.all_sigma() for key, store in stores.items()},
         groups=(*plain, *(_said_outside(reading, group) for group in others)),
         checks=checks,
         correlations=correlated,

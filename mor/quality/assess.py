@@ -11,8 +11,10 @@ import numpy as np
 from mor.adjustment.datum import STransformation
 from mor.adjustment.solve import Adjustment
 from mor.geometry.arrays import BoolArray, FloatArray
+from mor.quality.effort import Done, of_operations
 from mor.quality.levels import noncentrality, sidak
-from mor.quality.observation_quality import ObservationQuality
+from mor.quality.observation_quality import ObservationQuality, redundancy_of
+from mor.quality.pieces import in_pieces
 from mor.quality.precision import datum_transformation, parameter_cofactors
 from mor.quality.redundancy import observation_quality
 from mor.quality.reliability import Reliability
@@ -60,7 +62,7 @@ class Quality:
         """Observations whose test value |w| exceeds the critical value, by group; excluded ones are not among them."""
         groups = self.adjustment.problem.groups
         return tuple(
-            (np.abs(np.nan_to_num(one.test)) > self.critical) & ~group.left_out
+            _beyond(one, self.critical) & ~group.left_out
             for one, group in zip(self.reliability, groups, strict=True)
         )
 
@@ -75,13 +77,18 @@ class Quality:
         return self.adjustment.normals.objective
 
 
-def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bool = True) -> Quality:
-    """Quality of a converged adjustment; standard deviations with σ0 a posteriori, or a priori (1)."""
+def assess(
+    adjustment: Adjustment, levels: Levels | None = None, aposteriori: bool = True, done: Done | None = None
+) -> Quality:
+    """Quality of a converged adjustment; standard deviations with σ0 a posteriori, or a priori (1).
+
+    ``done`` is told how much more of :func:`mor.quality.effort.effort` is done.
+    """
     levels = levels or Levels()
     problem = adjustment.problem
-    cofactors = adjustment.inverse.selected()
+    cofactors = adjustment.inverse.selected(of_operations(done) if done is not None else None)
     datum = datum_transformation(adjustment)
-    groups, of_eliminated = observation_quality(adjustment, cofactors, datum)
+    groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
     if levels.familywise is not None:
         levels = replace(levels, snooping=sidak(levels.familywise, problem.observations))
     ncp = noncentrality(levels.snooping, levels.power)
@@ -95,7 +102,7 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
     return Quality(
         adjustment=adjustment,
         redundancy=redundancy,
-        redundancy_sum=float(sum(np.nansum(group.r) for group in groups)),
+        redundancy_sum=float(sum(redundancy_of(group) for group in groups)),
         sigma0=sigma0,
         sigma_factor=sigma0 if aposteriori else 1.0,
         levels=levels,
@@ -107,6 +114,10 @@ def assess(adjustment: Adjustment, levels: Levels | None = None, aposteriori: bo
         cofactors=blocks,
         datum=datum,
     )
+
+
+def _beyond(one: Reliability, critical: float) -> BoolArray:
+    return in_pieces(one.quality.v.shape, lambda rows: np.abs(np.nan_to_num(one.at(rows).test)) > critical)
 
 
 def standard_deviations(quality: Quality, kind: str) -> FloatArray:

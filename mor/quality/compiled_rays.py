@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.geometry.arrays import FloatArray, IntArray, SmallestIntArray
+from mor.geometry.arrays import FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
 
 @compile_kernel
 def fill(
-    rows: IntArray,
+    rows: SmallIntArray,
     place: IntArray,
     weight: FloatArray,
     white: FloatArray,
@@ -26,7 +26,7 @@ def fill(
 
     ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
     into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
-    ``controlled`` are left out.
+    ``controlled`` are left out. ``joint`` and ``freedom`` have one column for the row, or one for each component.
     """
     for k in range(rows.size):
         row, i = rows[k], place[k]

@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.influence import Entry
 from mor.quality.local_influence import point_movements
+from mor.quality.pieces import in_pieces
+from mor.quality.reliability import Reliability
 from mor.quality.tests import comparable
 
 MOST = 200
@@ -73,13 +75,30 @@ def _chosen(quality: Quality) -> list[Entry]:
     for number, (one, group) in enumerate(
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
-        size = comparable(np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test))))
-        order = np.argsort(-size.ravel(), kind="stable")[:wanted]
+        size = _sizes(one)
+        size[group.left_out] = 0.0
+        order = _largest(size, wanted)
         for place in order[size.ravel()[order] > 0.0]:
             row, component = divmod(int(place), size.shape[1])
             best.append((float(size[row, component]), Entry(number, row, component)))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
+
+
+def _sizes(tests: Reliability) -> FloatArray:
+    """(n, m) |w| as it is compared, 0 where there is no test."""
+    return in_pieces(
+        tests.quality.v.shape, lambda rows: comparable(np.nan_to_num(np.abs(tests.at(rows).test)))
+    )
+
+
+def _largest(size: FloatArray, count: int) -> IntArray:
+    """Places in the flat array of the largest, the largest first, equal ones in their order."""
+    flat = size.ravel()
+    limit = np.partition(flat, len(flat) - count)[len(flat) - count] if count < len(flat) else 0.0
+    among = np.flatnonzero(flat >= limit)
+    order: IntArray = among[np.argsort(-flat[among], kind="stable")[:count]]
+    return order
 
 
 def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:

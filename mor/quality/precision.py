@@ -28,22 +28,19 @@ def parameter_cofactors(
 ) -> FloatArray:
     """Cofactor matrices (n, k, k) of all blocks of a kind for σ0 = 1; zero rows where fixed.
 
-    ``of_eliminated`` (p, 3, 3) are those of the eliminated points, in the minimal datum like ``cofactors``.
+    ``of_eliminated`` (n, 3, 3), by point block, are those of the eliminated points, in the minimal datum like
+    ``cofactors``. The array is taken over: of points it is what is returned.
     Rotations are given for the small rotation vector, or for ω, φ, κ where they move by angles.
     """
     plan, index = adjustment.plan, adjustment.problem.index
     columns = index.columns[kind]
-    eliminated = np.full(len(columns), -1, dtype=np.int64)
-    if kind == "point" and len(plan.rays.columns):
-        eliminated[index.block_of[plan.rays.columns[:, 0]]] = np.arange(len(plan.rays.columns))
-    result = np.empty((*columns.shape, columns.shape[1]))
+    result = of_eliminated if kind == "point" else np.empty((*columns.shape, columns.shape[1]))
     for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
         piece = slice(first, first + _BLOCKS_AT_A_TIME)
         own = columns[piece]
         q = block_cofactors(plan.target, cofactors.values, reduced_columns(own, plan.reduced))
-        alone = eliminated[piece] >= 0
-        if alone.any():
-            q[alone] = of_eliminated[eliminated[piece][alone]]
+        alone = (own[:, 0] >= 0) & (plan.reduced[own[:, 0]] < 0)
+        q[alone] = result[piece][alone]
         held = _held(adjustment, own)
         weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)
         q += weak @ np.swapaxes(weak, 1, 2) + datum.correction(own, own)

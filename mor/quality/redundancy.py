@@ -22,7 +22,7 @@ from mor.adjustment.ray_chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.ray_plan import RayPlan
 from mor.adjustment.rows import row_cofactors
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray
 from mor.observations import ObservationGroup
 from mor.quality import compiled_rays
 from mor.quality.carried import (
@@ -34,20 +34,21 @@ from mor.quality.carried import (
     lengths_of_rows,
 )
 from mor.quality.cluster_quality import cluster_quality
+from mor.quality.effort import Done
 from mor.quality.joint import joint_statistic
 from mor.quality.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests import CONTROLLED
 
 
 def observation_quality(
-    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation
+    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation, done: Done | None = None
 ) -> tuple[tuple[ObservationQuality, ...], FloatArray]:
     """Residuals, redundancy numbers and cofactors of all groups, from the selected inverse of the reduced system.
 
-    Also the cofactors (p, 3, 3) of the eliminated points, which come out of the same pass (without weak directions, in
-    the minimal datum). What errors carry into the points is in the datum of the adjustment.
+    Also the cofactors of the eliminated points (n, 3, 3), by point block, zero for all others; out of the same pass
+    (without weak directions, in the minimal datum). What errors carry into points is in the datum of the adjustment.
     Residuals are those of the solution; Jacobians are taken where the system was factorised, a tiny last step before,
-    so that Σ r comes out right to the last digits.
+    so that Σ r comes out right to the last digits. ``done`` is told how many more rays are done.
     """
     plan, values = adjustment.plan, adjustment.inverse.values
     quality = _residuals(adjustment)
@@ -59,17 +60,19 @@ def observation_quality(
     correlated = [
         cluster_quality(adjustment, cofactors, cluster, quality, tangent, extra) for cluster in plan.clusters
     ]
-    of_points = np.zeros((len(plan.rays.columns), 3, 3))
+    of_points = np.zeros((len(adjustment.problem.index.columns.get("point", ())), 3, 3))
     weak = adjustment.inverse.weak
 
     def of_lane(rays: RayPlan) -> None:
         for chunk in ray_chunks(adjustment.problem, rays, plan.reduced, values):
-            of_points[chunk.points], white, shares = ray_cofactors(chunk.rays, cofactors)
+            of_points[rays.points[chunk.points]], white, shares = ray_cofactors(chunk.rays, cofactors)
             if weak.shape[1]:
                 image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
                 white = white + image @ np.swapaxes(image, 1, 2)
             add_directions(plan, rays, chunk, extra, shares)
             _fill_rays(quality, chunk, white, shares * lengths_of_rays(chunk))
+            if done is not None:
+                done(len(chunk.row))
 
     in_lanes(plan.rays, 0, of_lane)
     return tuple(_with_correlated(number, one, correlated) for number, one in enumerate(quality)), of_points
@@ -133,7 +136,7 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
 
     def of_lane(lane: RayPlan) -> None:
         for chunk, residual in ray_residuals(adjustment.problem, lane, values):
-            weight = lane.measured.weight[chunk.rays]
+            weight = lane.measurements.of(chunk.rays).weight
             v = np.where(weight > 0.0, residual / np.where(weight > 0.0, weight, 1.0), np.nan)
             group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
             for number in np.unique(group_of_ray):
@@ -152,7 +155,7 @@ def _empty(group: ObservationGroup) -> ObservationQuality:
 
 def _fill(
     quality: ObservationQuality,
-    rows: IntArray,
+    rows: AnyIntArray,
     here: BoolArray,
     white: FloatArray,
     carries: FloatArray,

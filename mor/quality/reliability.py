@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.observations._contract import OUT
 from mor.quality.observation_quality import ObservationQuality
+from mor.quality.pieces import in_pieces
 from mor.quality.tests import CONTROLLED
 
 
@@ -40,22 +41,41 @@ class Reliability:
     @property
     def test(self) -> FloatArray:
         """w_B; for excluded observations that of the test whether they fit."""
-        return self._with_excluded(self.quality.weighted / np.sqrt(self._q), lambda v, spread: v / spread)
+        return self._piecewise(lambda one: one._test)
 
     @property
     def error(self) -> FloatArray:
         """Estimated gross error, in the sense observed − true."""
-        return self._with_excluded(-self.quality.weighted / self._q, lambda v, spread: -v)
+        return self._piecewise(lambda one: one._error)
 
     @property
     def smallest(self) -> FloatArray:
         """∇, the smallest detectable gross error."""
-        detectable = np.sqrt(self.ncp) / np.sqrt(self._q)
-        return self._with_excluded(detectable, lambda v, spread: np.sqrt(self.ncp) * spread)
+        return self._piecewise(lambda one: one._smallest)
 
     @property
     def external(self) -> FloatArray:
         """δ̄0."""
+        return self._piecewise(lambda one: one._external)
+
+    def _piecewise(self, of_rows: Callable[[Reliability], FloatArray]) -> FloatArray:
+        return in_pieces(self.quality.v.shape, lambda rows: of_rows(self.at(rows)))
+
+    @property
+    def _test(self) -> FloatArray:
+        return self._with_excluded(self.quality.weighted / np.sqrt(self._q), lambda v, spread: v / spread)
+
+    @property
+    def _error(self) -> FloatArray:
+        return self._with_excluded(-self.quality.weighted / self._q, lambda v, spread: -v)
+
+    @property
+    def _smallest(self) -> FloatArray:
+        detectable = np.sqrt(self.ncp) / np.sqrt(self._q)
+        return self._with_excluded(detectable, lambda v, spread: np.sqrt(self.ncp) * spread)
+
+    @property
+    def _external(self) -> FloatArray:
         q = self._q
         external = np.sqrt(self.ncp) / np.sqrt(q) * np.sqrt(np.maximum(self.quality.precision - q, 0.0))
         return self._with_excluded(external, lambda v, spread: np.zeros(len(v)))
@@ -82,6 +102,16 @@ class Reliability:
             spread = np.sqrt((self.quality.sigma[out] / OUT) ** 2 + self.quality.q_adjusted[out])
             values[out] = of_excluded(self.quality.v[out], spread)
         return values
+
+
+def without_test(tests: Reliability) -> BoolArray:
+    """(n, m) observations that nothing controls: there is a redundancy number, but no test value."""
+
+    def of_rows(rows: slice) -> BoolArray:
+        some = tests.at(rows)
+        return np.isfinite(some.quality.r) & ~np.isfinite(some.test)
+
+    return in_pieces(tests.quality.v.shape, of_rows)
 
 
 def student_square(test: FloatArray, omega: float, redundancy: int) -> FloatArray:

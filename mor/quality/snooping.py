@@ -184,7 +184,7 @@ def _together(quality: Quality, group: int, row: int, sizes: FloatArray) -> Entr
     one = quality.adjustment.problem.groups[group]
     active = np.flatnonzero(one.mask[row] & ~one.left_out[row])
     is_ray = one.type.key.startswith(("image/", "follower/"))
-    if is_ray and quality.groups[group].freedom[row, active].max() >= len(active):
+    if is_ray and quality.groups[group].at(np.array([row])).freedom[0, active].max() >= len(active):
         return [(group, row, int(component)) for component in active]
     return [(group, row, int(np.argmax(sizes)))]
 

@@ -9,6 +9,7 @@ from scipy.special import chdtri, ndtri
 
 from mor.geometry.arrays import FloatArray
 from mor.quality.observation_quality import ObservationQuality
+from mor.quality.pieces import in_pieces
 
 CONTROLLED = 1e-6
 """Redundancy number below which an observation cannot be tested: nothing else would notice an error in it."""
@@ -42,6 +43,10 @@ def global_test(statistic: float, redundancy: int, level: float) -> GlobalTest:
 
 def normalised_residuals(quality: ObservationQuality) -> FloatArray:
     """w = v/σ_v (n, m) for σ0 = 1; NaN where r is (nearly) zero, for then there is no test."""
+    return in_pieces(quality.v.shape, lambda rows: _normalised(quality.at(rows)))
+
+
+def _normalised(quality: ObservationQuality) -> FloatArray:
     testable = np.nan_to_num(quality.r) > CONTROLLED
     q = np.where(testable, quality.q_residual, 0.0)
     return np.where(q > 0.0, quality.v / np.sqrt(np.where(q > 0.0, q, 1.0)), np.nan)

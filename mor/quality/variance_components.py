@@ -25,6 +25,7 @@ from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.exclusion import reweighted
 from mor.quality.helmert import affordable, helmert_system
+from mor.quality.observation_quality import omega_of, redundancy_of
 
 Method = Literal["simplified", "helmert"]
 
@@ -138,6 +139,6 @@ def _adjusted(last: Adjustment, problem: Problem, total: FloatArray) -> Adjustme
 
 def group_sums(quality: Quality) -> tuple[FloatArray, FloatArray]:
     """(g,) Ω_g = Σ v·Pv and Σ r of each group."""
-    omega = np.array([float(np.nansum(group.v * group.weighted)) for group in quality.groups])
-    redundancy = np.array([float(np.nansum(group.r)) for group in quality.groups])
+    omega = np.array([omega_of(group) for group in quality.groups])
+    redundancy = np.array([redundancy_of(group) for group in quality.groups])
     return omega, redundancy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 from mor.quality.solved import Solved
@@ -12,9 +12,13 @@ from mor.quality.solved import Solved
 Table = TypeVar("Table")
 
 
+_REMEMBERED: list[WeakKeyDictionary[Solved, Any]] = []
+
+
 def once(work: Callable[[Solved], Table]) -> Callable[[Solved], Table]:
     """Remember what the work made of an adjustment for as long as that is there; nobody may change it."""
     known: WeakKeyDictionary[Solved, Table] = WeakKeyDictionary()
+    _REMEMBERED.append(known)
 
     @wraps(work)
     def remembered(solved: Solved) -> Table:
@@ -23,3 +27,9 @@ def once(work: Callable[[Solved], Table]) -> Callable[[Solved], Table]:
         return known[solved]
 
     return remembered
+
+
+def forget(solved: Solved) -> None:
+    """Give back the room of all tables of an adjustment; who asks for one again has it worked out again."""
+    for known in _REMEMBERED:
+        known.pop(solved, None)

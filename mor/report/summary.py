@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 from mor import __version__
+from mor.geometry.arrays import BoolArray
 from mor.quality.explain import weakness
+from mor.quality.observation_quality import ObservationQuality
+from mor.quality.pieces import in_pieces
 from mor.quality.solved import Solved
+from mor.quality.tests import normalised_residuals
 from mor.report.outward import angle_unit
 
 SCHEMA = "mor-results"
@@ -91,10 +95,15 @@ def _statistics(solved: Solved) -> dict[str, Any]:
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,
         "flagged": int(sum(np.count_nonzero(flags) for flags in quality.flagged)),
-        "uncontrolled": int(
-            sum(
-                np.count_nonzero(np.isfinite(group.r) & ~np.isfinite(w))
-                for group, w in zip(quality.groups, quality.w, strict=True)
-            )
-        ),
+        "uncontrolled": sum(_untested(group) for group in quality.groups),
     }
+
+
+def _untested(quality: ObservationQuality) -> int:
+    """Number of observations that nothing controls."""
+
+    def of_rows(rows: slice) -> BoolArray:
+        some = quality.at(rows)
+        return np.isfinite(some.r) & ~np.isfinite(normalised_residuals(some))
+
+    return int(np.count_nonzero(in_pieces(quality.v.shape, of_rows)))

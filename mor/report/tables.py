@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations.names import places_of
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
 from mor.project.features import feature_label
 from mor.project.model import Axes
+from mor.quality.observation_quality import omega_of, redundancy_of
+from mor.quality.pieces import in_pieces
+from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
 from mor.report.control import control_of_images, control_of_points
 from mor.report.once import once
@@ -219,14 +222,13 @@ def group_table(solved: Solved) -> pl.DataFrame:
         }
         if solved.quality is not None:
             quality = solved.quality.groups[number]
-            omega = float(np.nansum(quality.v * quality.weighted))
-            r = float(np.nansum(quality.r))
+            omega, r = omega_of(quality), redundancy_of(quality)
             row |= {
                 "redundancy": r,
                 "omega": omega,
                 "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 else None,
                 "mean_r": r / row["observations"] if row["observations"] else None,
-                "largest_w": _largest(solved.quality.reliability[number].test[~group.left_out]),
+                "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),
                 "excluded": int(np.count_nonzero(group.left_out)),
                 "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
                 **_component(solved, number),
@@ -260,9 +262,15 @@ def _component(solved: Solved, number: int) -> dict[str, Any]:
     }
 
 
-def _largest(tests: FloatArray) -> float | None:
-    size = np.abs(tests[np.isfinite(tests)])
-    return float(size.max()) if size.size else None
+def _largest(tests: Reliability, inside: BoolArray) -> float | None:
+    """The largest |test| of the observations inside."""
+
+    def of_rows(rows: slice) -> FloatArray:
+        size = np.abs(tests.at(rows).test)
+        return np.where(inside[rows] & np.isfinite(size), size, -1.0)
+
+    largest = float(in_pieces(inside.shape, of_rows).max(initial=-1.0))
+    return largest if largest >= 0.0 else None
 
 
 def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
@@ -322,14 +330,19 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
         which = places_of(group.references[0], images.ids)
         count += np.bincount(which, minlength=len(count))
         if solved.quality is not None and group.external is not None:
-            v = solved.quality.groups[number].v / group.external.factors
-            square += np.bincount(which, weights=np.nansum(v**2, axis=1), minlength=len(count))
+            squares = _squares(solved.quality.groups[number].v, group.external.factors)
+            square += np.bincount(which, weights=squares, minlength=len(count))
     rms = (
         np.sqrt(square / np.maximum(2 * count, 1))
         if solved.quality is not None
         else np.full(len(count), np.nan)
     )
     return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
+
+
+def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
+    """(n,) Σ v² of rows, in the units they were given in."""
+    return in_pieces((len(v),), lambda rows: np.asarray(np.nansum((v[rows] / factors) ** 2, axis=1)))
 
 
 def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:

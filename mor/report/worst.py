@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
+from mor.quality.pieces import in_pieces
+from mor.quality.reliability import without_test
 from mor.quality.solved import Solved
 from mor.quality.tests import comparable, normalised_residuals
 from mor.report.assessed_rows import AssessedGroups
@@ -16,12 +18,8 @@ from mor.report.observation_table import SCHEMA, table_of
 
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     """The rows of the table of residuals with the largest |w|, the worst first, equal ones in their order."""
-    groups = solved.adjustment.problem.groups
-    sizes = [_sizes(solved, number) for number in range(len(groups))]
-    limit = _limit(sizes, count)
     tested, parts = AssessedGroups(solved), []
-    for number, size in enumerate(sizes):
-        rows = np.flatnonzero((size >= limit).any(axis=1))
+    for number, rows in enumerate(_among_the_largest(solved, count)):
         if len(rows):
             parts.append(table_of(tested.rows(number, rows)))
     if not parts:
@@ -31,16 +29,28 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     return table[order[:count]]
 
 
+def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
+    """Rows of each group that may be among the largest."""
+    sizes = [_sizes(solved, number) for number in range(len(solved.adjustment.problem.groups))]
+    limit = _limit(sizes, count)
+    return [np.flatnonzero((size >= limit).any(axis=1)) for size in sizes]
+
+
 def _sizes(solved: Solved, number: int) -> FloatArray:
     """|w| (n, m) of a group as it is compared, −1 where there is none."""
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.observed.shape, -1.0)
-    w = normalised_residuals(quality.groups[number])
-    if group.excluded is not None:
-        w = np.where(group.left_out, quality.reliability[number].test, w)
-    size: FloatArray = np.nan_to_num(comparable(np.abs(w)), nan=-1.0)
-    return size
+    one, tests, out = quality.groups[number], quality.reliability[number], group.left_out
+
+    def of_rows(rows: slice) -> FloatArray:
+        w = normalised_residuals(one.at(rows))
+        if group.excluded is not None:
+            w = np.where(out[rows], tests.at(rows).test, w)
+        size: FloatArray = np.nan_to_num(comparable(np.abs(w)), nan=-1.0)
+        return size
+
+    return in_pieces(group.observed.shape, of_rows)
 
 
 def _limit(sizes: list[FloatArray], count: int) -> float:
@@ -71,13 +81,12 @@ def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, in
         return pl.DataFrame(schema=SCHEMA), 0
     tested, parts, number = AssessedGroups(solved), [], 0
     groups = zip(
-        solved.quality.groups,
         solved.quality.reliability,
         tested.solved.adjustment.problem.groups,
         strict=True,
     )
-    for k, (one, tests, group) in enumerate(groups):
-        loose = np.isfinite(one.r) & ~np.isfinite(tests.test) & ~group.left_out
+    for k, (tests, group) in enumerate(groups):
+        loose = without_test(tests) & ~group.left_out
         rows = np.flatnonzero(loose.any(axis=1))[:count]
         number += int(np.count_nonzero(loose))
         if len(rows):

@@ -13,6 +13,7 @@ from mor.report.adjusted_project import Placed, adjusted_project
 from mor.report.folder import Writer, write_folder
 from mor.report.json import entries, results, to_json
 from mor.report.observation_table import SHOWN, observation_table
+from mor.report.once import forget
 from mor.report.table_files import Format, residual_writer, table_writer
 from mor.report.tables import image_table, point_table, reference_table
 from mor.report.text import text_report
@@ -58,20 +59,29 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    writers: dict[str, Writer] = {
+    writers: dict[str, Writer] = {}
+    if solved.quality is not None:
+        writers |= _starts(solved, document, source, folder)
+    writers |= {
         "results.json": lambda path: _text(to_json(results(solved, names)))(path),
         "report.txt": lambda path: _text(text_report(solved, words_of(choice.language)))(path),
         **dict(tables.values()),
     }
-    if solved.quality is not None:
-        text, starts = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
-        frames = {"reference.csv": reference_table(solved), **starts}
-        writers |= {name: table_writer(frame) for name, frame in frames.items()}
-        writers["adjusted.yaml"] = _text(text)
-        if choice.html:
-            file = names.get("residuals", names.get("residuals_worst", ""))
-            writers["report.html"] = lambda path: _text(_page(solved, file, choice.language))(path)
+    if solved.quality is not None and choice.html:
+        file = names.get("residuals", names.get("residuals_worst", ""))
+        writers["report.html"] = lambda path: _text(_page(solved, file, choice.language))(path)
     write_folder(folder, writers, force)
+
+
+def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
+    """Writers of the adjusted project and its tables; a table that is written is gone."""
+    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
+    frames["reference.csv"] = reference_table(solved)
+
+    def writer(name: str) -> Writer:
+        return lambda path: table_writer(frames.pop(name))(path)
+
+    return {"adjusted.yaml": _text(text), **{name: writer(name) for name in frames}}
 
 
 def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
@@ -84,10 +94,21 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         "images": lambda path: table_writer(image_table(solved), kind)(path),
     }
     if choice.tables == "all":
-        tables["residuals"] = residual_writer(solved, kind, choice.done)
+        write = residual_writer(solved, kind, choice.done)
+        tables["residuals"] = write if choice.html or not is_large(solved) else _by_itself(solved, write)
     else:
         tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
     return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
+
+
+def _by_itself(solved: Solved, write: Writer) -> Writer:
+    """A writer that has the room of the tables that are remembered: it is the last that is called."""
+
+    def alone(path: Path) -> None:
+        forget(solved)
+        write(path)
+
+    return alone
 
 
 def _placed(solved: Solved) -> Placed:

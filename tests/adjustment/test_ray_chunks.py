@@ -266,3 +266,26 @@ def test_quality_of_rays_is_that_of_the_dense_system(name, monkeypatch):
         for name in ("v", "r", "q_adjusted", "q_residual", "weighted", "q_weighted", "joint", "freedom"):
             array, plain = getattr(one, name), getattr(other, name)
             np.testing.assert_allclose(array, plain, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(plain)))
+
+
+@pytest.mark.parametrize("name", ["plain", "two cameras", "left to numpy"])
+def test_a_common_sigma_is_kept_once(name, monkeypatch):
+    monkeypatch.setattr(ray_plan, "POINTS_AT_A_TIME", 5)
+    scene = scene_of(name)
+    problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-2)
+    once = replace(
+        problem,
+        groups=tuple(
+            replace(group, sigma=np.broadcast_to(group.sigma[:1].copy(), group.sigma.shape))
+            for group in problem.groups
+        ),
+    )
+    plans = [make_plan(p, eliminable_rays(p, values)) for p in (problem, once)]
+    whole, short = (plan.rays.measurements.weight for plan in plans)
+    rays = len(plans[0].rays.row)
+    assert len(whole) == rays
+    assert (len(short) < rays) == (name == "plain")
+    one, other = (build_normals(plan, values) for plan in plans)
+    np.testing.assert_array_equal(one.matrix.values, other.matrix.values)
+    np.testing.assert_array_equal(one.rhs, other.rhs)
+    assert one.objective == other.objective

@@ -91,3 +91,15 @@ def test_plain_numpy_gives_the_same_as_compiled_kernels(monkeypatch):
     monkeypatch.setattr(module, "_inherit", module.inherit_by_numpy)
     monkeypatch.setattr(module, "_mirror", module.mirror_by_numpy)
     np.testing.assert_allclose(factor.selected_inverse().values, compiled, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_watcher_is_told_all_the_work_and_changes_nothing(name):
+    matrix, _ = _normal_matrix(*SYSTEMS[name])
+    factor = factorise(matrix, analyse(matrix.structure))
+    told = []
+    watched = factor.selected_inverse(told.append)
+    np.testing.assert_array_equal(watched.values, factor.selected_inverse().values)
+    assert sum(told) == pytest.approx(float(module.operations(factor.elimination).sum()), rel=1e-12)
+    assert len(told) <= 100
+    assert min(told) > 0.0

@@ -54,3 +54,13 @@ def test_unknown_cases_are_named() -> None:
     done = runner("aerial-7")
     assert done.returncode == 2
     assert "aerial-7" in done.stderr
+
+
+def test_images_and_sights_in_one_project_reach_the_solution_of_the_kernel(tmp_path: Path) -> None:
+    done = runner("mixed-6", "--no-peers", "--json", str(tmp_path / "out.json"), "--folder", str(tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+    one = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["cases"]["mixed-6"]
+    assert set(one["commands"]) == {"csv", "csv, html"}
+    for command in one["commands"].values():
+        assert command["sigma0"] == pytest.approx(one["kernel"]["sigma0"], rel=1e-9)
+        assert abs(command["redundancy_check"]) < 1e-6

@@ -11,13 +11,15 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from small_projects import LEVELLING, mor, write
+from small_projects import LEVELLING, block, mor, write, write_block
 
 from mor.adjustment.solve import Iteration
 from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
+from mor.cli._progress import Progress
 from mor.cli.adjust import left_out
 from mor.pipeline import read_document, read_network, solve_network
+from mor.quality.effort import Done
 from mor.quality.solved import Solved
 from mor.report.text.screen import WIDTH, screen
 from mor.report.words.language import words_of
@@ -156,3 +158,45 @@ def at_a_terminal(arguments: list[str]) -> str:
             said += part
     os.close(ours)
     return CONTROLS.sub("", said.decode("utf-8"))
+
+
+class Line:
+    """Stands for the live line of a terminal."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def update(self, words: object) -> None:
+        self.said.append(str(words))
+
+
+def test_a_phase_tells_how_much_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("mor.cli._progress.time.monotonic", lambda: now[0])
+    line = Line()
+    more = Progress(False, False, line).phase("precision and reliability", 400)  # type: ignore[arg-type]
+    for count in (1, 1, 2, 196, 1, 199):
+        now[0] += 0.1 * count
+        more(count)
+    name = "precision and reliability"
+    assert line.said == [
+        f"{name} …",
+        f"{name}: 1 %, 40 s left",
+        f"{name}: 50 %, 20 s left",
+        f"{name}: 100 %, 0 s left",
+    ]
+
+
+def test_statistics_tell_all_their_work(tmp_path: Path) -> None:
+    project = write_block(tmp_path, rows=block(noise=0.002))
+    network = read_network(read_document(project), tmp_path)
+    ahead: list[int] = []
+    told: list[int] = []
+
+    def assessing(effort: int) -> Done:
+        ahead.append(effort)
+        return told.append
+
+    solution = solve_network(network, None, assessing)
+    assert len(ahead) == 1
+    assert sum(told) == ahead[0] >= len(solution.adjustment.plan.rays.row) > 0

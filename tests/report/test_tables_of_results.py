@@ -17,6 +17,7 @@ from mor.report import json as results_json
 from mor.report import write as write_module
 from mor.report.observation_table import SCHEMA, observation_table
 from mor.report.table_files import residual_writer
+from mor.report.tables import point_table
 from mor.report.worst import uncontrolled_residuals, worst_residuals
 from mor.report.write import Choice, write_results
 
@@ -194,3 +195,20 @@ def test_interrupted_once_more_while_clearing_away(
     with pytest.raises(KeyboardInterrupt):
         write_results(solved, read_document(project), project.parent, tmp_path / "out", False, choice)
     assert not list(tmp_path.iterdir())
+
+
+def test_of_very_many_observations_the_long_table_is_written_by_itself(
+    solved: Solved, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    document, choice = read_document(project), Choice(html=False)
+    write_results(solved, document, project.parent, tmp_path / "one", False, choice)
+    remembered = point_table(solved)
+    assert point_table(solved) is remembered
+    monkeypatch.setattr(write_module, "MOST_LISTED", 1)
+    write_results(solved, document, project.parent, tmp_path / "two", False, choice)
+    assert point_table(solved) is not remembered
+    assert point_table(solved).equals(remembered)
+    one, two = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two")
+    )
+    assert one == two

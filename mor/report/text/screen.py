@@ -82,7 +82,9 @@ def _named(row: dict[str, Any], words: Words) -> str:
 
 def _points(solved: Solved, words: Words) -> list[str]:
     frame = point_table(solved)
-    free = frame.filter(frame["status"] != "fixed") if frame.height else frame
+    if frame.height == 0:
+        return []
+    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"] != "fixed")
     if free.height == 0:
         return []
     unit = solved.network.project.units.length
@@ -92,7 +94,7 @@ def _points(solved: Solved, words: Words) -> list[str]:
         for name, value in zip("xyz", rms, strict=True)
         if value != 0.0
     )
-    worst = free.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(0, named=True)
+    worst = free.row(free["ellipsoid_a"].arg_max() or 0, named=True)
     return [
         words(
             "Points: sigma (rms) {numbers} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
