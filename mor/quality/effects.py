@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.geometry.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.influence import Entry
 from mor.quality.local_influence import point_movements
@@ -46,12 +46,11 @@ _FAR = 0.1
 def effects(quality: Quality) -> list[Effect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
-    errors = np.array(
-        [quality.reliability[e.group].at(np.array([e.row])).error[0, e.component] for e in entries]
-    )
+    tested = _tested(quality, entries)
     points = [_points_of(quality, entry) for entry in entries]
-    moved = point_movements(quality, entries, errors, points)
-    return [_effect(quality, *each) for each in zip(entries, points, moved, strict=True)]
+    moved = point_movements(quality, entries, tested[:, _ERROR], points)
+    far = _FAR * float(np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0))
+    return [_effect(*each, far) for each in zip(entries, tested, points, moved, strict=True)]
 
 
 def _points_of(quality: Quality, entry: Entry) -> list[int]:
@@ -74,29 +73,47 @@ def _chosen(quality: Quality) -> list[Entry]:
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
         size = comparable(np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test))))
-        order = np.argsort(-size.ravel(), kind="stable")[:wanted]
-        for place in order[size.ravel()[order] > 0.0]:
+        for place in _largest(size.ravel(), wanted):
             row, component = divmod(int(place), size.shape[1])
             best.append((float(size[row, component]), Entry(number, row, component)))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 
-def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:
-    tests, place = quality.reliability[entry.group].at(np.array([entry.row])), (0, entry.component)
-    most = int(np.argmax(np.linalg.norm(moved, axis=1))) if points else -1
-    r, size = (
-        float(tests.quality.r[place]),
-        np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0),
-    )
-    far = bool(points) and float(np.linalg.norm(moved[most])) > _FAR * size
+def _largest(size: FloatArray, wanted: int) -> IntArray:
+    """Places of the largest of the sizes (n,) above zero, at most so many, equal ones in their order."""
+    least = np.partition(size, len(size) - wanted)[len(size) - wanted] if len(size) > wanted else 0.0
+    candidates = np.flatnonzero((size >= least) & (size > 0.0))
+    return candidates[np.argsort(-size[candidates], kind="stable")[:wanted]]
+
+
+_ERROR = 2
+
+
+def _tested(quality: Quality, entries: list[Entry]) -> FloatArray:
+    """(k, 4) test value, redundancy number, estimated and smallest detectable error of each entry."""
+    groups, rows, components = np.array(entries, dtype=np.int64).reshape(-1, 3).T
+    tested = np.zeros((len(entries), 4))
+    for number in np.unique(groups):
+        here = np.flatnonzero(groups == number)
+        tests = quality.reliability[number].at(rows[here])
+        place = np.arange(len(here)), components[here]
+        for k, values in enumerate((tests.test, tests.quality.r, tests.error, tests.smallest)):
+            tested[here, k] = values[place]
+    return tested
+
+
+def _effect(entry: Entry, tested: FloatArray, points: list[int], moved: FloatArray, far: float) -> Effect:
+    lengths = np.linalg.norm(moved, axis=1)
+    most = int(np.argmax(lengths)) if points else -1
+    test, r, error, smallest = tested.tolist()
     return Effect(
         entry,
-        float(tests.test[place]),
+        test,
         r,
-        float(tests.error[place]),
-        float(tests.smallest[place]),
+        error,
+        smallest,
         points[most] if points else -1,
         moved[most] if points else np.zeros(3),
-        tells=r >= HARDLY_CONTROLLED or not far,
+        tells=r >= HARDLY_CONTROLLED or not points or float(lengths[most]) <= far,
     )
