@@ -113,7 +113,7 @@ def network_components(problem: Problem, values: Values) -> tuple[BoolArray, Boo
     follow. (A plane through a fixed origin follows by its attitude and its offset.)
     """
     fixed = problem.index.columns["point"] < 0
-    held = fixed.any(axis=1)
+    held: BoolArray = np.asarray(fixed.any(axis=1))
     used = np.zeros_like(fixed)
     for group in problem.groups:
         positions = [

@@ -15,7 +15,7 @@ from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
 from mor.quality.tests import normalised_residuals
 
-PIECE = 100_000
+PIECE = 25_000
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
 
 
