@@ -128,7 +128,8 @@ def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher
         problem = make_problem(network, adjustment.start, adjustment.values)
         pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
         same = all(
-            np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True) for a, b in pairs
+            a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True)
+            for a, b in pairs
         )
         if same or not adjustment.outcome.is_solution:
             break
