@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray
 from mor.quality.assess import Quality
 from mor.quality.influence import Entry
 from mor.quality.local_influence import point_movements
-from mor.quality.tests import comparable
+from mor.quality.tests import comparable, least_alike
 
 MOST = 200
 """Observations that are explained at most."""
@@ -72,19 +72,20 @@ def _chosen(quality: Quality) -> list[Entry]:
     for number, (one, group) in enumerate(
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
-        size = comparable(np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test))))
-        for place in _largest(size.ravel(), wanted):
-            row, component = divmod(int(place), size.shape[1])
-            best.append((float(size[row, component]), Entry(number, row, component)))
+        size = np.where(group.left_out, 0.0, np.nan_to_num(np.abs(one.test)))
+        for place, compared in _largest(size.ravel(), wanted):
+            best.append((compared, Entry(number, *divmod(place, size.shape[1]))))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 
-def _largest(size: FloatArray, wanted: int) -> IntArray:
-    """Places of the largest of the sizes (n,) above zero, at most so many, equal ones in their order."""
+def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
+    """Places of the largest of the sizes (n,), and those as they are compared; equal ones in their order."""
     least = np.partition(size, len(size) - wanted)[len(size) - wanted] if len(size) > wanted else 0.0
-    candidates = np.flatnonzero((size >= least) & (size > 0.0))
-    return candidates[np.argsort(-size[candidates], kind="stable")[:wanted]]
+    candidates = np.flatnonzero(size >= least_alike(float(least)))
+    compared = comparable(size[candidates])
+    order = np.argsort(-compared, kind="stable")[:wanted]
+    return [(int(candidates[k]), float(compared[k])) for k in order if compared[k] > 0.0]
 
 
 _ERROR = 2

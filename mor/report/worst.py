@@ -9,7 +9,7 @@ import polars as pl
 
 from mor.geometry.arrays import FloatArray
 from mor.quality.solved import Solved
-from mor.quality.tests import comparable, normalised_residuals
+from mor.quality.tests import comparable, least_alike, normalised_residuals
 from mor.report.assessed_rows import AssessedGroups
 from mor.report.observation_table import SCHEMA, table_of
 
@@ -32,14 +32,14 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
 
 
 def _sizes(solved: Solved, number: int) -> FloatArray:
-    """|w| (n, m) of a group as it is compared, −1 where there is none."""
+    """|w| (n, m) of a group, −1 where there is none."""
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.observed.shape, -1.0)
     w = normalised_residuals(quality.groups[number])
     if group.excluded is not None:
         w = np.where(group.left_out, quality.reliability[number].test, w)
-    size: FloatArray = np.nan_to_num(comparable(np.abs(w)), nan=-1.0)
+    size: FloatArray = np.nan_to_num(np.abs(w), nan=-1.0)
     return size
 
 
@@ -51,7 +51,7 @@ def _limit(sizes: list[FloatArray], count: int) -> float:
         if len(flat) > count:
             flat = np.partition(flat, len(flat) - count)[len(flat) - count :]
         largest = np.sort(np.concatenate([largest, flat]))[-count:]
-    return max(float(largest[0]), 0.0) if len(largest) else 0.0
+    return max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
 
 
 def between(row: dict[str, Any]) -> str:
