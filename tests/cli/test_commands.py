@@ -46,6 +46,22 @@ class TestHelp:
         assert (done.returncode, done.stderr) == (0, "")
 
 
+class TestStartValues:
+    def test_their_search_is_loaded_where_some_are_missing(self, tmp_path: Path) -> None:
+        unknown = "{columns: [id, x, y], rows: [[B, 0, 0], [C, 0, 0]], fixed: [x, y]}"
+        known = "{columns: [id, x, y, z], rows: [[B, 0, 0, 11], [C, 0, 0, 12]], fixed: [x, y]}"
+        project = write(tmp_path, LEVELLING.replace(known, unknown))
+        adjust = "import sys; from mor.cli import run; run(['adjust', {!r}, '-q', '--no-html'])"
+        search = "print('mor.approximate.strategy' in sys.modules, 'scipy.optimize' in sys.modules)"
+        adjusted = tmp_path / "project.results" / "adjusted.yaml"
+        said = []
+        for path in (project, adjusted):
+            code = f"{adjust.format(str(path))}; {search}"
+            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+            said.append(done.stdout.split())
+        assert said == [["True", "False"], ["False", "False"]]
+
+
 class TestExitCodes:
     def test_done(self, tmp_path: Path) -> None:
         run = mor("adjust", write(tmp_path, LEVELLING), "--strict")
