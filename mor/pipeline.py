@@ -13,14 +13,13 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
-from mor.approximate.strategy import approximate
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.geometry.arrays import FloatArray
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
-from mor.parameters.index import index_unknowns
+from mor.parameters.index import all_known, index_unknowns
 from mor.project.model import Settings as ProjectSettings
 from mor.project.network import Network, build_network
 from mor.project.nodes import Document, read_yaml
@@ -115,6 +114,11 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
 
     Raises :class:`InputError` where some stay missing.
     """
+    if all_known(network.start):
+        return network.start
+    # Imported here: its libraries take as long to load as a small project to adjust.
+    from mor.approximate.strategy import approximate
+
     approximation = approximate(network)
     if approximation.missing:
         raise InputError([Mistake(words) for words in approximation.missing])
@@ -127,7 +131,8 @@ def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher
         problem = make_problem(network, adjustment.start, adjustment.values)
         pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
         same = all(
-            np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True) for a, b in pairs
+            a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True)
+            for a, b in pairs
         )
         if same or not adjustment.outcome.is_solution:
             break

@@ -113,6 +113,7 @@ def network_components(problem: Problem, values: Values) -> tuple[BoolArray, Boo
     follow. (A plane through a fixed origin follows by its attitude and its offset.)
     """
     fixed = problem.index.columns["point"] < 0
+    held: BoolArray = np.asarray(fixed.any(axis=1))
     used = np.zeros_like(fixed)
     for group in problem.groups:
         positions = [
@@ -121,8 +122,10 @@ def network_components(problem: Problem, values: Values) -> tuple[BoolArray, Boo
             if slot.kind == "point" and slot.of != "system"
         ]
         for _, number in positions:
-            used[number] |= ~fixed[number]
-        touched = np.any([fixed[number].any(axis=1) for _, number in positions], axis=0)
+            named = np.zeros(len(fixed), dtype=bool)
+            named[number] = True
+            used |= named[:, None] & ~fixed
+        touched = np.any([held[number] for _, number in positions], axis=0)
         if not np.any(touched):
             continue
         blocks = [

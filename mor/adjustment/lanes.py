@@ -31,7 +31,7 @@ def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> l
         work: a pass over the chunks, which may write to arrays at places that are its own.
     """
     lanes = _lanes(rays, numbers)
-    workers = min(len(lanes), _processors())
+    workers = min(len(lanes), processors())
     if workers <= 1:
         return [work(lane) for lane in lanes]
     with ThreadPoolExecutor(workers) as pool:
@@ -45,6 +45,7 @@ def _lanes(rays: RayPlan, numbers: int) -> list[RayPlan]:
     return [replace(rays, chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
 
 
-def _processors() -> int:
+def processors() -> int:
+    """How many processors this process may run on."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1

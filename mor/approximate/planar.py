@@ -11,7 +11,6 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.homography import Homography, fit_homography, significance_of_gaps
@@ -150,6 +149,8 @@ def _facing_axis(directions: FloatArray) -> FloatArray:
 
     Largest t with p · a ≥ t, |a_i| ≤ 1, a linear programme.
     """
+    from scipy.optimize import linprog  # slow to import, and only very wide fields come here
+
     bound = np.column_stack([-directions, np.ones(len(directions))])
     limits = [(-1.0, 1.0)] * 3 + [(None, None)]
     found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=bound, b_ub=np.zeros(len(directions)), bounds=limits)

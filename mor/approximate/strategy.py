@@ -24,6 +24,7 @@ from mor.approximate.sightings import Sightings, sightings
 from mor.approximate.sights import Terrestrial, terrestrial
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
+from mor.parameters.index import all_known
 from mor.project.network import Network
 
 FIRST_FRAMES = 20
@@ -57,7 +58,7 @@ class Scene:
 
 def approximate(network: Network) -> Approximation:
     """Start values of a network; nothing is done where all are given."""
-    if _complete(network.start):
+    if all_known(network.start):
         return Approximation(network.start, {}, ())
     network = replace(network, start=with_observed(network))
     scene = _scene(network)
@@ -69,10 +70,6 @@ def approximate(network: Network) -> Approximation:
     intersect_the_rest(system, scene.seen)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
     return Approximation(start, how, (*reasons, *missing) if missing else ())
-
-
-def _complete(start: Mapping[str, FloatArray]) -> bool:
-    return all(np.isfinite(values).all() for values in start.values())
 
 
 def _scene(network: Network) -> Scene:

@@ -16,6 +16,11 @@ Values: TypeAlias = Mapping[str, FloatArray]
 """Values of all blocks by kind: (n, size), rotations (n, 3, 3)."""
 
 
+def all_known(values: Values) -> bool:
+    """True where no value is missing: NaN stands for one that is."""
+    return all(bool(np.isfinite(array).all()) for array in values.values())
+
+
 @dataclass(frozen=True)
 class Blocks:
     """All blocks of one kind."""

@@ -39,7 +39,7 @@ def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:
 def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problems: list[Problem]) -> bool:
     """False where an observation has no σ > 0; every such row is told, once for all where none has any."""
     bad = group.mask & ~(group.sigma > 0.0)
-    if np.isnan(group.sigma[group.mask]).all() and bad.any():
+    if bad.any() and np.isnan(group.sigma[group.mask]).all():
         matrix = "; or covariances" if len(group.type.components) == 3 else ""
         words = f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}"
         problems.append(Problem(words, rows.file, int(rows.lines[chosen[0]])))

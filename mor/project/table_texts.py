@@ -128,7 +128,8 @@ def _header(cleaned: _Text, table: Table) -> list[str]:
     """Names of the columns as the file (or its declaration) has them, each once."""
     if isinstance(table.columns, list):
         return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
-    first = cleaned.content.split(b"\n", 1)[0].decode("utf-8")
+    end = cleaned.content.find(b"\n")
+    first = cleaned.content[: end if end >= 0 else None].decode("utf-8")
     return [cell.strip() for cell in next(csv.reader([first], delimiter=table.delimiter or ","), [])]
 
 

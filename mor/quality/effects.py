@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.geometry.arrays import FloatArray
 from mor.quality.assess import Quality
 from mor.quality.influence import Entry
 from mor.quality.local_influence import point_movements
 from mor.quality.pieces import in_pieces
 from mor.quality.reliability import Reliability
-from mor.quality.tests import comparable
+from mor.quality.tests import comparable, least_alike
 
 MOST = 200
 """Observations that are explained at most."""
@@ -48,12 +48,11 @@ _FAR = 0.1
 def effects(quality: Quality) -> list[Effect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
-    errors = np.array(
-        [quality.reliability[e.group].at(np.array([e.row])).error[0, e.component] for e in entries]
-    )
+    tested = _tested(quality, entries)
     points = [_points_of(quality, entry) for entry in entries]
-    moved = point_movements(quality, entries, errors, points)
-    return [_effect(quality, *each) for each in zip(entries, points, moved, strict=True)]
+    moved = point_movements(quality, entries, tested[:, _ERROR], points)
+    far = _FAR * float(np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0))
+    return [_effect(*each, far) for each in zip(entries, tested, points, moved, strict=True)]
 
 
 def _points_of(quality: Quality, entry: Entry) -> list[int]:
@@ -77,45 +76,53 @@ def _chosen(quality: Quality) -> list[Entry]:
     ):
         size = _sizes(one)
         size[group.left_out] = 0.0
-        order = _largest(size, wanted)
-        for place in order[size.ravel()[order] > 0.0]:
-            row, component = divmod(int(place), size.shape[1])
-            best.append((float(size[row, component]), Entry(number, row, component)))
+        for place, compared in _largest(size.ravel(), wanted):
+            best.append((compared, Entry(number, *divmod(place, size.shape[1]))))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 
 def _sizes(tests: Reliability) -> FloatArray:
-    """(n, m) |w| as it is compared, 0 where there is no test."""
-    return in_pieces(
-        tests.quality.v.shape, lambda rows: comparable(np.nan_to_num(np.abs(tests.at(rows).test)))
-    )
+    """(n, m) |w|, 0 where there is no test."""
+    return in_pieces(tests.quality.v.shape, lambda rows: np.nan_to_num(np.abs(tests.at(rows).test)))
 
 
-def _largest(size: FloatArray, count: int) -> IntArray:
-    """Places in the flat array of the largest, the largest first, equal ones in their order."""
-    flat = size.ravel()
-    limit = np.partition(flat, len(flat) - count)[len(flat) - count] if count < len(flat) else 0.0
-    among = np.flatnonzero(flat >= limit)
-    order: IntArray = among[np.argsort(-flat[among], kind="stable")[:count]]
-    return order
+def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
+    """Places of the largest of the sizes (n,), and those as they are compared; equal ones in their order."""
+    least = np.partition(size, len(size) - wanted)[len(size) - wanted] if len(size) > wanted else 0.0
+    candidates = np.flatnonzero(size >= least_alike(float(least)))
+    compared = comparable(size[candidates])
+    order = np.argsort(-compared, kind="stable")[:wanted]
+    return [(int(candidates[k]), float(compared[k])) for k in order if compared[k] > 0.0]
 
 
-def _effect(quality: Quality, entry: Entry, points: list[int], moved: FloatArray) -> Effect:
-    tests, place = quality.reliability[entry.group].at(np.array([entry.row])), (0, entry.component)
-    most = int(np.argmax(np.linalg.norm(moved, axis=1))) if points else -1
-    r, size = (
-        float(tests.quality.r[place]),
-        np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0),
-    )
-    far = bool(points) and float(np.linalg.norm(moved[most])) > _FAR * size
+_ERROR = 2
+
+
+def _tested(quality: Quality, entries: list[Entry]) -> FloatArray:
+    """(k, 4) test value, redundancy number, estimated and smallest detectable error of each entry."""
+    groups, rows, components = np.array(entries, dtype=np.int64).reshape(-1, 3).T
+    tested = np.zeros((len(entries), 4))
+    for number in np.unique(groups):
+        here = np.flatnonzero(groups == number)
+        tests = quality.reliability[number].at(rows[here])
+        place = np.arange(len(here)), components[here]
+        for k, values in enumerate((tests.test, tests.quality.r, tests.error, tests.smallest)):
+            tested[here, k] = values[place]
+    return tested
+
+
+def _effect(entry: Entry, tested: FloatArray, points: list[int], moved: FloatArray, far: float) -> Effect:
+    lengths = np.linalg.norm(moved, axis=1)
+    most = int(np.argmax(lengths)) if points else -1
+    test, r, error, smallest = tested.tolist()
     return Effect(
         entry,
-        float(tests.test[place]),
+        test,
         r,
-        float(tests.error[place]),
-        float(tests.smallest[place]),
+        error,
+        smallest,
         points[most] if points else -1,
         moved[most] if points else np.zeros(3),
-        tells=r >= HARDLY_CONTROLLED or not far,
+        tells=r >= HARDLY_CONTROLLED or not points or float(lengths[most]) <= far,
     )

@@ -38,8 +38,9 @@ def parameter_cofactors(
     for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
         piece = slice(first, first + _BLOCKS_AT_A_TIME)
         own = columns[piece]
-        q = block_cofactors(plan.target, cofactors.values, reduced_columns(own, plan.reduced))
         alone = (own[:, 0] >= 0) & (plan.reduced[own[:, 0]] < 0)
+        q = np.empty((*own.shape, own.shape[1]))
+        q[~alone] = block_cofactors(plan.target, cofactors.values, reduced_columns(own[~alone], plan.reduced))
         q[alone] = result[piece][alone]
         held = _held(adjustment, own)
         weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)

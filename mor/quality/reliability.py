@@ -90,8 +90,7 @@ class Reliability:
     def _q(self) -> FloatArray:
         """Diagonal of P Q_vv P; NaN where an observation is not controlled."""
         q, precision = self.quality.q_weighted, self.quality.precision
-        controlled = np.nan_to_num(q) > CONTROLLED * np.nan_to_num(precision, nan=np.inf)
-        return np.where(controlled, q, np.nan)
+        return np.where(q > CONTROLLED * precision, q, np.nan)
 
     def _with_excluded(
         self, values: FloatArray, of_excluded: Callable[[FloatArray, FloatArray], FloatArray]

@@ -64,6 +64,11 @@ def comparable(sizes: FloatArray) -> FloatArray:
     return rounded
 
 
+def least_alike(size: float) -> float:
+    """A bound below every size that :func:`comparable` makes the same number as this one."""
+    return size - 2.0 * max(size * 10.0 ** (1 - _DIGITS), 10.0**-_DECIMALS)
+
+
 def critical_value(level: float) -> float:
     """Two-sided critical value of the standard normal distribution, 3.29 for 0.001."""
     return float(ndtri(1.0 - level / 2.0))

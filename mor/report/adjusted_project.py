@@ -156,12 +156,13 @@ def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """One table for each group of points, and one for the rest, in their order."""
     things = placed.network.things["point"]
     result = []
-    group_of = np.array(
-        [placed.network.point_groups.get(int(n), "") for n in things.parts["position"]], dtype=object
-    )
+    groups, positions = placed.network.point_groups, things.parts["position"]
+    group_of = np.full(len(positions), "", dtype=object)
+    for i in np.flatnonzero(np.isin(positions, list(groups))):
+        group_of[i] = groups[int(positions[i])]
     for group in dict.fromkeys(group_of.tolist()):
         chosen = np.flatnonzero(group_of == group)
-        frame = _frame([things.ids[i] for i in chosen], _positions(placed, things.parts["position"][chosen]))
+        frame = _frame([things.ids[i] for i in chosen], _positions(placed, positions[chosen]))
         result.append((frame, {"group": group} if group else {}))
     return result
 
@@ -172,7 +173,8 @@ def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
     for space in ("position", "point"):
         things = placed.network.things.get(space)
         if things is not None:
-            names |= {int(n): name for name, n in zip(things.ids, things.parts["position"], strict=True)}
+            here = np.flatnonzero(np.isin(things.parts["position"], numbers))
+            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
     return [names.get(int(n), "") for n in numbers]
 
 

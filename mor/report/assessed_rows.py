@@ -15,7 +15,7 @@ from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
 from mor.quality.tests import normalised_residuals
 
-PIECE = 100_000
+PIECE = 8_192
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
 
 
@@ -29,6 +29,8 @@ class AssessedRows:
     whole: Quality | None
     one: ObservationQuality
     tests: Reliability
+    test: FloatArray
+    """Test values w_B, those of ``tests``."""
     w: FloatArray
 
     @property
@@ -36,13 +38,13 @@ class AssessedRows:
         """Observations whose test value exceeds the critical value; excluded ones are not among them."""
         if self.whole is None:
             return np.zeros(self.group.observed.shape, dtype=bool)
-        beyond: BoolArray = np.abs(np.nan_to_num(self.tests.test)) > self.whole.critical
+        beyond: BoolArray = np.abs(self.test) > self.whole.critical
         return beyond & ~self.group.left_out
 
     @property
     def uncontrolled(self) -> BoolArray:
         """Observations without a test, for nothing controls them."""
-        loose: BoolArray = np.isfinite(self.one.r) & ~np.isfinite(self.tests.test)
+        loose: BoolArray = np.isfinite(self.one.r) & ~np.isfinite(self.test)
         return loose & ~self.group.left_out
 
 
@@ -68,6 +70,6 @@ class AssessedGroups:
             none = np.zeros(nothing.shape, dtype=bool)
             no_joint = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
             one = ObservationQuality(nothing, nothing, nothing, *no_joint, nothing, none)
-            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing)
+            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
-        return AssessedRows(group, is_check, quality, one, tests, normalised_residuals(one))
+        return AssessedRows(group, is_check, quality, one, tests, tests.test, normalised_residuals(one))

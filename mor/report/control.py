@@ -2,63 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
 import numpy as np
 
-from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from mor.geometry.arrays import AnyIntArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.observations.names import places_of
-from mor.quality.pieces import ROWS_AT_A_TIME
+from mor.quality.observation_quality import ObservationQuality
+from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
+from mor.report.once import once
+
+_PIECE = 25_000
+"""Rows looked at together: their arrays stay in the cache of the processor."""
 
 
 def control_of_points(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
     """Columns ``mean_r`` and ``largest_w`` of point blocks (n,), over all observations that name them as a target."""
-    count = len(solved.network.blocks["point"].ids)
-
-    def owners(group: ObservationGroup) -> list[AnyIntArray]:
-        return [
-            blocks
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
-            if slot.kind == "point" and slot.of != "image"
-        ]
-
-    mean, largest = _over(solved, owners, count)
-    return {"mean_r": mean[numbers], "largest_w": largest[numbers]}
+    return {name: values[numbers] for name, values in _control(solved)["point"].items()}
 
 
 def control_of_images(solved: Solved) -> dict[str, FloatArray]:
     """The same columns of all images, over their rays."""
-    images = solved.network.things["image"]
-
-    def owners(group: ObservationGroup) -> list[AnyIntArray]:
-        if not group.type.key.startswith(("image/", "follower/")):
-            return []
-        return [places_of(group.references[0], images.ids)]
-
-    mean, largest = _over(solved, owners, len(images.ids))
-    return {"mean_r": mean, "largest_w": largest}
+    return _control(solved)["image"]
 
 
-def _over(
-    solved: Solved, owners: Callable[[ObservationGroup], list[AnyIntArray]], count: int
-) -> tuple[FloatArray, FloatArray]:
-    total, number, largest = np.zeros(count), np.zeros(count), np.zeros(count)
+def _owners(solved: Solved, group: ObservationGroup) -> Iterator[tuple[str, AnyIntArray]]:
+    """Points, or images, that the rows of a group count for: which of the two, and their numbers (n,)."""
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.kind == "point" and slot.of != "image":
+            yield "point", blocks
+    if group.type.key.startswith(("image/", "follower/")):
+        yield "image", places_of(group.references[0], solved.network.things["image"].ids)
+
+
+@once
+def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
+    """Both columns of all point blocks and of all images."""
+    counts = {
+        "point": len(solved.network.blocks["point"].ids),
+        "image": len(solved.network.things["image"].ids),
+    }
     quality = solved.quality
     if quality is None:
-        return np.full(count, np.nan), np.full(count, np.nan)
-    groups = zip(quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True)
-    for group, one, tests in groups:
-        whose = owners(group)
-        for first in range(0, group.count if whose else 0, ROWS_AT_A_TIME):
-            rows = slice(first, first + ROWS_AT_A_TIME)
-            active: BoolArray = group.mask[rows] & ~group.left_out[rows]
-            r = np.where(active, np.nan_to_num(one.at(rows).r), 0.0).sum(axis=1)
-            size = np.where(active, np.nan_to_num(np.abs(tests.at(rows).test)), 0.0).max(axis=1, initial=0.0)
-            for blocks in whose:
-                np.add.at(total, blocks[rows], r)
-                np.add.at(number, blocks[rows], active.sum(axis=1))
-                np.maximum.at(largest, blocks[rows], size)
+        nothing = {key: np.full(count, np.nan) for key, count in counts.items()}
+        return {key: {"mean_r": array, "largest_w": array} for key, array in nothing.items()}
+    totals = {key: np.zeros((2, count)) for key, count in counts.items()}
+    largest = {key: np.zeros(count) for key, count in counts.items()}
+    for group, one, tests in zip(
+        quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True
+    ):
+        r, number, size = _of_rows(group, one, tests)
+        for key, blocks in _owners(solved, group):
+            for total, values in zip(totals[key], (r, number), strict=True):
+                total += np.bincount(blocks, weights=values, minlength=len(total))
+            np.maximum.at(largest[key], blocks, size)
+    return {key: _columns(totals[key], largest[key]) for key in counts}
+
+
+def _of_rows(
+    group: ObservationGroup, one: ObservationQuality, tests: Reliability
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Σ r, number of observations and largest |w| of each row (n,)."""
+    r, number, size = np.zeros((3, group.count))
+    used = group.mask & ~group.left_out
+    for start in range(0, group.count, _PIECE):
+        rows = slice(start, start + _PIECE)
+        active = used[rows]
+        r[rows] = np.where(active, np.nan_to_num(one.at(rows).r), 0.0).sum(axis=1)
+        number[rows] = active.sum(axis=1)
+        test = np.abs(tests.at(rows).test)
+        size[rows] = np.where(active, np.nan_to_num(test), 0.0).max(axis=1, initial=0.0)
+    return r, number, size
+
+
+def _columns(totals: FloatArray, largest: FloatArray) -> dict[str, FloatArray]:
+    total, number = totals
     seen = number > 0
-    return np.where(seen, total / np.maximum(number, 1), np.nan), np.where(seen, largest, np.nan)
+    return {
+        "mean_r": np.where(seen, total / np.maximum(number, 1), np.nan),
+        "largest_w": np.where(seen, largest, np.nan),
+    }

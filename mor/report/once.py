@@ -1,9 +1,10 @@
-"""Tables that several reports show are worked out once for an adjustment."""
+"""Tables that several reports show are worked out once for an adjustment, whichever of them comes first."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from threading import Lock
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -16,15 +17,20 @@ _REMEMBERED: list[WeakKeyDictionary[Solved, Any]] = []
 
 
 def once(work: Callable[[Solved], Table]) -> Callable[[Solved], Table]:
-    """Remember what the work made of an adjustment for as long as that is there; nobody may change it."""
+    """Remember what the work made of an adjustment for as long as that is there; nobody may change it.
+
+    Reports are made side by side: who comes second waits for the first. No such work may ask for itself.
+    """
     known: WeakKeyDictionary[Solved, Table] = WeakKeyDictionary()
     _REMEMBERED.append(known)
+    working = Lock()
 
     @wraps(work)
     def remembered(solved: Solved) -> Table:
-        if solved not in known:
-            known[solved] = work(solved)
-        return known[solved]
+        with working:
+            if solved not in known:
+                known[solved] = work(solved)
+            return known[solved]
 
     return remembered
 

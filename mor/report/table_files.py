@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from io import BytesIO
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import polars as pl
 from polars.io.plugins import register_io_source
 
+from mor.adjustment.lanes import processors
 from mor.quality.solved import Solved
-from mor.report.assessed_rows import AssessedGroups
+from mor.report.assessed_rows import AssessedGroups, AssessedRows
 from mor.report.folder import Writer
 from mor.report.observation_table import SCHEMA, table_of
 from mor.report.tested_columns import TESTED
 
+Made = TypeVar("Made")
 Format = Literal["csv", "parquet"]
 Done = Callable[[int], None]
 """Told how many more rows are written."""
@@ -23,7 +28,6 @@ DIGITS = 7
 """Significant digits of statistics in the long table as text; Parquet has all digits."""
 _ROWS_TOGETHER = 250_000
 """Rows of one row group of a Parquet file."""
-_ROWS_FORMATTED = 4096
 _PROBABILITIES = ["p", "p_t", "p_joint"]
 _STATISTICS = [
     "sigma_adjusted",
@@ -46,21 +50,19 @@ def table_writer(frame: pl.DataFrame, kind: Format = "csv") -> Writer:
 
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
-
-    def pieces() -> Iterator[pl.DataFrame]:
-        for rows in AssessedGroups(solved).pieces():
-            piece = table_of(rows)
-            yield piece
-            done(piece.height)
+    tested = AssessedGroups(solved)
 
     def csv(path: Path) -> None:
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for piece in pieces():
-                shorter = piece.with_columns(
-                    pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
-                )
-                shorter.write_csv(file, include_header=False, batch_size=_ROWS_FORMATTED)
+            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows))):
+                file.write(text)
+                done(height)
+
+    def pieces() -> Iterator[pl.DataFrame]:
+        for piece in _ahead(tested.pieces(), table_of):
+            yield piece
+            done(piece.height)
 
     def parquet(path: Path) -> None:
         def source(
@@ -72,3 +74,26 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
         whole.sink_parquet(path, row_group_size=_ROWS_TOGETHER)
 
     return parquet if kind == "parquet" else csv
+
+
+def _csv_lines(table: pl.DataFrame) -> tuple[int, memoryview]:
+    """Number of rows of a piece of the long table, and their lines."""
+    lines = BytesIO()
+    shorter = table.with_columns(
+        pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
+    )
+    shorter.write_csv(lines, include_header=False)
+    return table.height, lines.getbuffer()
+
+
+def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
+    """What is made of each piece, in their order; as many as there are processors are worked on at a time."""
+    workers = processors()
+    waiting: deque[Future[Made]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        for piece in pieces:
+            waiting.append(pool.submit(make, piece))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

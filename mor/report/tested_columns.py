@@ -42,8 +42,8 @@ def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
         return {name: np.full(group.observed.shape, np.nan) for name in TESTED if name != "flag"}
     out = group.left_out
     r = np.where(out, _as_if_inside(group, one.q_adjusted), one.r)
-    w = np.where(out, tests.test, rows.w)
-    square = np.where(out, np.nan, student_square(tests.test, quality.omega, quality.redundancy))
+    w = np.where(out, rows.test, rows.w)
+    square = np.where(out, np.nan, student_square(rows.test, quality.omega, quality.redundancy))
     several = np.nan_to_num(one.freedom) > 1.0
     joint, freedom = (np.where(several, array, np.nan) for array in (one.joint, one.freedom))
     p_joint = np.exp(log_p_chi2(joint, freedom)) if several.any() else joint
@@ -52,8 +52,8 @@ def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
         "r": said_numbers(group, r),
         "w": said_signs(group, w),
         "tau": said_signs(group, np.where(out, np.nan, w) / sigma0),
-        "test": said_signs(group, tests.test),
-        "p": said_numbers(group, np.exp(log_p_normal(tests.test))),
+        "test": said_signs(group, rows.test),
+        "p": said_numbers(group, np.exp(log_p_normal(rows.test))),
         "t2": said_numbers(group, square),
         "p_t": said_numbers(group, np.exp(log_p_student(square, quality.redundancy - 1))),
         "error": said_differences(group, tests.error),

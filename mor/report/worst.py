@@ -11,7 +11,7 @@ from mor.geometry.arrays import FloatArray, IntArray
 from mor.quality.pieces import in_pieces
 from mor.quality.reliability import without_test
 from mor.quality.solved import Solved
-from mor.quality.tests import comparable, normalised_residuals
+from mor.quality.tests import comparable, least_alike, normalised_residuals
 from mor.report.assessed_rows import AssessedGroups
 from mor.report.observation_table import SCHEMA, table_of
 
@@ -37,7 +37,7 @@ def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
 
 
 def _sizes(solved: Solved, number: int) -> FloatArray:
-    """|w| (n, m) of a group as it is compared, −1 where there is none."""
+    """|w| (n, m) of a group, −1 where there is none."""
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.observed.shape, -1.0)
@@ -47,7 +47,7 @@ def _sizes(solved: Solved, number: int) -> FloatArray:
         w = normalised_residuals(one.at(rows))
         if group.excluded is not None:
             w = np.where(out[rows], tests.at(rows).test, w)
-        size: FloatArray = np.nan_to_num(comparable(np.abs(w)), nan=-1.0)
+        size: FloatArray = np.nan_to_num(np.abs(w), nan=-1.0)
         return size
 
     return in_pieces(group.observed.shape, of_rows)
@@ -61,7 +61,7 @@ def _limit(sizes: list[FloatArray], count: int) -> float:
         if len(flat) > count:
             flat = np.partition(flat, len(flat) - count)[len(flat) - count :]
         largest = np.sort(np.concatenate([largest, flat]))[-count:]
-    return max(float(largest[0]), 0.0) if len(largest) else 0.0
+    return max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
 
 
 def between(row: dict[str, Any]) -> str:

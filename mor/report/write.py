@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -55,22 +56,35 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 def write_results(
     solved: Solved, document: Document, source: Path, folder: Path, force: bool, choice: Choice | None = None
 ) -> None:
-    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project."""
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
+
+    The reports are made beside the long table, which other processors are busy with.
+    """
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    writers: dict[str, Writer] = {}
+    writers = dict(tables.values())
     if solved.quality is not None:
         writers |= _starts(solved, document, source, folder)
-    writers |= {
-        "results.json": lambda path: _text(to_json(results(solved, names)))(path),
-        "report.txt": lambda path: _text(text_report(solved, words_of(choice.language)))(path),
-        **dict(tables.values()),
+    with ThreadPoolExecutor(1) as beside:
+        made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
+        late: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
+        try:
+            write_folder(folder, {**writers, **late}, force)
+        finally:
+            beside.shutdown(wait=False, cancel_futures=True)
+
+
+def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str, Callable[[], str]]:
+    """The reports by their names, each as what makes its text; ``names`` are those of the tables beside them."""
+    reports: dict[str, Callable[[], str]] = {
+        "results.json": lambda: to_json(results(solved, names)),
+        "report.txt": lambda: text_report(solved, words_of(choice.language)),
     }
     if solved.quality is not None and choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
-        writers["report.html"] = lambda path: _text(_page(solved, file, choice.language))(path)
-    write_folder(folder, writers, force)
+        reports["report.html"] = lambda: _page(solved, file, choice.language)
+    return reports
 
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
@@ -133,6 +147,10 @@ def _page(solved: Solved, file: str, language: str) -> str:
     from mor.report.view import view_of
 
     return page(view_of(solved, observation_table(solved, SHOWN), file), words_of_page(language))
+
+
+def _made(text: Future[str]) -> Writer:
+    return lambda path: _text(text.result())(path)
 
 
 def _text(text: str) -> Writer:

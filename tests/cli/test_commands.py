@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
-HEAVY = ("numpy", "scipy", "polars", "numba", "pydantic", "yaml", "rich", "tabulate")
+HEAVY = ("numpy", "scipy", "polars", "numba", "pydantic", "yaml", "rich")
 MISFIT = LEVELLING.replace("1.001,", "1.021,")
 """Misclosure 22 mm where σ = √3 mm is expected."""
 NO_DATUM = BLOCK.replace("datum: free\n", "")
@@ -44,6 +44,22 @@ class TestHelp:
     def test_module_can_be_run(self) -> None:
         done = subprocess.run([sys.executable, "-m", "mor", "--version"], capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
+
+
+class TestStartValues:
+    def test_their_search_is_loaded_where_some_are_missing(self, tmp_path: Path) -> None:
+        unknown = "{columns: [id, x, y], rows: [[B, 0, 0], [C, 0, 0]], fixed: [x, y]}"
+        known = "{columns: [id, x, y, z], rows: [[B, 0, 0, 11], [C, 0, 0, 12]], fixed: [x, y]}"
+        project = write(tmp_path, LEVELLING.replace(known, unknown))
+        adjust = "import sys; from mor.cli import run; run(['adjust', {!r}, '-q', '--no-html'])"
+        search = "print('mor.approximate.strategy' in sys.modules, 'scipy.optimize' in sys.modules)"
+        adjusted = tmp_path / "project.results" / "adjusted.yaml"
+        said = []
+        for path in (project, adjusted):
+            code = f"{adjust.format(str(path))}; {search}"
+            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+            said.append(done.stdout.split())
+        assert said == [["True", "False"], ["False", "False"]]
 
 
 class TestExitCodes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
-from tabulate import tabulate
 
 from mor.report.words.language import ENGLISH, Words
 
@@ -33,14 +33,29 @@ def table(
         ]
         for row in rows
     ]
-    headers = [words.header(header) for header in headers]
-    align = ["left"] * left + ["right"] * (len(headers) - left)
-    return tabulate(rows, headers=headers, tablefmt="simple", colalign=align, disable_numparse=True)
+    return _drawn([words.header(header) for header in headers], rows, left)
+
+
+def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
+    """Columns as wide as their widest cell and at least two wider than their header, a line under the headers."""
+    widths = [len(header) + 2 for header in headers]
+    cells = [[cell.strip() for cell in row] for row in (headers, *rows)]
+    for row in cells:
+        widths = [max(width, len(cell)) for width, cell in zip(widths, row, strict=True)]
+    lines = [
+        [
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        for row in cells
+    ]
+    lines.insert(1, ["-" * width for width in widths])
+    return "\n".join("  ".join(line).rstrip() for line in lines)
 
 
 def fixed(value: float | None, digits: int) -> str:
     """A number with fixed decimals; a dash where there is none."""
-    return "-" if value is None or not np.isfinite(value) else f"{value:z.{digits}f}"
+    return "-" if value is None or not math.isfinite(value) else f"{value:z.{digits}f}"
 
 
 def digits_worth(value: float, sigma: float | None) -> int:
@@ -52,4 +67,4 @@ def digits_worth(value: float, sigma: float | None) -> int:
 
 def short(value: float | None, digits: int = 6) -> str:
     """A number with significant digits; a dash where there is none."""
-    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}g}"
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"

@@ -1,0 +1,32 @@
+"""Tables of the text report: columns, alignment, what stands beside what."""
+
+from __future__ import annotations
+
+from mor.report.text._layout import fixed, table
+
+
+def test_columns_are_as_wide_as_their_widest_cell_and_two_wider_than_their_header() -> None:
+    rows = [["P1", "12.5", "free"], ["a longer name", "-3", ""]]
+    assert table(["point", "X [m]", "status"], rows).splitlines() == [
+        "point            X [m]    status",
+        "-------------  -------  --------",
+        "P1                12.5      free",
+        "a longer name       -3",
+    ]
+
+
+def test_several_columns_of_names_stand_to_the_left() -> None:
+    assert table(["group", "type", "n"], [["g", "image/mor", "1008006"]], left=2).splitlines() == [
+        "group    type             n",
+        "-------  ---------  -------",
+        "g        image/mor  1008006",
+    ]
+
+
+def test_no_number_is_a_dash() -> None:
+    assert [fixed(value, 2) for value in (None, float("nan"), float("inf"), -0.001)] == [
+        "-",
+        "-",
+        "-",
+        "0.00",
+    ]
