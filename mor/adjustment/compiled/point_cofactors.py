@@ -26,9 +26,9 @@ from mor.adjustment.compiled.cliques import (
 from mor.adjustment.compiled.point_store import (
     STORE,
     Store,
+    end_in_strip,
     end_of_strip,
     fill_store,
-    slots_in_strip,
     store_for,
 )
 from mor.adjustment.compiled.points import invert_points
@@ -48,10 +48,10 @@ def multiply_by_inverse(
     interleave(store, groups, E)
     for k in range(4 * (store.first_coupling[groups] // 3)):
         H[k] = 0.0
-    first = NONE
+    first, reached = NONE, np.zeros(groups, dtype=np.int64)
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        if not multiply_by_strip(store, groups, met, pattern, values, E, H, first, last):
+        if not multiply_by_strip(store, groups, met, pattern, values, E, H, last, reached):
             return False
         first = last
     return True
@@ -81,15 +81,19 @@ def multiply_by_strip(
     values: FloatArray,
     E: FloatArray,
     H: FloatArray,
-    first: int,
     last: int,
+    reached: IntArray,
 ) -> bool:
-    """Add to the products what a strip makes of the couplings; return False where a pair of blocks is not stored."""
+    """Add to the products what a strip that ends before the block ``last`` makes of the couplings.
+
+    ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
+    """
     blocks, all_begin = store.blocks, store.begin
     known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
-        low, high = slots_in_strip(blocks, block, end, first, last)
+        low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
+        reached[g] = high
         begin = all_begin[block + g : end + g + 1]
         slots = end - block
         base, size = store.first_coupling[g] // 3, begin[slots]

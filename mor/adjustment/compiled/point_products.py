@@ -25,9 +25,9 @@ from mor.adjustment.compiled.frame_sums import FrameSums, add_rays, carry_frames
 from mor.adjustment.compiled.point_store import (
     STORE,
     Store,
+    end_in_strip,
     end_of_strip,
     fill_store,
-    slots_in_strip,
     store_for,
 )
 from mor.adjustment.compiled.points import clear, whiten_points
@@ -140,26 +140,31 @@ def finish_gathering(gathering: Gathering, pattern: Pattern, system: System) -> 
 def subtract_products(store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray) -> bool:
     """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip; False where a pair is not stored."""
     first, stored = NONE, True
+    reached = np.zeros(groups, dtype=np.int64)
     while first < met.size.size:
         last = end_of_strip(first, met.size)
-        stored = subtract_point_by_point(store, groups, met, pattern, values, first, last) and stored
-        stored = subtract_by_panels(store, groups, met, pattern, values, first, last) and stored
+        stored = subtract_point_by_point(store, groups, met, pattern, values, last, reached) and stored
+        stored = subtract_by_panels(store, groups, met, pattern, values, last, reached) and stored
         first = last
     return stored
 
 
 @compile_kernel
 def subtract_point_by_point(
-    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, first: int, last: int
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, last: int, reached: IntArray
 ) -> bool:
-    """Subtract V Vᵀ of the groups of few points from a strip; return False where a pair of blocks is not stored."""
+    """Subtract V Vᵀ of the groups of few points from a strip that ends before the block ``last``.
+
+    ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
+    """
     couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
     known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         if points > FEW_POINTS:
             continue
-        low, high = slots_in_strip(blocks, block, end, first, last)
+        low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
+        reached[g] = high
         begin = all_begin[block + g : end + g + 1]
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
@@ -183,15 +188,16 @@ def subtract_point_by_point(
 
 @compile_kernel
 def subtract_by_panels(
-    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, first: int, last: int
+    store: Store, groups: int, met: Met, pattern: Pattern, values: FloatArray, last: int, reached: IntArray
 ) -> bool:
-    """Subtract V Vᵀ of the groups of many points from a strip; return False where a pair of blocks is not stored."""
+    """The same for the groups of many points."""
     blocks, known, starts = store.blocks, met.starts, np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         if points <= FEW_POINTS:
             continue
-        low, high = slots_in_strip(blocks, block, end, first, last)
+        low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
+        reached[g] = high
         begin = store.begin[block + g : end + g + 1]
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]

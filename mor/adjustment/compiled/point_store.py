@@ -95,15 +95,11 @@ def end_of_strip(first: int, size: IntArray) -> int:
 
 
 @compile_inline
-def slots_in_strip(blocks: IntArray, begin: int, end: int, first: int, last: int) -> tuple[int, int]:
-    """Return which of the ascending blocks ``blocks[begin:end]`` lie in the strip, counted from ``begin``."""
-    low = begin
-    while low < end and blocks[low] < first:
-        low += 1
-    high = low
-    while high < end and blocks[high] < last:
-        high += 1
-    return low - begin, high - begin
+def end_in_strip(blocks: IntArray, first: int, end: int, last: int) -> int:
+    """Return the end of the ascending blocks ``blocks[first:end]`` that lie before the end ``last`` of a strip."""
+    while first < end and blocks[first] < last:
+        first += 1
+    return first
 
 
 @compile_kernel
