@@ -235,6 +235,21 @@ def test_compiled_and_plain_form_agree(images, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, abs(other).max()))
 
 
+@pytest.mark.skipif(not compiled.available, reason="only the compiled form adds columns up by fours")
+@pytest.mark.parametrize("width", [1, 3, 6])
+def test_rays_of_few_columns(width, monkeypatch):
+    rays, structure = simulate(seed=3)
+    few = replace(rays, by_others=rays.by_others[:, :, :width].copy(), columns=rays.columns[:, :width].copy())
+    found = []
+    for available in (True, False):
+        monkeypatch.setattr(compiled, "available", available)
+        reduced = empty_reduced_system(structure)
+        accumulate(few, reduced, 0.1)
+        found.append((reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10 * abs(other).max())
+
+
 @pytest.mark.skipif(not compiled.available, reason="only the compiled form has a store")
 def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatch):
     """The large call fills the store and several strips of the reduced system, the small ones never do."""

@@ -10,6 +10,7 @@ from dense_reference import dense_system
 from scenes import OBJECT_POINTS, Scene, add_object_points, looking_at
 
 from mor.adjustment import compiled, lanes, ray_plan
+from mor.adjustment.compiled import image_passes
 from mor.adjustment.eliminable import eliminable_rays
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
@@ -165,6 +166,44 @@ def test_points_that_follow_a_step_are_those_of_back_substitution(name, availabl
     np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-8, atol=1e-12)
 
 
+def many_points(free_position: bool, free_interior: bool) -> Scene:
+    """Five images of 1 100 points: more rays than a piece holds, and a last piece that is not full."""
+    scene = Scene()
+    rng = np.random.default_rng(11)
+    scene.add(INTERIORS["mor"].key, "I", INTERIOR["mor"], free=free_interior)
+    for number, place in enumerate(PLACES):
+        scene.add("point", f"C{number}", place, free=free_position and number not in (0, 4))
+        turned = looking_at(place, [0.0, 0.0, 0.0], 0.3 * number)
+        scene.add("rotation", f"R{number}", turned, free=free_position and number != 0)
+    for k, position in enumerate(rng.uniform(-3.0, 3.0, (1100, 3))):
+        scene.add("point", f"N{k}", position)
+        for number in rng.permutation(5)[: 3 + k % 3]:
+            frame = (f"C{number}", f"R{number}", None, None, "I")
+            scene.observe("image/mor", *frame, f"N{k}", sigma=0.002, constants=[0.0, 0.0, 4.0])
+    return scene
+
+
+@pytest.mark.parametrize(("free_position", "free_interior"), [(True, True), (True, False)])
+def test_pieces_of_a_chunk_give_what_the_plain_form_gives(free_position, free_interior, monkeypatch):
+    if not compiled.available:
+        pytest.skip("there is no compiler")
+    scene = many_points(free_position, free_interior)
+    problem, values = scene.problem(np.random.default_rng(5)), scene.start(1e-3)
+    plan = make_plan(problem, eliminable_rays(problem, values))
+    assert len(plan.rays.row) > 1.05 * image_passes.RAYS_OF_A_PIECE
+    step = 1e-3 * np.random.default_rng(6).standard_normal(problem.index.count)
+    step[plan.rays.columns] = 0.0
+    found = []
+    for available in (True, False):
+        monkeypatch.setattr(compiled, "available", available)
+        normals = build_normals(plan, values, 0.1)
+        steps = [moved for _, moved in point_steps(problem, plan.rays, values, step, 0.1)]
+        arrays = normals.matrix.values, normals.reduced_rhs, normals.rhs, normals.diagonal
+        found.append((*arrays, np.concatenate(steps), np.array(normals.objective)))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10 * np.abs(other).max(initial=0.0))
+
+
 def test_positions_and_rotations_that_belong_together_are_one_block():
     scene = scene_of("plain")
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-3)
@@ -216,7 +255,7 @@ def test_the_number_of_processors_changes_not_a_digit(monkeypatch):
     monkeypatch.setattr(ray_plan, "POINTS_AT_A_TIME", 1)
     found = []
     for processors in (1, 2, 5):
-        monkeypatch.setattr(lanes, "_processors", lambda count=processors: count)
+        monkeypatch.setattr(lanes, "processors", lambda count=processors: count)
         found.append(assess(adjust(problem, scene.start(1e-3))))
     shared = lanes.in_lanes(found[0].adjustment.plan.rays, 0, lambda rays: rays.chunks)
     assert len(shared) == lanes.MOST_LANES

@@ -23,6 +23,7 @@ from mor.adjustment.compiled.cliques import (
     runs_of_frames,
     survey,
 )
+from mor.adjustment.compiled.cofactor_strips import multiply_column_of_point
 from mor.adjustment.compiled.point_store import (
     STORE,
     Store,
@@ -33,7 +34,6 @@ from mor.adjustment.compiled.point_store import (
 )
 from mor.adjustment.compiled.points import invert_points
 from mor.adjustment.compiled.ray_cofactors import ROOM_FOR_FORMS, cofactors_of_rays, gather_frames
-from mor.adjustment.compiled.strips import multiply_column_of_point
 from mor.geometry.arrays import FloatArray, IntArray
 
 
