@@ -37,15 +37,18 @@ def parameter_cofactors(
     result = of_eliminated if kind == "point" else np.empty((*columns.shape, columns.shape[1]))
     for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
         piece = slice(first, first + _BLOCKS_AT_A_TIME)
-        own = columns[piece]
-        alone = (own[:, 0] >= 0) & (plan.reduced[own[:, 0]] < 0)
-        q = np.empty((*own.shape, own.shape[1]))
-        q[~alone] = block_cofactors(plan.target, cofactors.values, reduced_columns(own[~alone], plan.reduced))
-        q[alone] = result[piece][alone]
+        own, q = columns[piece], result[piece]
+        kept = (own[:, 0] < 0) | (plan.reduced[own[:, 0]] >= 0)
+        reduced = reduced_columns(own[kept], plan.reduced)
+        q[kept] = block_cofactors(plan.target, cofactors.values, reduced)
+        if adjustment.inverse.weak.shape[1]:
+            weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)
+            q += weak @ np.swapaxes(weak, 1, 2)
+        if datum.null.shape[1]:
+            q += datum.correction(own, own)
         held = _held(adjustment, own)
-        weak = np.where((own >= 0)[:, :, None], adjustment.inverse.weak[own], 0.0)
-        q += weak @ np.swapaxes(weak, 1, 2) + datum.correction(own, own)
-        result[piece] = np.where(held[:, :, None] | held[:, None, :], 0.0, q)
+        if held.any():
+            q[held[:, :, None] | held[:, None, :]] = 0.0
     return result
 
 
