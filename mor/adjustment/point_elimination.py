@@ -17,9 +17,8 @@ import numpy as np
 
 from mor.adjustment import compiled, point_reference
 from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
-from mor.adjustment.compiled import image_passes, point_cofactors, point_products, points
+from mor.adjustment.compiled import frame_sums, image_passes, point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
-from mor.adjustment.compiled.frame_sums import TILE
 from mor.adjustment.compiled.image_passes import ImageRays
 from mor.adjustment.compiled.point_products import Gathering, System
 from mor.adjustment.rays import Rays
@@ -91,18 +90,12 @@ class PointElimination:
         residual, by_point, by_others, frame, _, pointers = _arrays(_wide(rays))
         gathering = self._gathering_of(rays.columns)
         noted = _nothing_noted(rays.points)
+        white, moved = np.empty(by_point.shape), np.empty(residual.shape)
+        points.whiten_points(by_point, residual, pointers, self._damping, white, moved, *noted)
+        frame_sums.add_rays(residual, moved, by_others, frame, gathering.sums)
         matrix = self._reduced.matrix.values
-        stored = point_products.gather(
-            gathering,
-            residual,
-            by_point,
-            by_others,
-            frame,
-            pointers,
-            self._damping,
-            self._pattern,
-            matrix,
-            *noted,
+        stored = point_products.store_points(
+            gathering, white, by_others, frame, pointers, self._pattern, matrix
         )
         _refuse_unless(stored)
         return noted
@@ -250,7 +243,7 @@ def _nothing_noted(points: int) -> Eliminated:
 
 def _wide(rays: Rays) -> Rays:
     """The rays with so many columns at least as are added up together; those that are added are fixed."""
-    missing = TILE - rays.columns.shape[1]
+    missing = frame_sums.TILE - rays.columns.shape[1]
     if missing <= 0:
         return rays
     none = np.zeros((rays.rays, 2, missing))
@@ -259,7 +252,7 @@ def _wide(rays: Rays) -> Rays:
 
 
 def _wide_columns(columns: IntArray) -> IntArray:
-    missing = max(TILE - columns.shape[1], 0)
+    missing = max(frame_sums.TILE - columns.shape[1], 0)
     return np.hstack([columns, np.full((len(columns), missing), -1)]) if missing else columns
 
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
 from mor.adjustment.compiled.cliques import Pattern
+from mor.adjustment.compiled.frame_sums import add_rays
 from mor.adjustment.compiled.image_rays import FrameChange, FrameValues, Layout, Measured, follow, linearise
-from mor.adjustment.compiled.point_products import Gathering, gather
-from mor.adjustment.compiled.points import solve_points
+from mor.adjustment.compiled.point_products import Gathering, store_points
+from mor.adjustment.compiled.points import solve_points, whiten_points
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
 
 RAYS_OF_A_PIECE = 4096
@@ -55,6 +56,7 @@ def gather_image_rays(
     count, width = points.shape[0], gathering.columns.shape[1]
     room = largest_piece(pointers)
     residuals, by_points = np.empty((room, 2)), np.empty((room, 2, 3))
+    shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
     by_others = np.zeros((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     squares, first = 0.0, 0
@@ -71,20 +73,11 @@ def gather_image_rays(
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         for i in range(n):
             squares += residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1]
-        stored = gather(
-            gathering,
-            residual,
-            by_point,
-            by_other,
-            in_chunk[:n],
-            own,
-            damping,
-            pattern,
-            matrix,
-            held[first:last],
-            gradient[first:last],
-        )
-        if not stored:
+        white, moved = whites[:n], shifted[:n]
+        gradients, holds = gradient[first:last], held[first:last]
+        whiten_points(by_point, residual, own, damping, white, moved, holds, gradients)
+        add_rays(residual, moved, by_other, in_chunk[:n], gathering.sums)
+        if not store_points(gathering, white, by_other, in_chunk[:n], own, pattern, matrix):
             return False, squares
         first = last
     return True, squares
