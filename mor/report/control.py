@@ -6,16 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mor.geometry.arrays import AnyIntArray, FloatArray, IntArray
+from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.observations.names import places_of
-from mor.quality.observation_quality import ObservationQuality
-from mor.quality.reliability import Reliability
+from mor.quality.pieces import ROWS_AT_A_TIME
 from mor.quality.solved import Solved
 from mor.report.once import once
-
-_PIECE = 25_000
-"""Rows looked at together: their arrays stay in the cache of the processor."""
 
 
 def control_of_points(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
@@ -50,31 +46,19 @@ def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
         return {key: {"mean_r": array, "largest_w": array} for key, array in nothing.items()}
     totals = {key: np.zeros((2, count)) for key, count in counts.items()}
     largest = {key: np.zeros(count) for key, count in counts.items()}
-    for group, one, tests in zip(
-        quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True
-    ):
-        r, number, size = _of_rows(group, one, tests)
-        for key, blocks in _owners(solved, group):
-            for total, values in zip(totals[key], (r, number), strict=True):
-                total += np.bincount(blocks, weights=values, minlength=len(total))
-            np.maximum.at(largest[key], blocks, size)
+    groups = zip(quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True)
+    for group, one, tests in groups:
+        owners = list(_owners(solved, group))
+        for first in range(0, group.count if owners else 0, ROWS_AT_A_TIME):
+            rows = slice(first, first + ROWS_AT_A_TIME)
+            active: BoolArray = group.mask[rows] & ~group.left_out[rows]
+            r = np.where(active, np.nan_to_num(one.at(rows).r), 0.0).sum(axis=1)
+            size = np.where(active, np.nan_to_num(np.abs(tests.at(rows).test)), 0.0).max(axis=1, initial=0.0)
+            for key, blocks in owners:
+                np.add.at(totals[key][0], blocks[rows], r)
+                np.add.at(totals[key][1], blocks[rows], active.sum(axis=1))
+                np.maximum.at(largest[key], blocks[rows], size)
     return {key: _columns(totals[key], largest[key]) for key in counts}
-
-
-def _of_rows(
-    group: ObservationGroup, one: ObservationQuality, tests: Reliability
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Σ r, number of observations and largest |w| of each row (n,)."""
-    r, number, size = np.zeros((3, group.count))
-    used = group.mask & ~group.left_out
-    for start in range(0, group.count, _PIECE):
-        rows = slice(start, start + _PIECE)
-        active = used[rows]
-        r[rows] = np.where(active, np.nan_to_num(one.at(rows).r), 0.0).sum(axis=1)
-        number[rows] = active.sum(axis=1)
-        test = np.abs(tests.at(rows).test)
-        size[rows] = np.where(active, np.nan_to_num(test), 0.0).max(axis=1, initial=0.0)
-    return r, number, size
 
 
 def _columns(totals: FloatArray, largest: FloatArray) -> dict[str, FloatArray]:

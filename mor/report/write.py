@@ -58,19 +58,20 @@ def write_results(
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
-    The reports are made beside the long table, which other processors are busy with.
+    The reports are made beside the long table, which other processors are busy with; of very many observations before
+    it, for then both at a time would take too much room.
     """
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    writers = dict(tables.values())
-    if solved.quality is not None:
-        writers |= _starts(solved, document, source, folder)
+    starts = _starts(solved, document, source, folder) if solved.quality is not None else {}
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
-        late: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
+        reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
+        long = dict(tables.values())
+        writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
-            write_folder(folder, {**writers, **late}, force)
+            write_folder(folder, {**starts, **writers}, force)
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -85,6 +86,11 @@ def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str,
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, file, choice.language)
     return reports
+
+
+def _is_alone(solved: Solved, choice: Choice) -> bool:
+    """True where the long table is written last, with the room of all others."""
+    return is_large(solved) and not choice.html
 
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
@@ -109,7 +115,7 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     }
     if choice.tables == "all":
         write = residual_writer(solved, kind, choice.done)
-        tables["residuals"] = write if choice.html or not is_large(solved) else _by_itself(solved, write)
+        tables["residuals"] = _by_itself(solved, write) if _is_alone(solved, choice) else write
     else:
         tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
     return {key: (f"{key}.{kind}", write) for key, write in tables.items()}

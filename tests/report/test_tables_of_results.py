@@ -212,3 +212,17 @@ def test_of_very_many_observations_the_long_table_is_written_by_itself(
         {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two")
     )
     assert one == two
+
+
+def test_order_of_writing_changes_no_byte(
+    solved: Solved, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of very many observations the reports come before the long table, else they are made beside it."""
+    document, choice, written = read_document(project), Choice(tables="all", html=False), []
+    for most in (2_000_000, 0):
+        monkeypatch.setattr("mor.report.write.MOST_LISTED", most)
+        folder = tmp_path / "results"
+        write_results(solved, document, project.parent, folder, force=True, choice=choice)
+        written.append({path.name: path.read_bytes() for path in folder.iterdir()})
+    assert written[0] == written[1]
+    assert {"results.json", "report.txt", "residuals.csv", "points.csv"} <= set(written[0])
