@@ -58,7 +58,8 @@ def write_results(
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
-    The reports are made beside the long table, which other processors are busy with.
+    The reports are made beside the long table, which other processors are busy with; of very many observations before
+    it, so that it has the room of all that was worked out for them.
     """
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
@@ -69,8 +70,11 @@ def write_results(
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
         late: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
+        files = {**writers, **late}
+        if "residuals" in names and is_large(solved) and not choice.html:
+            files[names["residuals"]] = _by_itself(solved, files.pop(names["residuals"]))
         try:
-            write_folder(folder, {**writers, **late}, force)
+            write_folder(folder, files, force)
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -108,8 +112,7 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         "images": lambda path: table_writer(image_table(solved), kind)(path),
     }
     if choice.tables == "all":
-        write = residual_writer(solved, kind, choice.done)
-        tables["residuals"] = write if choice.html or not is_large(solved) else _by_itself(solved, write)
+        tables["residuals"] = residual_writer(solved, kind, choice.done)
     else:
         tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
     return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
