@@ -64,9 +64,8 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    writers = dict(tables.values())
-    if solved.quality is not None:
-        writers |= _starts(solved, document, source, folder)
+    writers = _starts(solved, document, source, folder) if solved.quality is not None else {}
+    writers |= dict(tables.values())
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
         late: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
