@@ -16,7 +16,7 @@ from mor.project.edge import split
 from mor.project.features import feature_label
 from mor.project.model import Axes
 from mor.quality.observation_quality import omega_of, redundancy_of
-from mor.quality.pieces import in_pieces
+from mor.quality.pieces import ROWS_AT_A_TIME, in_pieces
 from mor.quality.reliability import Reliability
 from mor.quality.solved import Solved
 from mor.report.control import control_of_images, control_of_points
@@ -34,17 +34,26 @@ def point_table(solved: Solved) -> pl.DataFrame:
     """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
     things = solved.network.things["point"]
     numbers = things.parts["position"]
-    estimate = points(solved, numbers)
     rays, others = _observations_of_points(solved)
-    columns: dict[str, Any] = {"id": list(things.ids), **_with_sigma(estimate, XYZ)}
-    for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
-        columns[f"ellipsoid_{name}"] = axis
-    columns |= _correlations_of_axes(estimate)
+    columns: dict[str, Any] = {"id": list(things.ids), **_estimated(solved, numbers)}
     columns["rays"] = rays[numbers]
     columns["others"] = others[numbers]
     columns |= control_of_points(solved, numbers)
     columns["status"] = _status(solved, "point", numbers)
     return _frame(columns)
+
+
+def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
+    """Coordinates, σ, ellipsoids and correlations of points: their covariances are in memory a piece at a time."""
+    parts = []
+    for first in range(0, max(len(numbers), 1), ROWS_AT_A_TIME):
+        estimate = points(solved, numbers[first : first + ROWS_AT_A_TIME])
+        columns = _with_sigma(estimate, XYZ)
+        for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
+            columns[f"ellipsoid_{name}"] = axis
+        columns |= _correlations_of_axes(estimate)
+        parts.append({name: np.array(column) for name, column in columns.items()})
+    return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
 
 
 def reference_table(solved: Solved) -> pl.DataFrame:
@@ -356,7 +365,8 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
     """Columns as a table; names are texts also where there is none, NaN is no value."""
     texts = [name for name in ("id", "camera", "status") if name in columns]
     frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
-    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+    some = [one.name for one in frame.select(pl.col(pl.Float64)) if one.is_nan().any()]
+    return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
 
 
 def _number(value: float) -> float | None:

@@ -31,37 +31,35 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
 
 def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
     """Rows of each group that may be among the largest."""
-    sizes = [_sizes(solved, number) for number in range(len(solved.adjustment.problem.groups))]
-    limit = _limit(sizes, count)
-    return [np.flatnonzero((size >= limit).any(axis=1)) for size in sizes]
+    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
+    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
+    limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
+    return [np.flatnonzero(size >= limit) for size, _ in found]
 
 
-def _sizes(solved: Solved, number: int) -> FloatArray:
-    """|w| (n, m) of a group, −1 where there is none."""
+def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatArray]:
+    """Largest |w| (n,) of each row of a group, −1 where there is none, and the largest of all."""
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
-        return np.full(group.observed.shape, -1.0)
+        return np.full(group.count, -1.0), np.zeros(0)
     one, tests, out = quality.groups[number], quality.reliability[number], group.left_out
+    tops = [np.zeros(0)]
 
     def of_rows(rows: slice) -> FloatArray:
         w = normalised_residuals(one.at(rows))
         if group.excluded is not None:
             w = np.where(out[rows], tests.at(rows).test, w)
         size: FloatArray = np.nan_to_num(np.abs(w), nan=-1.0)
-        return size
+        tops.append(_top(size.ravel(), count))
+        tops[:] = [_top(np.concatenate(tops), count)]
+        return np.asarray(size.max(axis=1))
 
-    return in_pieces(group.observed.shape, of_rows)
+    return in_pieces((group.count,), of_rows), tops[0]
 
 
-def _limit(sizes: list[FloatArray], count: int) -> float:
-    """The size from which on an observation may be among the largest."""
-    largest = np.zeros(0)
-    for size in sizes:
-        flat = size.ravel()
-        if len(flat) > count:
-            flat = np.partition(flat, len(flat) - count)[len(flat) - count :]
-        largest = np.sort(np.concatenate([largest, flat]))[-count:]
-    return max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
+def _top(sizes: FloatArray, count: int) -> FloatArray:
+    """The largest sizes, at most so many."""
+    return np.partition(sizes, len(sizes) - count)[len(sizes) - count :] if len(sizes) > count else sizes
 
 
 def between(row: dict[str, Any]) -> str:

@@ -307,9 +307,11 @@ def test_quality_of_rays_is_that_of_the_dense_system(name, monkeypatch):
             np.testing.assert_allclose(array, plain, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(plain)))
 
 
+@pytest.mark.parametrize("very_many", [0, 1000])
 @pytest.mark.parametrize("name", ["plain", "two cameras", "left to numpy"])
-def test_a_common_sigma_is_kept_once(name, monkeypatch):
+def test_a_common_sigma_is_kept_once(name, very_many, monkeypatch):
     monkeypatch.setattr(ray_plan, "POINTS_AT_A_TIME", 5)
+    monkeypatch.setattr(ray_plan, "VERY_MANY_RAYS", very_many)
     scene = scene_of(name)
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-2)
     once = replace(
@@ -324,6 +326,7 @@ def test_a_common_sigma_is_kept_once(name, monkeypatch):
     rays = len(plans[0].rays.row)
     assert len(whole) == rays
     assert (len(short) < rays) == (name == "plain")
+    assert (plans[1].rays.measurements.row is not None) == (name == "plain" and very_many == 0)
     one, other = (build_normals(plan, values) for plan in plans)
     np.testing.assert_array_equal(one.matrix.values, other.matrix.values)
     np.testing.assert_array_equal(one.rhs, other.rhs)
