@@ -161,7 +161,9 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
     residual, by_point, by_others = (array[:n] for array in work)
     measured, pointers = _measured(plan, chunk), _pointers(plan, chunk)
     if _fits(place, chunk):
-        points = place.values["point"][plan.points[chunk.points]]
+        points = np.take(
+            place.values["point"], plan.points[chunk.points], axis=0
+        )  # a third of the time of an index
         image_rays.linearise(
             place.frames, plan.frames.layout, frame, pointers, points, measured, residual, by_point, by_others
         )
@@ -182,7 +184,9 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
 
 def _image_rays(place: _Place, chunk: Chunk) -> ImageRays:
     plan = place.plan
-    points = place.values["point"][plan.points[chunk.points]]
+    points = np.take(
+        place.values["point"], plan.points[chunk.points], axis=0
+    )  # a third of the time of an index
     local, pointers, layout = plan.frame[chunk.rays], _pointers(plan, chunk), plan.frames.layout
     return ImageRays(place.frames, layout, chunk.frames, local, pointers, points, _measured(plan, chunk))
 

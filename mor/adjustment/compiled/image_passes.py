@@ -57,7 +57,7 @@ def gather_image_rays(
     room = largest_piece(pointers)
     residuals, by_points = np.empty((room, 2)), np.empty((room, 2, 3))
     shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
-    by_others = np.zeros((room, 2, width))
+    by_others = np.empty((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     squares, first = 0.0, 0
     while first < count:

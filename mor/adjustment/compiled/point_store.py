@@ -16,8 +16,8 @@ from mor.adjustment.compiled.cliques import Clique, Met, Runs, merge, same_frame
 from mor.adjustment.compiled.couplings import couple
 from mor.geometry.arrays import FloatArray, IntArray
 
-# Numbers in a store and in a strip of columns of the reduced system: 1.6 and 1.2 MB, that they stay in the cache.
-STORE, STRIP = 200_000, 150_000
+# Numbers in a store and in a strip of columns of the reduced system: 1.6 and 0.5 MB, that they stay in the cache.
+STORE, STRIP = 200_000, 60_000
 
 
 class Store(NamedTuple):
