@@ -103,6 +103,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except MorError as error:
         click.echo(str(error), err=True)
         return error.exit_code
+    except SystemExit as leaving:
+        if isinstance(leaving.__context__, BrokenPipeError):  # click leaves with 1; who reads has seen enough
+            return ExitCode.DONE
+        raise
     except BrokenPipeError:
         return ExitCode.DONE
     except OSError as error:

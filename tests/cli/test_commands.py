@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import pytest
 from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
+
+from mor.cli import run
 
 HEAVY = ("numpy", "scipy", "polars", "numba", "pydantic", "yaml", "rich")
 MISFIT = LEVELLING.replace("1.001,", "1.021,")
@@ -197,6 +200,15 @@ class TestJson:
         assert data["outcome"] == "singular"
         assert data["sigma0"] is None
         assert len(data["movements"]) == 7
+
+    def test_pipe_that_is_closed_while_it_is_written_to_is_no_failure(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def closed(*_: object, **__: object) -> None:
+            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+        monkeypatch.setattr("mor.cli.adjust.click.echo", closed)
+        assert run(["adjust", str(write_block(tmp_path)), "--json", "-q"]) == 0
 
     def test_closed_pipe_is_no_failure(self, tmp_path: Path) -> None:
         project = write_block(tmp_path)
