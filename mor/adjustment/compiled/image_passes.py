@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.compiled import compile_kernel
-from mor.adjustment.compiled.cliques import Pattern
+from mor.adjustment.compiled.cliques import NONE, Pattern
 from mor.adjustment.compiled.frame_sums import add_rays
 from mor.adjustment.compiled.image_rays import FrameChange, FrameValues, Layout, Measured, follow, linearise
 from mor.adjustment.compiled.point_products import Gathering, store_points
@@ -59,7 +59,7 @@ def gather_image_rays(
     shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
     by_others = np.empty((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
-    squares, first = 0.0, 0
+    squares, first = 0.0, NONE
     while first < count:
         last = end_of_piece(pointers, first)
         begin, end = pointers[first], pointers[last]
@@ -93,7 +93,7 @@ def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, ste
         np.empty((room, 2, 3)),
         np.empty(room, dtype=np.int64),
     )
-    first = 0
+    first = NONE
     while first < points.shape[0]:
         last = end_of_piece(pointers, first)
         begin, end = pointers[first], pointers[last]

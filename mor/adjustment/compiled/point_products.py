@@ -90,7 +90,7 @@ def store_points(
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
     clique = room_for_clique(rays, most_runs, most, met)
-    order, done, groups = grouped(keys), 0, waiting[0]
+    order, done, groups = grouped(keys), NONE, waiting[0]
     while True:
         done, groups = fill_store(
             store, groups, order, done, white, by_others, frame, pointers, runs, met, clique, room
