@@ -11,7 +11,7 @@ from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
 from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
 from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
-from mor.adjustment.point_elimination import PointElimination, ReducedSystem
+from mor.adjustment.point_elimination import ReducedSystem
 from mor.adjustment.point_solutions import add_to_others
 from mor.adjustment.ray_chunks import eliminate_chunks, ray_chunks, ray_objective
 from mor.adjustment.ray_plan import RayPlan
@@ -64,11 +64,9 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
 
     def of_lane(rays: RayPlan) -> tuple[ReducedSystem, float]:
         own, squares = _empty_system(structure), 0.0
-        elimination = PointElimination(own, damping)
-        for chunk in eliminate_chunks(plan.problem, rays, plan.reduced, values, elimination):
+        for chunk in eliminate_chunks(plan.problem, rays, plan.reduced, values, own, damping):
             rhs[rays.columns[chunk.points]] = chunk.gradient
             squares += chunk.squares
-        elimination.finish()
         return own, squares
 
     for own, squares in in_lanes(plan.rays, block_values.size, of_lane):

@@ -20,7 +20,7 @@ from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
 from mor.adjustment.compiled import frame_sums, image_passes, point_cofactors, point_products, points
 from mor.adjustment.compiled.cliques import Pattern
 from mor.adjustment.compiled.image_passes import ImageRays
-from mor.adjustment.compiled.point_products import Gathering, System
+from mor.adjustment.compiled.point_products import System
 from mor.adjustment.rays import Rays
 from mor.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -61,96 +61,54 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
     return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
-class PointElimination:
-    """Eliminates points chunk by chunk; what they leave is in the reduced system when it is finished."""
-
-    def __init__(self, reduced: ReducedSystem, damping: float = 0.0) -> None:
-        """Begin.
-
-        Args:
-            reduced: the system to add to, in place. Its pattern must hold all pairs of blocks that the rays of a
-                point meet.
-            damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
-                diagonal is the caller's.
-        """
-        self._reduced, self._damping = reduced, damping
-        self._pattern = _pattern(reduced.matrix.structure)
-        self._columns: IntArray | None = None
-        self._gathering: Gathering | None = None
-
-    def add(self, rays: Rays) -> Eliminated:
-        """Eliminate the points of a chunk. Successive chunks with the very same columns reach the system together.
-
-        Raises:
-            ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
-        """
-        if not compiled.available:
-            _refuse_columns_beyond(rays.columns, self._reduced.matrix.structure.unknowns)
-            return Eliminated(*point_reference.accumulate(rays, self._reduced, self._damping))
-        residual, by_point, by_others, frame, _, pointers = _arrays(_wide(rays))
-        gathering = self._gathering_of(rays.columns)
-        noted = _nothing_noted(rays.points)
-        white, moved = np.empty(by_point.shape), np.empty(residual.shape)
-        points.whiten_points(by_point, residual, pointers, self._damping, white, moved, *noted)
-        frame_sums.add_rays(residual, moved, by_others, frame, gathering.sums)
-        matrix = self._reduced.matrix.values
-        stored = point_products.store_points(
-            gathering, white, by_others, frame, pointers, self._pattern, matrix
-        )
-        _refuse_unless(stored)
-        return noted
-
-    def add_images(self, columns: IntArray, rays: ImageRays) -> tuple[Eliminated, float]:
-        """Linearise image rays of frames with these columns (f, K) and eliminate their points; compiled only.
-
-        Returns:
-            What ``add`` does, and the sum of the squared residuals.
-
-        Raises:
-            ValueError: as ``add``.
-        """
-        gathering = self._gathering_of(columns)
-        noted = _nothing_noted(len(rays.points))
-        matrix = self._reduced.matrix.values
-        stored, squares = image_passes.gather_image_rays(
-            gathering, rays, self._damping, self._pattern, matrix, *noted
-        )
-        _refuse_unless(stored)
-        return noted, squares
-
-    def _gathering_of(self, columns: IntArray) -> Gathering:
-        if self._gathering is None or columns is not self._columns:
-            self.finish()
-            _refuse_columns_beyond(columns, self._reduced.matrix.structure.unknowns)
-            self._columns = columns
-            wide = np.ascontiguousarray(_wide_columns(columns), dtype=np.int64)
-            self._gathering = point_products.begin_gathering(wide, self._pattern)
-        return self._gathering
-
-    def finish(self) -> None:
-        """Bring what is left into the reduced system.
-
-        Raises:
-            ValueError: the pattern lacks a pair of blocks that meet in a point.
-        """
-        if self._gathering is not None:
-            reduced, gathering, self._gathering = self._reduced, self._gathering, None
-            system = System(
-                reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient
-            )
-            _refuse_unless(point_products.finish_gathering(gathering, self._pattern, system))
-
-
 def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
-    """Eliminate the points of a single chunk of rays and add what they leave to the reduced system, in place.
+    """Eliminate the points of a chunk of rays and add what they leave to the reduced system, in place.
+
+    Args:
+        rays: residuals and Jacobians, whole points.
+        reduced: the system to add to. Its pattern must hold all pairs of blocks that the rays of a
+            point meet.
+        damping: the diagonal of N_pp is multiplied by 1 + damping (Levenberg-Marquardt); the others'
+            diagonal is the caller's.
 
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
-    points = PointElimination(reduced, damping)
-    noted = points.add(rays)
-    points.finish()
+    _refuse_columns_beyond(rays.columns, reduced.matrix.structure.unknowns)
+    if not compiled.available:
+        return Eliminated(*point_reference.accumulate(rays, reduced, damping))
+    residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays))
+    pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
+    gathering = point_products.begin_gathering(columns, pattern)
+    noted = _nothing_noted(rays.points)
+    white, moved = np.empty(by_point.shape), np.empty(residual.shape)
+    points.whiten_points(by_point, residual, pointers, damping, white, moved, *noted)
+    frame_sums.add_rays(residual, moved, by_others, frame, gathering.sums)
+    arrays = white, by_others, frame, pointers
+    stored = point_products.store_points(gathering, *arrays, pattern, system.values)
+    _refuse_unless(stored and point_products.finish_gathering(gathering, pattern, system))
     return noted
+
+
+def accumulate_images(
+    columns: IntArray, rays: ImageRays, reduced: ReducedSystem, damping: float = 0.0
+) -> tuple[Eliminated, float]:
+    """Linearise image rays of frames with these columns (f, K) and do the same; compiled only.
+
+    Returns:
+        What ``accumulate`` does, and the sum of the squared residuals.
+
+    Raises:
+        ValueError: as ``accumulate``.
+    """
+    _refuse_columns_beyond(columns, reduced.matrix.structure.unknowns)
+    wide = np.ascontiguousarray(_wide_columns(columns), dtype=np.int64)
+    pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
+    gathering = point_products.begin_gathering(wide, pattern)
+    noted = _nothing_noted(len(rays.points))
+    stored, squares = image_passes.gather_image_rays(gathering, rays, damping, pattern, system.values, *noted)
+    _refuse_unless(stored and point_products.finish_gathering(gathering, pattern, system))
+    return noted, squares
 
 
 def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
@@ -235,6 +193,11 @@ def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
         np.ascontiguousarray(rays.columns, dtype=np.int64),
         np.ascontiguousarray(rays.point_pointers, dtype=np.int64),
     )
+
+
+def _system(reduced: ReducedSystem) -> System:
+    """Return the arrays of a reduced system as the kernels take them."""
+    return System(reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient)
 
 
 def _nothing_noted(points: int) -> Eliminated:

@@ -17,7 +17,12 @@ from mor.adjustment.compiled import image_passes, image_rays
 from mor.adjustment.compiled.image_passes import ImageRays
 from mor.adjustment.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.linearise import rotation_tangents
-from mor.adjustment.point_elimination import PointElimination, back_substitute
+from mor.adjustment.point_elimination import (
+    ReducedSystem,
+    accumulate,
+    accumulate_images,
+    back_substitute,
+)
 from mor.adjustment.problem import Problem
 from mor.adjustment.ray_frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.ray_plan import Chunk, RayPlan, pieces
@@ -78,20 +83,20 @@ class EliminatedChunk(NamedTuple):
 
 
 def eliminate_chunks(
-    problem: Problem, plan: RayPlan, reduced: IntArray, values: Values, elimination: PointElimination
+    problem: Problem, plan: RayPlan, reduced: IntArray, values: Values, system: ReducedSystem, damping: float
 ) -> Iterator[EliminatedChunk]:
-    """Linearise all chunks and eliminate their points."""
+    """Linearise all chunks and eliminate their points; what they leave is added to the system, in place."""
     place = _place(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
     work: _Work | None = None
     for chunk in plan.chunks:
         of_frames = columns[chunk.frames]
         if _all_compiled(place, chunk):
-            noted, squares = elimination.add_images(of_frames, _image_rays(place, chunk))
+            noted, squares = accumulate_images(of_frames, _image_rays(place, chunk), system, damping)
         else:
             work = work or _workspace(plan, plan.chunks)
             linearised = _ray_chunk(place, chunk, of_frames, work).rays
-            noted = elimination.add(linearised)
+            noted = accumulate(linearised, system, damping)
             squares = float(np.vdot(linearised.residual, linearised.residual))
         yield EliminatedChunk(chunk.points, noted.gradient, squares)
 
