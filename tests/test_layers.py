@@ -24,6 +24,7 @@ LAYERS = (
     ("quality",),
     ("report", "formats"),
     ("pipeline",),
+    ("api",),
     ("cli",),
 )
 """Bottom to top; what stands in one layer does not know each other."""
