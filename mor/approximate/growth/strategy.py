@@ -17,6 +17,7 @@ from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, in
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
 from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
 from mor.approximate.growth.level_and_scale import level_and_scale
+from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.part import Part
 from mor.approximate.growth.relative_poses import grow_relative
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
@@ -103,6 +104,7 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
+        grown |= grow_mixed(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True

@@ -66,6 +66,7 @@ def frames_of(made, wrong=0):
                 rays=rays,
                 sigma=np.full(count, 1e-4),
                 offset=np.zeros(4),
+                up=np.full(3, np.nan),
             )
         )
     return frames
