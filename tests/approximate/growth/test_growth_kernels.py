@@ -133,6 +133,7 @@ def block(rng, held=3):
                 rays,
                 np.full(count, 1e-4),
                 np.zeros(4),
+                np.full(3, np.nan),
             )
         )
         poses[number] = (place, D)
