@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake

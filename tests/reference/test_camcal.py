@@ -16,7 +16,7 @@ from reference_data import (
     reference_folder,
 )
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
 
