@@ -1,4 +1,4 @@
-"""Every reference network, sample and case through the command, reports and tables on: a documented end, finite values."""
+"""Every reference network, sample and case through the command, all written: a documented end, finite values."""
 
 from __future__ import annotations
 
