@@ -66,7 +66,8 @@ class BlockStore:
     def merged(self) -> Statuses:
         """Values, free flags, σ and start values of all blocks, (n, size) each, to be changed in place."""
         table = Statuses(self.all_values(), self.all_free(), self.all_sigma(), self.all_start())
-        self.values, self.free, self.sigma, self.start = ([array] for array in table)
+        self.values, self.free = [table.values], [table.free]
+        self.sigma, self.start = [table.sigma], [table.start]
         return table
 
     def blocks(self) -> Blocks:

@@ -21,7 +21,7 @@ from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
     "camera": ("interior", "eccentricity"),
-    "image": ("position", "rotation", "height", "interior"),
+    "image": ("position", "rotation", "height", "interior", "eccentricity"),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
@@ -200,12 +200,20 @@ def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
     for kind in dict.fromkeys(row.kind for row in exact):
         here = [row for row in exact if row.kind == kind]
         tied = [row for row in here if len(row.known.blocks) == 2]
-        ties = [Equality(row.known.component, *row.known.blocks, row.known.value) for row in tied]
+        ties = [
+            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value)
+            for row in tied
+        ]
         try:
             settle_equalities(reading.shop.store(kind), ties)
         except ContradictionError as error:
             row = tied[error.number] if error.number is not None else (tied or here)[0]
             reading.problems.append(row.problem(f"σ = 0: {error}"))
+
+
+def _equality(known: _Known) -> Equality:
+    first, second = known.blocks
+    return Equality(known.component, first, second, known.value)
 
 
 def _refuse_constant(reading: Reading, row: _Row) -> None:
