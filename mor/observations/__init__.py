@@ -22,6 +22,7 @@ from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.observations.spatial_angle import SPATIAL_ANGLE
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
@@ -35,6 +36,7 @@ PLAIN_TYPES = {
         VERTICAL_DIRECTION,
         ZENITH_ANGLE,
         ANGLE_TYPE,
+        SPATIAL_ANGLE,
         VECTOR,
         HEIGHT_DIFFERENCE,
         COORDINATES,

@@ -100,6 +100,12 @@ def _put_target(kind, blocks, sight):
         backsight[:] = at + np.array([1.0, -1.0, 1.0]) * sight
         target[:] = at + sight
         return
+    if kind.key == "spatial_angle":
+        at, height, backsight, first, target, second = blocks
+        up = np.array([0.0, 0.0, 1.0])
+        backsight[:] = at + np.roll(sight, 1) + (height - first) * up
+        target[:] = at + sight + (height - second) * up
+        return
     owner = kind.slots[0].of
     vector = np.broadcast_to(sight, (ROWS, 3)).copy()
     if (owner, "relative rotation") in part:
@@ -191,7 +197,9 @@ def test_observed_angles_close_to_100_gon(type_key, phi):
             np.testing.assert_allclose(jacobian[:, :, component], numeric, rtol=1e-7, atol=1e-7)
 
 
-@pytest.mark.parametrize("type_key", ["directions", "zenith_directions", "bearing", "angle", "zenith_angle"])
+@pytest.mark.parametrize(
+    "type_key", ["directions", "zenith_directions", "bearing", "angle", "spatial_angle", "zenith_angle"]
+)
 @pytest.mark.parametrize("height", [5.0, -5.0, 0.0])
 def test_vertical_sights_and_coinciding_points_stay_finite(type_key, height):
     kind = ALL_TYPES[type_key]
