@@ -76,7 +76,7 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-forward", "opencv", "fisheye"] = "mor"
+    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = "mor"
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
