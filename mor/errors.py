@@ -51,6 +51,12 @@ class InputError(MorError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class NoSolutionError(MorError):
+    """What was asked for needs a solution, and the adjustment has none: it says why."""
+
+    exit_code = ExitCode.NOT_CONVERGED
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
     names = list(known)

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import yaml
 
 from mor.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    import polars as pl
 
 Path: TypeAlias = tuple[str | int, ...]
 
@@ -46,6 +49,10 @@ class Document:
         entries = [e for section in self.data.values() if isinstance(section, list) for e in section]
         named = [e.get(key) for e in entries if isinstance(e, dict) for key in ("file", "covariance")]
         return [name for name in named if isinstance(name, str)]
+
+    def frame(self, name: str) -> pl.DataFrame | None:
+        """A data frame that stands in place of the file of this name; a document of a file has none."""
+        return None
 
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""

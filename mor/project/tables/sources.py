@@ -35,6 +35,9 @@ def from_rows(table: Table, place: Place, problems: list[Problem]) -> Source:
 
 def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> Source | None:
     """Rows of a file beside the project; ``None`` where ``problems`` were added instead."""
+    frame = place.document.frame(str(table.file))
+    if frame is not None:
+        return _from_frame(frame, table, place.document.file_of(place.path))
     path = place.folder / str(table.file)
     if not path.is_file():
         near = nearest(path.name, [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else [])
@@ -42,7 +45,7 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
         return None
     try:
         if path.suffix == ".parquet":
-            return _from_parquet(pl.read_parquet(path), table, str(path))
+            return _from_frame(pl.read_parquet(path), table, str(path))
         text = path.read_bytes()
         if path.suffix == ".gz":
             text = gzip.decompress(text)
@@ -52,8 +55,8 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
     return from_text(text, table, known, str(path), problems)
 
 
-def _from_parquet(frame: pl.DataFrame, table: Table, file: str) -> Source:
-    """Columns of a Parquet file: texts and numbers as they are; a row counts as a line, from 1."""
+def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
+    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
     columns = {}
     for name in frame.columns:
         ours = our_name(table, name)

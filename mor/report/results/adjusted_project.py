@@ -59,7 +59,7 @@ def adjusted_project(
             data[section] = entries
     for section in ("observations", "checks"):
         if section in data:
-            data[section] = [_moved(entry, source, target) for entry in data[section] or []]
+            data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if "cameras" in data:
         data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
@@ -80,11 +80,18 @@ def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, An
     }
 
 
-def _moved(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
-    """An entry whose files are found from the new folder."""
+def _moved(
+    entry: dict[str, Any], document: Document, source: Path, target: Path, tables: dict[str, pl.DataFrame]
+) -> dict[str, Any]:
+    """An entry whose files are found from the new folder; a data frame without a file becomes one of ``tables``."""
     moved = dict(entry)
     for key in ("file", "covariance"):
-        if isinstance(moved.get(key), str):
+        frame = document.frame(str(moved.get(key)))
+        if frame is not None:
+            words = "".join(c if c.isalnum() else " " for c in str(moved[key])).split()
+            moved[key] = f"given_{'_'.join(words)}.csv"
+            tables[moved[key]] = frame
+        elif isinstance(moved.get(key), str):
             moved[key] = Path(os.path.relpath(source / moved[key], target)).as_posix()
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
