@@ -142,10 +142,18 @@ class Workshop:
 
     stores: dict[str, BlockStore]
     things: dict[str, Entities]
+    neutral_blocks: dict[str, int] = field(default_factory=dict)
 
     def store(self, kind: str) -> BlockStore:
         """Store of a kind."""
         return self.stores[kind]
+
+    def neutral(self, kind: str) -> int:
+        """The block of zeros of a kind, for what has none of its own; added where nothing has asked for it yet."""
+        store = self.stores[kind]
+        if kind not in self.neutral_blocks:
+            self.neutral_blocks[kind] = store.add_fixed("none", [0.0] * store.kind.size)
+        return self.neutral_blocks[kind]
 
 
 def workshop() -> Workshop:
