@@ -20,7 +20,7 @@ from scenes import (
     Scene,
 )
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 
 _Column = pl.Series | NDArray[Any]
 _SIGMA = {"distance": SIGMA_DISTANCE, "bearing": SIGMA_BEARING, "height_difference": SIGMA_HEIGHT}

@@ -14,10 +14,10 @@ from problems import as_problem
 from mor.adjustment.normals import build_normals
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Adjustment, adjust
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality, assess
-from mor.quality.precision import datum_transformation, parameter_cofactors
-from mor.quality.redundancy import observation_quality
+from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
+from mor.quality.reliability.redundancy import observation_quality
 
 _SMALL: dict[type, tuple[str, tuple[int, ...]]] = {
     scenes.Block: ("aerial", (2, 3)),

@@ -16,7 +16,7 @@ from scenes import (
 )
 
 from mor.adjustment.problem import Datum, Problem
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import IMAGE_TYPES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
 from mor.parameters.index import Blocks, index_unknowns

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 
 SIGMA_IMAGE = 0.003

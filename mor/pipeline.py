@@ -13,18 +13,18 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
-from mor.geometry.arrays import FloatArray
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
 from mor.parameters.index import all_known, index_unknowns
-from mor.project.model import Settings as ProjectSettings
-from mor.project.network import Network, build_network
-from mor.project.nodes import Document, read_yaml
-from mor.project.reading import TableWatcher, ignore_table
-from mor.project.validation import validate, without_empty_keys
+from mor.project.file.model import Settings as ProjectSettings
+from mor.project.file.nodes import Document, read_yaml
+from mor.project.file.validation import validate, without_empty_keys
+from mor.project.network.build import Network, build_network
+from mor.project.network.reading import TableWatcher, ignore_table
 from mor.quality.assess import Levels, assess
 from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
@@ -117,7 +117,7 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
     if all_known(network.start):
         return network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
-    from mor.approximate.strategy import approximate
+    from mor.approximate.growth.strategy import approximate
 
     approximation = approximate(network)
     if approximation.missing:

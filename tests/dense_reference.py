@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.rotations import angles_from_rotation, tangent_of_angles
 from mor.observations import wrap
 from mor.parameters.index import Values, partly_free

@@ -13,10 +13,10 @@ import pytest
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import partly_free
 from mor.pipeline import Solved
-from mor.project.network import Network, build_network
-from mor.project.nodes import Document, read_yaml
-from mor.project.validation import validate
-from mor.quality.precision import angle_cofactors
+from mor.project.file.nodes import Document, read_yaml
+from mor.project.file.validation import validate
+from mor.project.network.build import Network, build_network
+from mor.quality.precision.cofactors import angle_cofactors
 
 
 def reference_folder(name: str) -> Path | None:

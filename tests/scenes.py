@@ -13,7 +13,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Outcome, adjust
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.rotations import (
     angles_from_rotation,
     rotate,

@@ -9,7 +9,7 @@ import pytest
 from small_projects import LEVELLING, mor, write
 
 from mor.counting import counted
-from mor.quality.say import english
+from mor.quality.diagnosis.sentences import english
 from mor.report.words.language import words_of, words_of_page
 
 ONE_OF_MANY = re.compile(

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from mor.adjustment.block_matrix import BlockMatrix
-from mor.adjustment.cholesky import Factor, factorise
 from mor.adjustment.normals import Normals, build_normals, image_of, normal_product
 from mor.adjustment.plan import Plan
-from mor.adjustment.point_solutions import full_directions, full_step, reduce_right_hand_side
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.adjustment.rays.point_solutions import full_directions, full_step, reduce_right_hand_side
+from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
+from mor.sparse.block_matrix import BlockMatrix
+from mor.sparse.cholesky import Factor, factorise
 
 NULL = 1e-17
 """‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Index, Values, tangents
 

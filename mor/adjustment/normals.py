@@ -7,18 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.block_matrix import BlockMatrix, BlockStructure
-from mor.adjustment.lanes import in_lanes
 from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
 from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
-from mor.adjustment.point_elimination import ReducedSystem
-from mor.adjustment.point_solutions import add_to_others
-from mor.adjustment.ray_chunks import eliminate_chunks, ray_chunks, ray_objective
-from mor.adjustment.ray_plan import RayPlan
-from mor.adjustment.rays import Rays
-from mor.adjustment.rows import accumulate_rows
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.adjustment.rays.chunks import eliminate_chunks, ray_chunks, ray_objective
+from mor.adjustment.rays.lanes import in_lanes
+from mor.adjustment.rays.linearised import Rays
+from mor.adjustment.rays.plan import RayPlan
+from mor.adjustment.rays.point_elimination import ReducedSystem
+from mor.adjustment.rays.point_solutions import add_to_others
+from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
+from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+from mor.sparse.rows import accumulate_rows
 
 
 class Normals(NamedTuple):

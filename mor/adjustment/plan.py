@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.adjustment.block_matrix import BlockStructure, structure_from_cliques
-from mor.adjustment.elimination import Elimination, analyse
 from mor.adjustment.problem import Cluster, Problem
-from mor.adjustment.ray_plan import RayPlan, plan_rays
-from mor.adjustment.rows import Target, target
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.adjustment.rays.plan import RayPlan, plan_rays
+from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index
+from mor.sparse.block_matrix import BlockStructure, structure_from_cliques
+from mor.sparse.rows import Target, target
+from mor.sparse.symbolic_factorisation import Elimination, analyse
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Plan:
 def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     """Work out rows, pattern and elimination order of a problem.
 
-    ``rays`` are those of the points to eliminate on the fly (see :mod:`mor.adjustment.eliminable`).
+    ``rays`` are those of the points to eliminate on the fly (see :mod:`mor.adjustment.rays.eliminable`).
     """
     if rays is None:
         rays = plan_rays(problem, np.zeros(0, dtype=np.int64))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index, Values
 

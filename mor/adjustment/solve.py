@@ -13,16 +13,16 @@ from enum import Enum
 
 import numpy as np
 
-from mor.adjustment.datum import Constraint, binds, constraint, corrections, into_datum
-from mor.adjustment.defect import Defect, explain_defect
-from mor.adjustment.eliminable import eliminable_rays
+from mor.adjustment.datum.defect import Defect, explain_defect
+from mor.adjustment.datum.s_transformation import Constraint, binds, constraint, corrections, into_datum
+from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
 from mor.adjustment.normals import Normals, build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
+from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.step_control import Stride, Taken, accept
-from mor.adjustment.weak_turns import NOTHING_KNOWN, weak_turns
-from mor.geometry.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values, move
 
 TINY_STEP = 1e-7

@@ -16,7 +16,7 @@ import numpy as np
 
 from mor.adjustment.inverse import damped_step, invert
 from mor.adjustment.normals import Normals, build_normals, objective
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.parameters.index import move
 
 if TYPE_CHECKING:

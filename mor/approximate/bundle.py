@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.approximate.vectors import tangent_axes, unit
-from mor.geometry.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

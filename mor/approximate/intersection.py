@@ -10,7 +10,7 @@ import numpy as np
 from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import ahead, reproject
 from mor.approximate.vectors import unit
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray
 
 PARALLEL = 3.0
 """Rays are parallel if the distance along them is not known to a part of one in so many."""

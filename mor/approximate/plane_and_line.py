@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from mor.approximate.vectors import principal_rows, tangent_axes
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 LINE = 1e-9
 """Extension across, relative to that along, below which points are collinear, or at one place."""

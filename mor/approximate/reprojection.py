@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.approximate.bundle import Bundle
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray
 
 
 class Reprojection(NamedTuple):

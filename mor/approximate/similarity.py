@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 LINE = 1e-9
 """Extension across, relative to that along, below which points lie in a line, or at one place."""

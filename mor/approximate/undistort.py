@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.approximate.vectors import tangent_axes, unit
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CameraModel
 
 _ITERATIONS = 12

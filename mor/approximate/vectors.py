@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:

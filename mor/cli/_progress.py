@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from mor.adjustment.solve import Iteration
     from mor.errors import Problem
-    from mor.project.nodes import Document
+    from mor.project.file.nodes import Document
 
 
 @dataclass

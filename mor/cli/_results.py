@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from mor.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from mor.project.network import Network
-    from mor.project.nodes import Document
+    from mor.project.file.nodes import Document
+    from mor.project.network.build import Network
     from mor.quality.solved import Solved
 
 ADJUSTED = "adjusted.yaml"
@@ -62,8 +62,8 @@ def in_datum(opened: Opened, target: str) -> tuple[Solved, Document]:
     network: then its residuals depend on them, and only a new adjustment can do without.
     """
     from mor.pipeline import read_network
-    from mor.project.nodes import read_yaml
-    from mor.quality.release import released, strained
+    from mor.project.file.nodes import read_yaml
+    from mor.quality.deformation.released_coordinates import released, strained
 
     data = read_yaml(f"datum: {{{target}}}" if ":" in target else f"datum: {target}", "--to").data
     document = replace(

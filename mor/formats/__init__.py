@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mor.errors import InputError, Problem, nearest
-from mor.formats.aicon import read_aicon
-from mor.formats.aicon_files import is_stem
-from mor.formats.gkf import read_gkf
-from mor.formats.krumm import read_krumm
+from mor.formats.aicon.files import is_stem
+from mor.formats.aicon.reader import read_aicon
+from mor.formats.gkf.reader import read_gkf
 from mor.formats.photomodeler import read_photomodeler
-from mor.project.nodes import Document
+from mor.formats.textbook.reader import read_krumm
+from mor.project.file.nodes import Document
 
 Reader = Callable[[Path], Document]
 

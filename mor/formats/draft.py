@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from mor.errors import InputError, Problem
-from mor.project.nodes import Document, Path
+from mor.project.file.nodes import Document, Path
 
 
 class Row(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
-from mor.project.nodes import Document
+from mor.project.file.nodes import Document
 
 _PHOTO_LINES = 6
 _DISTORTION = ("K1", "K2", "K3", "P1", "P2")

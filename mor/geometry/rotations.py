@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 GIMBAL = 1e-9
 """cos φ below which ω and κ can no longer be told apart."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations._contract import Reference, Slot
 
 POSITIONS = ("point", "station", "image")

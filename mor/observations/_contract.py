@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.observations.names import Names
 from mor.units import Component
 

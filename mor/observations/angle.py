@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations._between import POSITIONS, bearing
 from mor.observations._contract import Computed, ObservationType, Reference, Slot
 from mor.units import ANGLE, Component

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations._between import BETWEEN_SLOTS, FROM_TO, bearing, between, by_between
 from mor.observations._contract import Computed, ObservationType
 from mor.units import ANGLE, Component

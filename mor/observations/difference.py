@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations._between import BETWEEN_SLOTS, FROM_TO, between, by_between
 from mor.observations._contract import Computed, ObservationType
 from mor.units import LENGTH, Component

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.frames import by_point, by_rotation, into_frame
 from mor.observations._between import POSITIONS, bearing
 from mor.observations._contract import Computed, ObservationType, Reference, Slot

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.geometry.frames import InFrame, by_point, by_rotation, follow, into_frame
 from mor.observations._contract import Computed, Equation, ObservationType, Reference, Slot

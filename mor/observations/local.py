@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.frames import by_rotation
 from mor.observations._between import POSITIONS
 from mor.observations._contract import Computed, ObservationType, Reference, Slot

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import IntArray, SmallIntArray
+from mor.arrays import IntArray, SmallIntArray
 
 
 @dataclass(frozen=True)

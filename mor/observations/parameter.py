@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 from mor.observations._contract import Computed, ObservationType, Reference, Slot
 from mor.parameters.kinds import KINDS, BlockKind

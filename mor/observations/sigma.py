@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations._contract import ObservationGroup
 from mor.parameters.index import Values
 

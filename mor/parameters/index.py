@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mor.geometry.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
 from mor.parameters.kinds import KINDS, BlockKind
 

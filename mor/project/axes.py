@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.observations import External, ObservationType
 from mor.project.edge import Edge, ImageScale
 

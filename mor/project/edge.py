@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
-from mor.project.model import Axes, Camera, Units
+from mor.arrays import FloatArray
+from mor.project.file.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?\s*$")

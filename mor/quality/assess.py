@@ -8,17 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from mor.adjustment.datum import STransformation
+from mor.adjustment.datum.s_transformation import STransformation
 from mor.adjustment.solve import Adjustment
-from mor.geometry.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.quality.effort import Done, of_operations
-from mor.quality.levels import noncentrality, sidak
-from mor.quality.observation_quality import ObservationQuality, redundancy_of
-from mor.quality.pieces import in_pieces
-from mor.quality.precision import datum_transformation, parameter_cofactors
-from mor.quality.redundancy import observation_quality
-from mor.quality.reliability import Reliability
-from mor.quality.tests import GlobalTest, critical_value, global_test, normalised_residuals
+from mor.quality.in_chunks import in_pieces
+from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
+from mor.quality.reliability.detectable_errors import Reliability
+from mor.quality.reliability.observation_quality import ObservationQuality, redundancy_of
+from mor.quality.reliability.redundancy import observation_quality
+from mor.quality.tests.levels import noncentrality, sidak
+from mor.quality.tests.test_statistics import GlobalTest, critical_value, global_test, normalised_residuals
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from mor.adjustment.selected_inverse import operations
 from mor.adjustment.solve import Adjustment
+from mor.sparse.selected_inverse import operations
 
 Done: TypeAlias = Callable[[int], None]
 """Told how much more is done, in rays; from several threads."""

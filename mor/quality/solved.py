@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from mor.adjustment.solve import Adjustment
-from mor.project.network import Network
+from mor.project.network.build import Network
 from mor.quality.assess import Quality
-from mor.quality.effects import Effect, effects
+from mor.quality.reliability.effects import Effect, effects
 from mor.quality.treatment import Treatment
 
 

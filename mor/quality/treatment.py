@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mor.quality.assess import Levels, Quality
-from mor.quality.exclusion import reweighted
-from mor.quality.robust import Method, Robust, robust_estimate
-from mor.quality.snooping import Snooping, snoop
-from mor.quality.variance_components import Components, components, iterated_components
-from mor.quality.variance_components import Method as ComponentMethod
+from mor.quality.gross_errors.data_snooping import Snooping, snoop
+from mor.quality.gross_errors.exclusion import reweighted
+from mor.quality.gross_errors.robust_estimation import Method, Robust, robust_estimate
+from mor.quality.variance_components.simplified import Components, components, iterated_components
+from mor.quality.variance_components.simplified import Method as ComponentMethod
 
 
 class Wanted(NamedTuple):

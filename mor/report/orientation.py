@@ -10,15 +10,15 @@ import numpy as np
 import polars as pl
 
 from mor.approximate.bundle import Bundle, image_bundle
-from mor.approximate.plane_object import on_level_plane, on_wall, scale_from_length, sides_and_angles
-from mor.approximate.plane_shape import PlaneShape, shape_of_plane
-from mor.approximate.relative_outcome import RelativeOrientation
-from mor.approximate.relative_robust import RobustOrientation, robust_relative_orientation
+from mor.approximate.planar.plane_object import on_level_plane, on_wall, scale_from_length, sides_and_angles
+from mor.approximate.planar.plane_shape import PlaneShape, shape_of_plane
+from mor.approximate.relative_orientation.outcome import RelativeOrientation
+from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
+from mor.arrays import FloatArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
-from mor.geometry.arrays import FloatArray
 from mor.geometry.rotations import angles_from_rotation
-from mor.report.text._layout import fixed, short, table
+from mor.report.text.layout import fixed, short, table
 from mor.units import ANGLE_UNITS
 
 

@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
-from mor.geometry.arrays import FloatArray
 from mor.quality.solved import Solved
-from mor.report.checks import check_rows
-from mor.report.observation_table import SCHEMA
-from mor.report.outward import points
-from mor.report.reliability import gross_errors
-from mor.report.summary import summary
-from mor.report.tables import (
+from mor.report.edge import points
+from mor.report.results.summary import summary
+from mor.report.tables.checks import check_rows
+from mor.report.tables.estimates import (
     group_table,
     image_table,
     interior_rows,
     point_table,
     station_table,
 )
+from mor.report.tables.observations import SCHEMA
+from mor.report.tables.reliability import gross_errors
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from dense_reference import dense_system
 from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 
-from mor.adjustment import compiled
+from mor import compilation
 from mor.adjustment.normals import build_normals, image_of, objective
 from mor.adjustment.plan import make_plan
 
@@ -48,7 +48,7 @@ def system(request):
 @pytest.mark.parametrize("way", ["compiled", "plain"])
 def test_normal_equations_against_dense_ones(system, way, monkeypatch):
     if way == "plain":
-        monkeypatch.setattr(compiled, "available", False)
+        monkeypatch.setattr(compilation, "available", False)
     plan, values, dense = system
     normals = build_normals(plan, values)
     size = np.sqrt(np.diagonal(dense.normal))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mor.approximate.bundle import image_bundle
-from mor.approximate.coplanarity import adjust_coplanarity
-from mor.approximate.planar import solutions_of_homography
-from mor.approximate.resection import resect
-from mor.approximate.resection_outcome import ResectionOutcome
+from mor.approximate.planar.two_images import solutions_of_homography
+from mor.approximate.relative_orientation.coplanarity import adjust_coplanarity
+from mor.approximate.resection.outcome import ResectionOutcome
+from mor.approximate.resection.space_resection import resect
 from mor.geometry.rotations import rotation_from_angles
 
 

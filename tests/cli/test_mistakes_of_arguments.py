@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from small_projects import LEVELLING, mor, write
 
-from mor.cli import compare
-from mor.report.summary import SCHEMA
+from mor.cli.commands import compare
+from mor.report.results.summary import SCHEMA
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 
 from mor.cli import run
 from mor.pipeline import read_document
-from mor.project.recognise import recognise
+from mor.project.file.recognition import recognise
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 

@@ -15,7 +15,7 @@ pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 from small_projects import LEVELLING
 
 from mor.cli import run
-from mor.cli.plot import KINDS, view_of_source
+from mor.cli.commands.plot import KINDS, view_of_source
 from mor.report.plots.network import covariances, ellipse_lines
 from mor.report.view import View
 

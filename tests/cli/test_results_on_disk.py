@@ -10,7 +10,7 @@ import pytest
 from small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 from mor.errors import InputError
-from mor.report.folder import RESULT_FILES, write_folder
+from mor.report.results.folder import RESULT_FILES, write_folder
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -126,7 +126,7 @@ class TestInterruption:
             moved.append(target)
             replace(source, target)
 
-        monkeypatch.setattr("mor.report.folder.os.replace", interrupted)
+        monkeypatch.setattr("mor.report.results.folder.os.replace", interrupted)
         with pytest.raises(KeyboardInterrupt):
             write_folder(folder, {"a": say("new a"), "b": say("new b")}, force=True)
         assert content(folder) == {"a": b"new a", "b": b"old b"}
@@ -144,7 +144,7 @@ class TestInterruption:
             raise KeyboardInterrupt
 
         project = write(tmp_path, LEVELLING)
-        monkeypatch.setattr("mor.report.write.text_report", interrupt)
+        monkeypatch.setattr("mor.report.results.writing.text_report", interrupt)
         run = mor("adjust", project)
         assert run.code == 130
         assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"

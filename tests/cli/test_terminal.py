@@ -17,7 +17,7 @@ from mor.adjustment.solve import Iteration
 from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
 from mor.cli._progress import Progress
-from mor.cli.adjust import left_out
+from mor.cli.commands.adjust import left_out
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.effort import Done
 from mor.quality.solved import Solved
@@ -73,7 +73,7 @@ def test_what_is_told_on_the_way_is_german(tmp_path: Path) -> None:
 
 def test_notes_are_there_in_german(outcome: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     german = words_of("de").catalogue
-    monkeypatch.setattr("mor.report.write.MOST_LISTED", 1)
+    monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", 1)
     notes = [note.message for note in left_out(outcome, None, None)]
     assert len(notes) == 2
     assert {*notes, FIRST_RUN, PLAIN} <= set(german)

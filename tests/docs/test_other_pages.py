@@ -12,7 +12,7 @@ from small_projects import mor, write_block
 
 from mor.cli import INTERRUPTED
 from mor.errors import ExitCode
-from mor.report.observation_table import SCHEMA
+from mor.report.tables.observations import SCHEMA
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -12,9 +12,9 @@ import yaml
 from pydantic import BaseModel
 from small_projects import mor
 
-from mor.project.groups import TYPE_NAMES
-from mor.project.model import Project
-from mor.project.nodes import read_yaml
+from mor.project.file.model import Project
+from mor.project.file.nodes import read_yaml
+from mor.project.observations.groups import TYPE_NAMES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8")

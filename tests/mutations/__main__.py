@@ -23,7 +23,9 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=300, help="how many mutants")
     parser.add_argument("--seed", type=int, default=1, help="another seed, other mutants")
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument("--only", type=int, nargs="+", help="numbers of single mutants, to look at them again")
+    parser.add_argument(
+        "--only", type=int, nargs="+", help="numbers of single mutants, to look at them again"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     parser.add_argument("--keep", type=Path, help="folder into which projects with faults are put")
     wanted = parser.parse_args()
@@ -41,7 +43,9 @@ def main() -> int:
             print(f"{result.number} ({result.material}, {' '.join(result.command)}): {fault}", flush=True)
     print(f"{len(seconds)} mutants of seed {wanted.seed} in {time.monotonic() - began:.0f} s")
     print("exit codes: " + ", ".join(f"{code}: {count}" for code, count in sorted(codes.items())))
-    print(f"computing time: {sum(seconds) / len(seconds):.3f} s in the mean, {max(seconds):.1f} s at most; {peak:.2f} GB at most")
+    print(
+        f"computing time: {sum(seconds) / len(seconds):.3f} s in the mean, {max(seconds):.1f} s at most; {peak:.2f} GB at most"
+    )
     print("faults: " + (", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"))
     return int(bool(kinds))
 

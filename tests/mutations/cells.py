@@ -110,7 +110,9 @@ def _headed(rng: np.random.Generator, rows: Rows, headings: int) -> Rows:
     if rng.random() < 0.5 and len(rows[0]) > max(k, m):
         rows[0][k], rows[0][m] = rows[0][m], rows[0][k]
     elif len(rows[0]) > k:
-        rows[0][k] = str(chosen(rng, ("sigma", "x", "z", "sigma_x", "set", "start_x", "height", "point", hostile(rng))))
+        rows[0][k] = str(
+            chosen(rng, ("sigma", "x", "z", "sigma_x", "set", "start_x", "height", "point", hostile(rng)))
+        )
     return rows
 
 
@@ -119,4 +121,14 @@ def _shuffled(rng: np.random.Generator, rows: Rows, headings: int) -> Rows:
     return [*rows[:headings], *(rows[int(k)] for k in order)]
 
 
-_KINDS = (*(_cell,) * 4, *(_column,) * 3, _swapped_cells, _fewer, _more, _renamed, _renamed, _headed, _shuffled)
+_KINDS = (
+    *(_cell,) * 4,
+    *(_column,) * 3,
+    _swapped_cells,
+    _fewer,
+    _more,
+    _renamed,
+    _renamed,
+    _headed,
+    _shuffled,
+)

@@ -48,10 +48,29 @@ def _recoded(rng: np.random.Generator, content: bytes) -> bytes:
         chosen(  # type: ignore[call-overload]
             rng,
             (
-                *(b"\xef\xbb\xbf" + content, text.encode("utf-16"), text.encode("utf-16-be"), text.encode("utf-32")),
-                *(text.encode("latin-1", "replace"), text.encode("cp1252", "replace"), gzip.compress(content, mtime=0)),
-                *(content.replace(b"\n", b"\r\n"), content.replace(b"\n", b"\r"), content + b"\x1a", b"", b"\n"),
-                *(content.replace(b".", b","), content.replace(b" ", b"\xc2\xa0"), content.replace(b"\n", b"\n\n")),
+                *(
+                    b"\xef\xbb\xbf" + content,
+                    text.encode("utf-16"),
+                    text.encode("utf-16-be"),
+                    text.encode("utf-32"),
+                ),
+                *(
+                    text.encode("latin-1", "replace"),
+                    text.encode("cp1252", "replace"),
+                    gzip.compress(content, mtime=0),
+                ),
+                *(
+                    content.replace(b"\n", b"\r\n"),
+                    content.replace(b"\n", b"\r"),
+                    content + b"\x1a",
+                    b"",
+                    b"\n",
+                ),
+                *(
+                    content.replace(b".", b","),
+                    content.replace(b" ", b"\xc2\xa0"),
+                    content.replace(b"\n", b"\n\n"),
+                ),
             ),
         )
     )

@@ -56,7 +56,7 @@ def _mutation(rng: np.random.Generator, name: str) -> Callable[[np.random.Genera
 
 def _renamed(rng: np.random.Generator, files: dict[str, bytes], main: str) -> dict[str, bytes]:
     """One word of the project gets another name in all of its files."""
-    words = [word for word in files[main].replace(b"\"", b" ").split() if word.isalnum() and len(word) < 12]
+    words = [word for word in files[main].replace(b'"', b" ").split() if word.isalnum() and len(word) < 12]
     if not words:
         return files
     old, new = bytes(chosen(rng, words)), hostile(rng).encode()  # type: ignore[call-overload]
@@ -74,7 +74,12 @@ def _command(rng: np.random.Generator) -> tuple[str, ...]:
         return ("convert",)
     options: list[str] = ["adjust", "--tables", str(chosen(rng, ("none", "worst", "all", "all")))]
     options += ["--html" if rng.random() < 0.1 else "--no-html"]
-    for option, share in ((("--lang", "de"), 0.2), (("--snoop",), 0.1), (("--json",), 0.05), (("--strict",), 0.2)):
+    for option, share in (
+        (("--lang", "de"), 0.2),
+        (("--snoop",), 0.1),
+        (("--json",), 0.05),
+        (("--strict",), 0.2),
+    ):
         if rng.random() < share:
             options += option
     return tuple(options)

@@ -15,22 +15,36 @@ from .worker import Judged
 
 _HANGS = 120.0
 """Seconds on the clock after which a mutant is taken for one that never ends, on a machine with other work too."""
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1"
+)
 
 
 class Worker:
     """A process with a mutant under way, or none."""
 
     def __init__(self, seed: int, keep: Path | None) -> None:
-        command = [sys.executable, "-m", "tests.mutations", "--work", str(seed), *([str(keep)] if keep else [])]
+        command = [
+            sys.executable,
+            "-m",
+            "tests.mutations",
+            "--work",
+            str(seed),
+            *([str(keep)] if keep else []),
+        ]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, **_ONE_THREAD},
         )  # fmt: skip
         self.answers: queue.Queue[str] = queue.Queue()
         self.said: list[str] = []
-        for stream, take in ((self.process.stdout, self.answers.put), (self.process.stderr, self.said.append)):
-            threading.Thread(target=lambda s=stream, t=take: [t(line) for line in s] and t(""), daemon=True).start()
+        for stream, take in (
+            (self.process.stdout, self.answers.put),
+            (self.process.stderr, self.said.append),
+        ):
+            threading.Thread(
+                target=lambda s=stream, t=take: [t(line) for line in s] and t(""), daemon=True
+            ).start()
 
     def judged(self, number: int) -> Judged:
         """Run one mutant; a process that does not answer is ended, and that is the fault."""

@@ -31,15 +31,92 @@ OPTIONS: tuple[dict[str, Any], ...] = (
 )  # fmt: skip
 """Keys that are right as they stand, and lead deep into the program."""
 KEYS = (
-    *("mor", "title", "units", "axes", "cameras", "images", "pairs", "points", "stations", "systems", "features"),
-    *("instruments", "observations", "checks", "datum", "settings", "name", "file", "rows", "columns", "values"),
-    *("delimiter", "fixed", "group", "level", "type", "instrument", "ppm", "centring", "factor", "covariance", "cluster"),
-    *("free", "observed", "sigma", "start", "interior", "eccentricity", "image_variant", "model", "unit", "coordinates"),
-    *("r0", "image", "width", "height", "pixel", "minimal", "components", "movements", "id", "other", "scale", "offset"),
+    *(
+        "mor",
+        "title",
+        "units",
+        "axes",
+        "cameras",
+        "images",
+        "pairs",
+        "points",
+        "stations",
+        "systems",
+        "features",
+    ),
+    *(
+        "instruments",
+        "observations",
+        "checks",
+        "datum",
+        "settings",
+        "name",
+        "file",
+        "rows",
+        "columns",
+        "values",
+    ),
+    *(
+        "delimiter",
+        "fixed",
+        "group",
+        "level",
+        "type",
+        "instrument",
+        "ppm",
+        "centring",
+        "factor",
+        "covariance",
+        "cluster",
+    ),
+    *(
+        "free",
+        "observed",
+        "sigma",
+        "start",
+        "interior",
+        "eccentricity",
+        "image_variant",
+        "model",
+        "unit",
+        "coordinates",
+    ),
+    *(
+        "r0",
+        "image",
+        "width",
+        "height",
+        "pixel",
+        "minimal",
+        "components",
+        "movements",
+        "id",
+        "other",
+        "scale",
+        "offset",
+    ),
 )
 TYPES = (
-    *("distance", "horizontal_distance", "directions", "zenith_directions", "bearing", "vertical_direction", "level"),
-    *("zenith_angle", "angle", "vector", "height_difference", "coordinates", "local", "image", "parameter", "difference"),
+    *(
+        "distance",
+        "horizontal_distance",
+        "directions",
+        "zenith_directions",
+        "bearing",
+        "vertical_direction",
+        "level",
+    ),
+    *(
+        "zenith_angle",
+        "angle",
+        "vector",
+        "height_difference",
+        "coordinates",
+        "local",
+        "image",
+        "parameter",
+        "difference",
+    ),
 )
 
 
@@ -58,13 +135,21 @@ def mutated_project(rng: np.random.Generator, content: bytes, other: bytes) -> b
         return content
     donor = parsed(other)
     data = _KINDS[int(rng.integers(len(_KINDS)))](rng, data, donor if isinstance(donor, dict) else data)
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10_000)
+    text: str = yaml.safe_dump(
+        data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10_000
+    )
     return text.encode("utf-8", "replace")
 
 
 def _places(data: Any, path: Path = ()) -> list[Path]:
     """Paths of everything in it; of long lists one part, so that rows do not drown the rest."""
-    inside = list(data.items()) if isinstance(data, dict) else list(enumerate(data)) if isinstance(data, list) else []
+    inside = (
+        list(data.items())
+        if isinstance(data, dict)
+        else list(enumerate(data))
+        if isinstance(data, list)
+        else []
+    )
     found = [path] if path else []
     for key, value in inside[:8] + inside[-2:] if len(inside) > 10 else inside:
         found += _places(value, (*path, key))
@@ -157,7 +242,12 @@ def _optional(rng: np.random.Generator, data: Any, donor: Any) -> Any:
 
 
 def _point(rng: np.random.Generator, data: Any) -> str:
-    rows = [row for table in data.get("points") or [] if isinstance(table, dict) for row in table.get("rows") or []]
+    rows = [
+        row
+        for table in data.get("points") or []
+        if isinstance(table, dict)
+        for row in table.get("rows") or []
+    ]
     row: Any = chosen(rng, rows or [["A"]])
     return str(row[0]) if row else "A"
 
@@ -189,7 +279,9 @@ def _group(rng: np.random.Generator, data: Any, donor: Any) -> Any:
 
 def _rows(rng: np.random.Generator, data: Any, donor: Any) -> Any:
     """The rows of a table in the project file."""
-    tables = [t for entries in data.values() if isinstance(entries, list) for t in entries if isinstance(t, dict)]
+    tables = [
+        t for entries in data.values() if isinstance(entries, list) for t in entries if isinstance(t, dict)
+    ]
     tables = [t for t in tables if isinstance(t.get("rows"), list) and isinstance(t.get("columns"), list)]
     if not tables or any(not isinstance(row, list) for t in tables for row in t["rows"]):
         return _scalar(rng, data, donor)

@@ -9,8 +9,8 @@ import pytest
 
 from mor.errors import InputError
 from mor.pipeline import read_network
-from mor.project.network import Network
-from mor.project.nodes import read_yaml
+from mor.project.file.nodes import read_yaml
+from mor.project.network.build import Network
 
 PROJECT = """
 mor: 1

@@ -9,7 +9,7 @@ from small_projects import write
 
 from mor.errors import InputError
 from mor.pipeline import read_document, read_network, solve_network
-from mor.project.network import Network
+from mor.project.network.build import Network
 
 STEREO = """\
 mor: 1

@@ -13,7 +13,7 @@ from small_projects import BLOCK, block, table, write_block
 
 from mor.errors import InputError, nearest
 from mor.pipeline import read_document, read_network
-from mor.project.network import Network
+from mor.project.network.build import Network
 
 
 def network(project: Path) -> Network:

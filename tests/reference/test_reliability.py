@@ -13,11 +13,11 @@ from reference_data import network_of, network_of_yaml
 
 from mor.formats import read_foreign
 from mor.pipeline import snooped, solve_network
-from mor.quality.congruence import pair_movement
-from mor.quality.fixed_points import fixed_point_tests
-from mor.quality.levels import chi2_level, f_level
-from mor.report.observation_table import observation_table
-from mor.report.reliability import gross_errors
+from mor.quality.deformation.congruence import pair_movement
+from mor.quality.tests.fixed_coordinates import fixed_point_tests
+from mor.quality.tests.levels import chi2_level, f_level
+from mor.report.tables.observations import observation_table
+from mor.report.tables.reliability import gross_errors
 
 JAG3D = pytest.mark.parametrize(
     ("name", "scenario"),

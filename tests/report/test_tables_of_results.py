@@ -12,14 +12,14 @@ from small_projects import block, mor, write_block
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
-from mor.report import assessed_rows
-from mor.report import json as results_json
-from mor.report import write as write_module
-from mor.report.observation_table import SCHEMA, observation_table
-from mor.report.table_files import residual_writer
-from mor.report.tables import point_table
-from mor.report.worst import uncontrolled_residuals, worst_residuals
-from mor.report.write import Choice, write_results
+from mor.report.results import json as results_json
+from mor.report.results import writing as write_module
+from mor.report.results.writing import Choice, write_results
+from mor.report.tables import assessed_observations as assessed_rows
+from mor.report.tables.estimates import point_table
+from mor.report.tables.files import residual_writer
+from mor.report.tables.observations import SCHEMA, observation_table
+from mor.report.tables.worst import uncontrolled_residuals, worst_residuals
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +190,7 @@ def test_interrupted_once_more_while_clearing_away(
         monkeypatch.undo()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mor.report.folder.shutil.rmtree", clearing)
+    monkeypatch.setattr("mor.report.results.folder.shutil.rmtree", clearing)
     choice = Choice(html=False, done=interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_results(solved, read_document(project), project.parent, tmp_path / "out", False, choice)
@@ -220,7 +220,7 @@ def test_order_of_writing_changes_no_byte(
     """Of very many observations the reports come before the long table, else they are made beside it."""
     document, choice, written = read_document(project), Choice(tables="all", html=False), []
     for most in (2_000_000, 0):
-        monkeypatch.setattr("mor.report.write.MOST_LISTED", most)
+        monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", most)
         folder = tmp_path / "results"
         write_results(solved, document, project.parent, folder, force=True, choice=choice)
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})

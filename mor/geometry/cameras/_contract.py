@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.units import Component
 
 

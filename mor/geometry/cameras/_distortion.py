@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 
 class Distortion(NamedTuple):

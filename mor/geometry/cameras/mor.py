@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras._contract import CameraModel, Projection
 from mor.geometry.cameras._distortion import distort
 from mor.geometry.cameras._ideal import Plane, derivatives_by_star, fill_by_camera_constant, project_ideally

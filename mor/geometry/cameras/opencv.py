@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras._contract import CameraModel, Projection
 from mor.units import IMAGE, NUMBER, Component
 

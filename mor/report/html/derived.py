@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import FloatArray
-from mor.report.rays import Rays, Window, centres, covered, intersection_angles, places, window
+from mor.arrays import FloatArray
+from mor.report.tables.rays import Rays, Window, centres, covered, intersection_angles, places, window
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 from mor.units import ANGLE_UNITS

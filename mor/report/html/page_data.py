@@ -13,7 +13,7 @@ from mor.report.html.derived import (
     sets_with_tests,
     windows,
 )
-from mor.report.rays import Rays, Window, rays_of
+from mor.report.tables.rays import Rays, Window, rays_of
 from mor.report.view import View
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words

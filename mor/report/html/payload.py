@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.quality.tests import comparable
+from mor.quality.tests.test_statistics import comparable
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
 from mor.report.view import View

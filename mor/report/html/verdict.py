@@ -11,9 +11,9 @@ import polars as pl
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
+from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.words.language import Words
-from mor.report.worst import component_of
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}

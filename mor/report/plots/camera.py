@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mor.errors import InputError, Problem, nearest
-from mor.report.distortion import radial_curve
 from mor.report.html.derived import image_points, windows
 from mor.report.html.figures.camera import CONFIDENCE, camera_window
 from mor.report.html.figures.layout import small_unit
 from mor.report.palette import BLUE
 from mor.report.plots.sheet import sheet
-from mor.report.rays import Window
+from mor.report.tables.distortion import radial_curve
+from mor.report.tables.rays import Window
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.report.html.figures.layout import round_length, small_unit
 from mor.report.html.payload import drawn_axes
 from mor.report.palette import BLUE, GREY, ORANGE, RED
 from mor.report.plots.sheet import scale_bar, sheet
-from mor.report.rays import centres, places, rays_of
+from mor.report.tables.rays import centres, places, rays_of
 from mor.report.view import View
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words

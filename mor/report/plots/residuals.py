@@ -12,7 +12,7 @@ from mor.report.html.derived import image_points, windows
 from mor.report.html.figures.layout import round_length, small_unit
 from mor.report.palette import BLUE, GREY, RED
 from mor.report.plots.sheet import scale_bar, sheet
-from mor.report.rays import Window
+from mor.report.tables.rays import Window
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 

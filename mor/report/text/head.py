@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mor.adjustment.solve import Outcome
 from mor.quality.solved import Solved
-from mor.report.summary import summary
-from mor.report.tables import group_table
-from mor.report.text._layout import fixed, short
+from mor.report.results.summary import summary
+from mor.report.tables.estimates import group_table
+from mor.report.tables.worst import between, uncontrolled_residuals
+from mor.report.text.layout import fixed, short
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
-from mor.report.worst import between, uncontrolled_residuals
 
 NAMED = 3
 """Observations that nothing controls that are named one by one."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
-from mor.report.outward import angle_unit
-from mor.report.tables import image_table
-from mor.report.text._layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
+from mor.report.edge import angle_unit
+from mor.report.tables.estimates import image_table
+from mor.report.text.layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
 from mor.report.words.language import ENGLISH, Words
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from mor.parameters.kinds import KINDS
 from mor.quality.solved import Solved
-from mor.report.outward import angle_unit
-from mor.report.tables import other_rows
-from mor.report.text._layout import heading, short, table
+from mor.report.edge import angle_unit
+from mor.report.tables.estimates import other_rows
+from mor.report.text.layout import heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 

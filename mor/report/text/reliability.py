@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.reliability import fixed_point_rows, gross_errors
-from mor.report.text._layout import DIGITS, fixed, heading, short, table
+from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.worst import component_of
+from mor.report.text.layout import DIGITS, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
-from mor.report.worst import component_of
 
 SHOWN = 40
 

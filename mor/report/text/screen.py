@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from mor.quality.solved import Solved
-from mor.report.checks import check_rows
-from mor.report.reliability import place
-from mor.report.summary import summary
-from mor.report.tables import group_table, interior_rows, point_table
-from mor.report.text._layout import fixed, short, table
+from mor.report.results.summary import summary
+from mor.report.tables.checks import check_rows
+from mor.report.tables.estimates import group_table, interior_rows, point_table
+from mor.report.tables.reliability import place
+from mor.report.tables.worst import component_of
 from mor.report.text.head import verdict
+from mor.report.text.layout import fixed, short, table
 from mor.report.text.undetermined import section as undetermined
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
-from mor.report.worst import component_of
 
 WIDTH = 100
 WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6

@@ -5,9 +5,9 @@ from __future__ import annotations
 import polars as pl
 
 from mor.quality.solved import Solved
-from mor.report.outward import angle_unit
-from mor.report.tables import pair_table, station_table, system_table
-from mor.report.text._layout import ANGLE_DIGITS, DIGITS, fixed, heading, short, table
+from mor.report.edge import angle_unit
+from mor.report.tables.estimates import pair_table, station_table, system_table
+from mor.report.text.layout import ANGLE_DIGITS, DIGITS, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 

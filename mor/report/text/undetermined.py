@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mor.adjustment.solve import Outcome
-from mor.quality.explain import explain_singularity, turned_about, weakness
+from mor.quality.diagnosis.singularities import explain_singularity, turned_about, weakness
 from mor.quality.solved import Solved
-from mor.report.text._layout import heading
+from mor.report.text.layout import heading
 from mor.report.words.language import ENGLISH, Words
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras import CameraModel
 
 AssertDerivatives = Callable[[CameraModel, FloatArray, FloatArray, FloatArray, FloatArray], None]

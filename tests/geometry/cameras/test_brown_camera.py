@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.cameras.brown import residuals_in_measured_image
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["fisheye"]

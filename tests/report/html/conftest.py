@@ -13,7 +13,7 @@ from page_in_browser import wait_until
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.report.html.page import page
-from mor.report.observation_table import observation_table
+from mor.report.tables.observations import observation_table
 from mor.report.view import View, view_of
 
 SAMPLES = Path(__file__).parents[3] / "sample_projects"

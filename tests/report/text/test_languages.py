@@ -11,10 +11,11 @@ import pytest
 import mor.cli
 import mor.quality
 import mor.report.text
-from mor.adjustment.defect import MOVEMENTS
+from mor.adjustment.datum.defect import MOVEMENTS
 from mor.parameters.kinds import KINDS
-from mor.quality import explain, parts
-from mor.report.text._layout import table
+from mor.quality.diagnosis import connected_components as parts
+from mor.quality.diagnosis import singularities as explain
+from mor.report.text.layout import table
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, words_of, words_of_page
 

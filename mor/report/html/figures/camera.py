@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 from scipy.special import chdtri, ndtri
 
-from mor.geometry.arrays import FloatArray
-from mor.report.distortion import distortion, radial_curve
+from mor.arrays import FloatArray
 from mor.report.html.figures.layout import Figure, figure, joined, numbers, round_length, small_unit
 from mor.report.html.page_data import PageData
 from mor.report.palette import BAND, BLUE, DIVERGING, ORANGE, RED
-from mor.report.rays import Window, window
+from mor.report.tables.distortion import distortion, radial_curve
+from mor.report.tables.rays import Window, window
 from mor.report.words.language import ENGLISH, Words
 from mor.units import LENGTH_UNITS
 

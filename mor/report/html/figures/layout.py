@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 
 Figure = dict[str, Any]
 DIGITS = 6

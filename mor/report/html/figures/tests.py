@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
-from mor.geometry.arrays import FloatArray
+from mor.arrays import FloatArray
 from mor.report.html.figures.layout import Figure, figure, numbers
 from mor.report.html.page_data import PageData
 from mor.report.palette import BLUE, GREEN, GREY, ORANGE, RED

@@ -1,0 +1,127 @@
+"""The datum: which null directions are free movements of the whole network, and how the datum binds them.
+
+The inner constraint binds the total correction of the masked components to their reference,
+Bᵀ(x − x₀) = 0 with B = M G, G the movements of the network at the adjusted coordinates (then the sum of squared
+corrections of the masked components is the smallest), or at coordinates the datum names, usually the reference. Any
+solution of a minimal datum is carried there by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ,
+S = I − G (BᵀG)⁻¹ Bᵀ. Shifts and rotations of whole points lead to the same coordinates either way, scale does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mor.adjustment.datum.defect import similarities
+from mor.adjustment.problem import Datum, Problem
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.parameters.index import Index, Values
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Inner constraints Bᵀ(x − x₀) = 0."""
+
+    normals: FloatArray
+    """(u, d) B."""
+    mask: BoolArray
+    """(u,) components that carry the datum."""
+
+
+@dataclass(frozen=True)
+class STransformation:
+    """S = I − G H Bᵀ with H = (BᵀG)⁻¹, applied to a minimal-datum solution and to its cofactors."""
+
+    null: FloatArray
+    """(u, d) G."""
+    binding: FloatArray
+    """(d, d) H."""
+    through: FloatArray
+    """(u, d) U = Q B of the minimal datum."""
+    core: FloatArray
+    """(d, d) BᵀQB."""
+
+    @cached_property
+    def _bound(self) -> FloatArray:
+        return self.null @ self.binding
+
+    def correction(self, one: IntArray, other: IntArray) -> FloatArray:
+        """What S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
+
+        Negative numbers stand for fixed components and yield zeros.
+        """
+        g, u = _rows(self._bound, one), _rows(self.through, one)
+        h, w = _rows(self._bound, other), _rows(self.through, other)
+        return _outer(g @ self.core, h) - _outer(g, w) - _outer(u, h)
+
+
+def datum_mask(datum: Datum, index: Index) -> BoolArray:
+    """(u,) the unknowns that carry the datum."""
+    mask = np.zeros(index.count, dtype=bool)
+    for kind, chosen in datum.mask.items():
+        columns = index.columns[kind][chosen]
+        mask[columns[columns >= 0]] = True
+    return mask
+
+
+def constraint(null: FloatArray, problem: Problem, values: Values) -> Constraint:
+    """Inner constraints over the components that carry the datum, for movements (u, d) of the network at ``values``.
+
+    Where the datum names coordinates to take the movements at, points are displaced by the same similarity there.
+    """
+    mask = datum_mask(problem.datum, problem.index)
+    normals = np.where(mask[:, None], null, 0.0)
+    chosen = problem.datum.mask.get("point")
+    elsewhere = problem.datum.movements
+    if chosen is None or elsewhere is None or null.shape[1] == 0:
+        return Constraint(normals, mask)
+    columns = problem.index.columns["point"]
+    free = columns >= 0
+    centre = values["point"][free.any(axis=1)].mean(axis=0)
+    now = similarities(values["point"], centre)[free]
+    movement = np.linalg.lstsq(now, null[columns[free]], rcond=1e-12)[0]
+    used = free & chosen
+    normals[columns[used]] = similarities(elsewhere["point"], centre)[used] @ movement
+    return Constraint(normals, mask)
+
+
+def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
+    """(u,) total corrections x − x₀ of the masked unknowns, zero elsewhere."""
+    total = np.zeros(index.count)
+    for kind, chosen in datum.mask.items():
+        columns = index.columns[kind]
+        used = chosen & (columns >= 0)
+        total[columns[used]] = (values[kind] - datum.reference[kind])[used]
+    return total
+
+
+def binds(null: FloatArray, constraint: Constraint) -> bool:
+    """True where the constraint determines every null direction."""
+    together = constraint.normals.T @ null
+    if together.size == 0:
+        return True
+    size = np.linalg.norm(constraint.normals, axis=0).max() * np.linalg.norm(null, axis=0).max()
+    return bool(size > 0.0 and np.linalg.svd(together, compute_uv=False)[-1] > 1e-9 * size)
+
+
+def into_datum(step: FloatArray, null: FloatArray, constraint: Constraint, total: FloatArray) -> FloatArray:
+    """Step (u,) moved along the null directions so that the total corrections satisfy the constraint."""
+    missing = constraint.normals.T @ (total + np.where(constraint.mask, step, 0.0))
+    turned: FloatArray = step - null @ np.linalg.solve(constraint.normals.T @ null, missing)
+    return turned
+
+
+def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:
+    """S-transformation from the minimal datum with U = Q B (u, d) into the datum of the constraint."""
+    binding = np.asarray(np.linalg.inv(constraint.normals.T @ null), dtype=np.float64)
+    return STransformation(null, binding, through, constraint.normals.T @ through)
+
+
+def _rows(matrix: FloatArray, columns: IntArray) -> FloatArray:
+    return np.where((columns >= 0)[..., None], matrix[columns], 0.0)
+
+
+def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
+    return one @ np.swapaxes(other, -1, -2)

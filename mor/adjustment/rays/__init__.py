@@ -1,0 +1,1 @@
+"""Image rays: their points are eliminated on the fly, pass by pass."""

@@ -1,0 +1,129 @@
+"""Camera models for the compiled linearisation of image rays: one point at a time, what they are in numpy for many.
+
+The equations and their sources stand in ``mor.geometry.cameras``; a model that is missing here is evaluated there.
+"""
+
+from __future__ import annotations
+
+from mor.arrays import FloatArray
+from mor.compilation import compile_kernel
+
+MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
+"""Number of each compiled model."""
+_MOR, _BROWN_FORWARD = 0, 1
+
+
+@compile_kernel
+def distortion(
+    x: float, y: float, k1: float, k2: float, k3: float, p1: float, p2: float, r0: float
+) -> tuple[float, float]:
+    """Return dx, dy of the radial and decentring polynomials."""
+    r2, z2 = x * x + y * y, r0 * r0
+    q = k1 * (r2 - z2) + k2 * (r2 * r2 - z2 * z2) + k3 * (r2 * r2 * r2 - z2 * z2 * z2)
+    return (
+        x * q + p1 * (r2 + 2.0 * x * x) + 2.0 * p2 * x * y,
+        y * q + p2 * (r2 + 2.0 * y * y) + 2.0 * p1 * x * y,
+    )
+
+
+@compile_kernel
+def distortion_slopes(
+    x: float, y: float, k1: float, k2: float, k3: float, p1: float, p2: float, r0: float
+) -> tuple[float, float, float]:
+    """Return ∂dx/∂x, ∂dx/∂y = ∂dy/∂x, ∂dy/∂y."""
+    r2, z2 = x * x + y * y, r0 * r0
+    q = k1 * (r2 - z2) + k2 * (r2 * r2 - z2 * z2) + k3 * (r2 * r2 * r2 - z2 * z2 * z2)
+    slope = k1 + 2.0 * k2 * r2 + 3.0 * k3 * r2 * r2
+    return (
+        q + 2.0 * x * x * slope + 6.0 * p1 * x + 2.0 * p2 * y,
+        2.0 * x * y * slope + 2.0 * (p1 * y + p2 * x),
+        q + 2.0 * y * y * slope + 6.0 * p2 * y + 2.0 * p1 * x,
+    )
+
+
+@compile_kernel
+def fill_by_distortion(x: float, y: float, r0: float, sign: float, by_interior: FloatArray) -> None:
+    """Set columns 3 … 7 of ``by_interior`` (2, k): derivatives of sign · (dx, dy) by the five coefficients."""
+    r2, z2 = x * x + y * y, r0 * r0
+    radial = r2 - z2, r2 * r2 - z2 * z2, r2 * r2 * r2 - z2 * z2 * z2
+    for k in range(3):
+        by_interior[0, 3 + k] = sign * x * radial[k]
+        by_interior[1, 3 + k] = sign * y * radial[k]
+    by_interior[0, 6] = sign * (r2 + 2.0 * x * x)
+    by_interior[1, 6] = sign * 2.0 * x * y
+    by_interior[0, 7] = by_interior[1, 6]
+    by_interior[1, 7] = sign * (r2 + 2.0 * y * y)
+
+
+@compile_kernel
+def image_point(
+    model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float
+) -> tuple[float, float]:
+    """Return the image coordinates of a point X, Y, Z in the image system; (u, v) are the measured ones."""
+    x, y = -i[0] * X / Z, -i[0] * Y / Z
+    if model == _MOR:
+        dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], r0)
+        return i[1] + x + dx + i[8] * x + i[9] * y, i[2] + y + dy
+    if model == _BROWN_FORWARD:
+        dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], 0.0)
+        return i[1] + x - dx, i[2] + y - dy
+    a, b = u - i[1], v - i[2]
+    a_affine = (1.0 + i[8]) * a + i[9] * b
+    dx, dy = distortion(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
+    return u + x - a_affine - dx, v + y - b - dy
+
+
+@compile_kernel
+def project(
+    model: int,
+    X: float,
+    Y: float,
+    Z: float,
+    i: FloatArray,
+    r0: float,
+    u: float,
+    v: float,
+    by_star: FloatArray,
+    by_interior: FloatArray,
+) -> tuple[float, float]:
+    """Return the image coordinates, and set their derivatives by X, Y, Z (2, 3) and by the interior (2, k)."""
+    per_depth = -1.0 / Z
+    x_by_c, y_by_c = X * per_depth, Y * per_depth
+    x, y = i[0] * x_by_c, i[0] * y_by_c
+    xx, xy, yx, yy = 1.0, 0.0, 0.0, 1.0  # derivatives of the image coordinates by the ideal ones
+    if model == _MOR or model == _BROWN_FORWARD:
+        forward = model == _BROWN_FORWARD
+        sign, zero = (-1.0, 0.0) if forward else (1.0, r0)
+        dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], zero)
+        sxx, sxy, syy = distortion_slopes(x, y, i[3], i[4], i[5], i[6], i[7], zero)
+        fill_by_distortion(x, y, zero, sign, by_interior)
+        xx, xy, yx, yy = 1.0 + sign * sxx, sign * sxy, sign * sxy, 1.0 + sign * syy
+        found_x, found_y = i[1] + x + sign * dx, i[2] + y + sign * dy
+        by_interior[0, 1], by_interior[0, 2] = 1.0, 0.0
+        by_interior[1, 1], by_interior[1, 2] = 0.0, 1.0
+        if not forward:
+            xx += i[8]
+            xy += i[9]
+            found_x += i[8] * x + i[9] * y
+            by_interior[0, 8], by_interior[0, 9] = x, y
+            by_interior[1, 8], by_interior[1, 9] = 0.0, 0.0
+    else:
+        a, b = u - i[1], v - i[2]
+        a_affine = (1.0 + i[8]) * a + i[9] * b
+        dx, dy = distortion(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
+        sxx, sxy, syy = distortion_slopes(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
+        fill_by_distortion(a_affine, b, 0.0, -1.0, by_interior)
+        found_x, found_y = u + x - a_affine - dx, v + y - b - dy
+        sxx, syy = 1.0 + sxx, 1.0 + syy
+        by_interior[0, 1], by_interior[0, 2] = sxx * (1.0 + i[8]), sxx * i[9] + sxy
+        by_interior[1, 1], by_interior[1, 2] = sxy * (1.0 + i[8]), sxy * i[9] + syy
+        by_interior[0, 8], by_interior[0, 9] = -sxx * a, -sxx * b
+        by_interior[1, 8], by_interior[1, 9] = -sxy * a, -sxy * b
+    scale, x_by_depth, y_by_depth = i[0] * per_depth, x * per_depth, y * per_depth
+    by_star[0, 0], by_star[0, 1] = xx * scale, xy * scale
+    by_star[0, 2] = xx * x_by_depth + xy * y_by_depth
+    by_star[1, 0], by_star[1, 1] = yx * scale, yy * scale
+    by_star[1, 2] = yx * x_by_depth + yy * y_by_depth
+    by_interior[0, 0] = xx * x_by_c + xy * y_by_c
+    by_interior[1, 0] = yx * x_by_c + yy * y_by_c
+    return found_x, found_y

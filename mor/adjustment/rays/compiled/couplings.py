@@ -1,0 +1,120 @@
+"""Kernels that couple points to the other unknowns of their rays.
+
+With the Jacobians j of the rays by the others, and any right factor c (n, 2, 3), the coupling of a point is Σ jᵀc,
+kept transposed (3, m), where m counts the merged unknowns of its rays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.adjustment.rays.compiled.cliques import Runs
+from mor.arrays import FloatArray, IntArray
+from mor.compilation import compile_inline
+
+_ONE, _TWO, _THREE, _FOUR = (np.uint64(k) for k in range(1, 5))
+
+
+@compile_inline
+def couple(
+    factor: FloatArray,
+    by_others: FloatArray,
+    width: int,
+    frame: IntArray,
+    first: int,
+    end: int,
+    runs: Runs,
+    local: IntArray,
+    couplings: FloatArray,
+    base: int,
+    size: int,
+) -> None:
+    """Set the coupling (3, size) of one point, from ``base`` on, by its rays first … end − 1; ``by_others`` is flat."""
+    for entry in range(base, base + 3 * size):
+        couplings[entry] = 0.0
+    for i in range(first, end):
+        a, b, c = factor[i, 0, 0], factor[i, 0, 1], factor[i, 0, 2]
+        d, e, f = factor[i, 1, 0], factor[i, 1, 1], factor[i, 1, 2]
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at = np.uint64(base + local[i - first, t - start])
+            x = np.uint64(2 * i * width + runs.first[t])
+            left = runs.length[t]
+            while left >= 4:
+                couple_four(by_others, x, width, a, b, c, d, e, f, couplings, at, size)
+                at, x, left = at + _FOUR, x + _FOUR, left - 4
+            while left >= 2:
+                couple_two(by_others, x, width, a, b, c, d, e, f, couplings, at, size)
+                at, x, left = at + _TWO, x + _TWO, left - 2
+            if left == 1:
+                x0, y0 = by_others[x], by_others[x + np.uint64(width)]
+                couplings[at] += x0 * a + y0 * d
+                couplings[at + np.uint64(size)] += x0 * b + y0 * e
+                couplings[at + np.uint64(2 * size)] += x0 * c + y0 * f
+
+
+@compile_inline
+def couple_four(
+    by_others: FloatArray,
+    x: np.uint64,
+    width: int,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    e: float,
+    f: float,
+    couplings: FloatArray,
+    at: np.uint64,
+    size: int,
+) -> None:
+    """Couple four unknowns, whose Jacobian is (x, x + 1, …) and as much a row below, by the factor (a, b, c; d, e, f).
+
+    All that is fetched is fetched before anything is stored: the compiler takes the arrays for one that overlaps.
+    """
+    y = x + np.uint64(width)
+    x0, x1, x2, x3 = by_others[x], by_others[x + _ONE], by_others[x + _TWO], by_others[x + _THREE]
+    y0, y1, y2, y3 = by_others[y], by_others[y + _ONE], by_others[y + _TWO], by_others[y + _THREE]
+    couplings[at] += x0 * a + y0 * d
+    couplings[at + _ONE] += x1 * a + y1 * d
+    couplings[at + _TWO] += x2 * a + y2 * d
+    couplings[at + _THREE] += x3 * a + y3 * d
+    below = at + np.uint64(size)
+    couplings[below] += x0 * b + y0 * e
+    couplings[below + _ONE] += x1 * b + y1 * e
+    couplings[below + _TWO] += x2 * b + y2 * e
+    couplings[below + _THREE] += x3 * b + y3 * e
+    below += np.uint64(size)
+    couplings[below] += x0 * c + y0 * f
+    couplings[below + _ONE] += x1 * c + y1 * f
+    couplings[below + _TWO] += x2 * c + y2 * f
+    couplings[below + _THREE] += x3 * c + y3 * f
+
+
+@compile_inline
+def couple_two(
+    by_others: FloatArray,
+    x: np.uint64,
+    width: int,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    e: float,
+    f: float,
+    couplings: FloatArray,
+    at: np.uint64,
+    size: int,
+) -> None:
+    """The same for two unknowns."""
+    y = x + np.uint64(width)
+    x0, x1 = by_others[x], by_others[x + _ONE]
+    y0, y1 = by_others[y], by_others[y + _ONE]
+    couplings[at] += x0 * a + y0 * d
+    couplings[at + _ONE] += x1 * a + y1 * d
+    below = at + np.uint64(size)
+    couplings[below] += x0 * b + y0 * e
+    couplings[below + _ONE] += x1 * b + y1 * e
+    below += np.uint64(size)
+    couplings[below] += x0 * c + y0 * f
+    couplings[below + _ONE] += x1 * c + y1 * f

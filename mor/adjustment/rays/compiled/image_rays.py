@@ -1,0 +1,246 @@
+"""Kernels that linearise image rays: frame kernel, camera and whitening in one go, into the arrays of a chunk."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.rays.compiled.cameras import image_point, project
+from mor.arrays import FloatArray, IntArray
+from mor.compilation import compile_kernel
+
+
+class FrameValues(NamedTuple):
+    """Values of the f frames of a chunk.
+
+    Attributes:
+        model: (f,) number of the camera model, −1 where it has no compiled form: such rays are passed over.
+        D: (f, 9) rotation, row by row.
+        centre: (f, 3) rotation centre.
+        eccentricity: (f, 3).
+        interior: (f, k) interior orientation, filled up with zeros.
+        r0: (f,) second zero crossing of the radial distortion.
+        tangent: (f, 3, 3) what turns small rotations into their columns, or none (0, 3, 3).
+    """
+
+    model: IntArray
+    D: FloatArray
+    centre: FloatArray
+    eccentricity: FloatArray
+    interior: FloatArray
+    r0: FloatArray
+    tangent: FloatArray
+
+
+class FrameChange(NamedTuple):
+    """Changes of the blocks of f frames; all arrays are zero where nothing changes.
+
+    Attributes:
+        centre: (f, 3) of the rotation centre.
+        turn: (f, 3) small rotation.
+        eccentricity: (f, 3).
+        interior: (f, k).
+    """
+
+    centre: FloatArray
+    turn: FloatArray
+    eccentricity: FloatArray
+    interior: FloatArray
+
+
+class Layout(NamedTuple):
+    """First column of the derivatives by each block of a frame, −1 where they are not wanted.
+
+    ``components`` are the components of the interior orientation whose derivatives are wanted.
+    """
+
+    position: int
+    rotation: int
+    height: int
+    eccentricity: int
+    interior: int
+    components: IntArray
+
+
+class Measured(NamedTuple):
+    """Measurements of n rays, (n, 2) each: weights are 1/σ, 0 where nothing was observed."""
+
+    observed: FloatArray
+    weight: FloatArray
+    measured: FloatArray
+
+
+@compile_kernel
+def linearise(
+    values: FrameValues,
+    layout: Layout,
+    frame: IntArray,
+    pointers: IntArray,
+    points: FloatArray,
+    rays: Measured,
+    residual: FloatArray,
+    by_point: FloatArray,
+    by_others: FloatArray,
+) -> None:
+    """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
+    model, D, centre, e, interiors, r0, tangent = values
+    position, rotation, height, eccentricity, at_interior, components = layout
+    observed, weight, measured = rays
+    chosen, turned = components.size, tangent.shape[0] > 0
+    used = at_interior + chosen
+    interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
+    star = np.empty((2, 3))
+    for p in range(pointers.size - 1):
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
+                continue
+            for k in range(i.size):
+                i[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
+            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
+            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
+            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
+            u, v = measured[n, 0], measured[n, 1]
+            x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], i, r0[f], u, v, star, interior)
+            for m in range(2):
+                w = weight[n, m]
+                found = x if m == 0 else y
+                if w == 0.0:
+                    residual[n, m] = 0.0
+                    clear_row(by_point, by_others, n, m)
+                    continue
+                residual[n, m] = (found - observed[n, m]) * w
+                s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
+                g, h, o = (
+                    s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
+                    s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
+                    s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
+                )
+                by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
+                if position >= 0:
+                    by_others[n, m, position] = -g
+                    by_others[n, m, position + 1] = -h
+                    by_others[n, m, position + 2] = -o
+                if rotation >= 0:
+                    g, h, q = t * c - d * b, d * a - s * c, s * b - t * a
+                    if turned:
+                        T = tangent[f]
+                        g, h, q = (
+                            g * T[0, 0] + h * T[1, 0] + q * T[2, 0],
+                            g * T[0, 1] + h * T[1, 1] + q * T[2, 1],
+                            g * T[0, 2] + h * T[1, 2] + q * T[2, 2],
+                        )
+                    by_others[n, m, rotation] = g
+                    by_others[n, m, rotation + 1] = h
+                    by_others[n, m, rotation + 2] = q
+                if height >= 0:
+                    by_others[n, m, height] = -o
+                if eccentricity >= 0:
+                    by_others[n, m, eccentricity] = s
+                    by_others[n, m, eccentricity + 1] = t
+                    by_others[n, m, eccentricity + 2] = d
+                for k in range(chosen):
+                    by_others[n, m, at_interior + k] = w * interior[m, components[k]]
+                for k in range(used, by_others.shape[2]):
+                    by_others[n, m, k] = 0.0
+
+
+@compile_kernel
+def clear_row(by_point: FloatArray, by_others: FloatArray, n: int, m: int) -> None:
+    """Set the Jacobian of a component that was not observed to zero."""
+    for k in range(3):
+        by_point[n, m, k] = 0.0
+    for k in range(by_others.shape[2]):
+        by_others[n, m, k] = 0.0
+
+
+@compile_kernel
+def residuals(
+    values: FrameValues,
+    frame: IntArray,
+    pointers: IntArray,
+    points: FloatArray,
+    rays: Measured,
+    residual: FloatArray,
+) -> None:
+    """Set residuals (n, 2) divided by σ, and nothing else."""
+    model, D, centre, e, interiors, r0, _ = values
+    observed, weight, measured = rays
+    interior = np.empty(interiors.shape[1])
+    for p in range(pointers.size - 1):
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
+                continue
+            for k in range(interior.size):
+                interior[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
+            x, y = image_point(
+                model[f],
+                D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z + e[f, 0],
+                D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z + e[f, 1],
+                D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z + e[f, 2],
+                interior,
+                r0[f],
+                measured[n, 0],
+                measured[n, 1],
+            )
+            w, z = weight[n, 0], weight[n, 1]
+            residual[n, 0] = (x - observed[n, 0]) * w if w != 0.0 else 0.0
+            residual[n, 1] = (y - observed[n, 1]) * z if z != 0.0 else 0.0
+
+
+@compile_kernel
+def follow(
+    values: FrameValues,
+    change: FrameChange,
+    frame: IntArray,
+    pointers: IntArray,
+    points: FloatArray,
+    rays: Measured,
+    residual: FloatArray,
+    by_point: FloatArray,
+) -> None:
+    """Set residuals (n, 2) after a small change of the frames, to first order, and the Jacobian by the point.
+
+    With q = D (X − X0) the point moves in the image system by q × δ − D ΔX0 + Δr0*.
+    """
+    model, D, centre, e, interiors, r0, _ = values
+    moved, turn, shift, altered = change
+    observed, weight, measured = rays
+    interior, by_interior = np.empty(interiors.shape[1]), np.zeros((2, interiors.shape[1]))
+    star = np.empty((2, 3))
+    for p in range(pointers.size - 1):
+        for n in range(pointers[p], pointers[p + 1]):
+            f = frame[n]
+            if model[f] < 0:
+                continue
+            for k in range(interior.size):
+                interior[k] = interiors[f, k]
+            X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
+            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
+            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
+            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
+            u, v = measured[n, 0], measured[n, 1]
+            x, y = project(
+                model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v, star, by_interior
+            )
+            s, t, o = moved[f, 0], moved[f, 1], moved[f, 2]
+            g, h, q = turn[f, 0], turn[f, 1], turn[f, 2]
+            da = b * q - c * h - D[f, 0] * s - D[f, 1] * t - D[f, 2] * o + shift[f, 0]
+            db = c * g - a * q - D[f, 3] * s - D[f, 4] * t - D[f, 5] * o + shift[f, 1]
+            dc = a * h - b * g - D[f, 6] * s - D[f, 7] * t - D[f, 8] * o + shift[f, 2]
+            x += star[0, 0] * da + star[0, 1] * db + star[0, 2] * dc
+            y += star[1, 0] * da + star[1, 1] * db + star[1, 2] * dc
+            for k in range(interior.size):
+                x += by_interior[0, k] * altered[f, k]
+                y += by_interior[1, k] * altered[f, k]
+            for m in range(2):
+                w = weight[n, m]
+                found = x if m == 0 else y
+                residual[n, m] = (found - observed[n, m]) * w if w != 0.0 else 0.0
+                s, t, o = w * star[m, 0], w * star[m, 1], w * star[m, 2]
+                for k in range(3):
+                    by_point[n, m, k] = s * D[f, k] + t * D[f, 3 + k] + o * D[f, 6 + k] if w != 0.0 else 0.0

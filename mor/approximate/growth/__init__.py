@@ -1,0 +1,1 @@
+"""Parts of a network: begun, grown, joined, until everything that can be known is known."""

@@ -1,0 +1,196 @@
+"""What the strategy works with: frames with their rays, horizontal sets, distances and height differences.
+
+Images and full theodolite bundles are the same thing here: a frame with unit rays towards points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.terrestrial.polar import polar_rays
+from mor.approximate.undistort import ideal_rays
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.cameras import CAMERA_MODELS, CameraModel
+from mor.observations import ObservationGroup
+from mor.project.network.build import Network
+
+SLACKS = (0.0, 5e-4, 2e-3, 8e-3)
+"""Radians by which rays may be off beside their own σ, tried in this order: distortion not yet known, a rough c."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame whose pose is wanted: blocks that hold it, and its rays."""
+
+    name: str
+    position: int
+    rotation: int
+    height: int
+    eccentricity: int
+    relative: tuple[int, int] | None
+    """Blocks (rotation, base) of the relative orientation of a stereo follower."""
+    points: IntArray
+    """(n,) point blocks its rays go to."""
+    heights: FloatArray
+    """(n,) heights of the targets above their points."""
+    rays: FloatArray
+    """(n, 3) unit vectors in the axes of the frame."""
+    sigma: FloatArray
+    """(n,) radians."""
+    offset: FloatArray
+    """(4,) height of the rotation centre and eccentricity r0*, 0 where not known."""
+
+
+def loosened(sigma: FloatArray, slack: float) -> FloatArray:
+    """σ of rays that may be off by a slack besides."""
+    return np.hypot(sigma, slack)
+
+
+class _Rays(NamedTuple):
+    """Rays of images, image after image."""
+
+    image: IntArray
+    point: IntArray
+    rays: FloatArray
+    sigma: FloatArray
+
+    def take(self, chosen: IntArray | BoolArray | slice) -> _Rays:
+        return _Rays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
+
+
+def image_frames(network: Network) -> list[Frame]:
+    """Frames of all images that have measured points; their arrays are parts of common ones."""
+    groups = [group for group in network.groups if group.type.key.partition("/")[0] in ("image", "follower")]
+    if not groups:
+        return []
+    keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
+    found = [_measured_rays(network, group, owners, keys) for group in groups]
+    together = found[0] if len(found) == 1 else _joined(found)
+    order = np.argsort(together.image, kind="stable")
+    together = together.take(order)
+    cuts = np.flatnonzero(np.diff(together.image)) + 1
+    edges = np.concatenate([[0], cuts, [len(order)]])
+    return [
+        _image_frame(network, together.take(slice(start, end)))
+        for start, end in pairwise(edges.tolist())
+        if end > start
+    ]
+
+
+def _joined(found: Sequence[_Rays]) -> _Rays:
+    return _Rays(
+        np.concatenate([one.image for one in found]),
+        np.concatenate([one.point for one in found]),
+        np.concatenate([one.rays for one in found]),
+        np.concatenate([one.sigma for one in found]),
+    )
+
+
+def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:
+    """One number (n,) for the blocks that hold a pose: images of one pose are one frame."""
+    rotations = len(network.blocks["rotation"].ids) + 1
+    relative = blocks.get("relative rotation", np.full(len(blocks["rotation"]), -1))
+    key: IntArray = (blocks["position"] * rotations + blocks["rotation"]) * rotations + relative + 1
+    return key
+
+
+def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _Rays:
+    """Rays of the completely measured rows of a group, and the images they belong to."""
+    slots = zip(group.type.slots, group.blocks, strict=True)
+    blocks = {slot.part: numbers.astype(np.int64) for slot, numbers in slots if slot.of == "image"}
+    rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])
+    image = owners[np.searchsorted(keys, _pose_key(network, blocks))]
+    point = group.blocks[-1].astype(np.int64)
+    return _Rays(image, point, rays, sigma).take(np.asarray(group.mask.all(axis=1)))
+
+
+def _image_frame(network: Network, rays: _Rays) -> Frame:
+    images = network.things["image"]
+    number = int(rays.image[0])
+    blocks = {part: int(numbers[number]) for part, numbers in images.parts.items()}
+    return Frame(
+        name=f"image {images.ids[number]}",
+        position=blocks["position"],
+        rotation=blocks["rotation"],
+        height=blocks["height"],
+        eccentricity=blocks["eccentricity"],
+        relative=None if blocks["base"] < 0 else (blocks["relative rotation"], blocks["base"]),
+        points=rays.point,
+        heights=np.zeros(len(rays.point)),
+        rays=rays.rays,
+        sigma=rays.sigma,
+        offset=_offset(network, blocks["height"], blocks["eccentricity"]),
+    )
+
+
+def _offset(network: Network, height: int, eccentricity: int) -> FloatArray:
+    start = network.start
+    offset: FloatArray = np.nan_to_num(
+        np.concatenate([start["height"][height], start["eccentricity"][eccentricity]])
+    )
+    return offset
+
+
+def _image_rays(
+    network: Network, group: ObservationGroup, model: CameraModel
+) -> tuple[FloatArray, FloatArray]:
+    """Unit rays (n, 3) of measured image coordinates, distortion taken off as far as it is known, and σ in radians."""
+    slot = next(k for k, slot in enumerate(group.type.slots) if slot.part == "interior")
+    interior = network.start[group.type.slots[slot].kind][group.blocks[slot]]
+    rays = ideal_rays(model, interior, group.constants[:, 2:], group.observed)
+    sigma = np.nanmax(group.sigma, axis=1) / np.maximum(np.abs(interior[:, 0]), 1e-300)
+    return rays, 3.0 * sigma
+
+
+def theodolite_frames(network: Network) -> list[Frame]:
+    """Frames of theodolite sets, of the targets with both directions."""
+    frames = []
+    for group in network.groups:
+        if group.type.key not in ("directions", "zenith_directions"):
+            continue
+        horizontal, vertical = first_face(group)
+        both = np.isfinite(horizontal) & np.isfinite(vertical)
+        for rows in rows_by_set(group, both):
+            position, rotation, height, point, target, _ = group.blocks
+            rays = polar_rays(horizontal[rows], vertical[rows])
+            frames.append(
+                Frame(
+                    name=f"station {group.references[0][rows[0]]}",
+                    position=int(position[rows[0]]),
+                    rotation=int(rotation[rows[0]]),
+                    height=int(height[rows[0]]),
+                    eccentricity=0,
+                    relative=None,
+                    points=point[rows],
+                    heights=network.start["height"][target[rows], 0],
+                    rays=rays,
+                    sigma=np.hypot(3.0 * np.nanmax(group.sigma[rows], axis=1), 1e-5),
+                    offset=_offset(network, int(height[rows[0]]), 0),
+                )
+            )
+    return frames
+
+
+def rows_by_set(group: ObservationGroup, usable: BoolArray) -> list[IntArray]:
+    """Rows of a group of directions, set by set (rotation block)."""
+    rows = np.flatnonzero(usable)
+    order = rows[np.argsort(group.blocks[1][rows], kind="stable")]
+    cuts = np.flatnonzero(np.diff(group.blocks[1][order]) != 0) + 1
+    return [part for part in np.split(order, cuts) if len(part)]
+
+
+def first_face(group: ObservationGroup) -> tuple[FloatArray, FloatArray]:
+    """Horizontal and vertical directions (n,) reduced to face one; NaN where not observed."""
+    second = group.constants[:, 1] == 2.0
+    horizontal = group.observed[:, 0] - np.where(second, np.pi, 0.0)
+    given = group.observed[:, 1]
+    if group.type.key == "zenith_directions":
+        vertical = np.where(second, given - 1.5 * np.pi, 0.5 * np.pi - given)
+    else:
+        vertical = np.where(second, np.pi - given, given)
+    return horizontal, vertical

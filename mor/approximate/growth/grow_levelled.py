@@ -1,0 +1,270 @@
+"""Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.approximate.growth.part import Part
+from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
+from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
+from mor.approximate.terrestrial.polar import orient
+from mor.approximate.terrestrial.sights import Sight, Terrestrial
+from mor.arrays import FloatArray
+
+SIGMA_DIRECTION = 1e-3
+"""Radians a direction may be off for the purpose of start values."""
+SMALLEST_SECTION = 0.05
+"""Radians at which two bearings must meet."""
+
+
+def grow_levelled(part: Part, measured: Terrestrial) -> bool:
+    """Add what follows from what is known; true where anything was added."""
+    distances = Distances(part, measured)
+    grown = False
+    _begin_heights(part, measured)
+    while True:
+        added = _orient(part, measured)
+        added |= _vectors(part, measured)
+        added |= _polar(part, measured, distances)
+        added |= _sections(part, measured, distances)
+        added |= _free_stations(part, measured, distances)
+        added |= _heights(part, measured, distances)
+        if not added:
+            return grown
+        grown = True
+
+
+class Distances:
+    """Horizontal distances between two positions, as far as they are measured or follow from slope and vertical."""
+
+    def __init__(self, part: Part, measured: Terrestrial):
+        self.horizontal: dict[tuple[int, int], float] = {}
+        self.slope: dict[tuple[int, int], tuple[float, float]] = {}
+        self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
+        self.neighbours: dict[int, set[int]] = {}
+        for a, b, s in zip(
+            measured.horizontals.start,
+            measured.horizontals.end,
+            measured.horizontals.value[:, 0],
+            strict=True,
+        ):
+            self._put(self.horizontal, int(a), int(b), float(s))
+        slopes = measured.slopes
+        for a, b, ha, hb, s in zip(
+            slopes.start, slopes.end, slopes.start_height, slopes.end_height, slopes.value[:, 0], strict=True
+        ):
+            rise = float(ha - hb)
+            self.slope[int(a), int(b)], self.slope[int(b), int(a)] = (float(s), rise), (float(s), -rise)
+            self._meet(int(a), int(b))
+        self._collect_verticals(measured)
+
+    def _collect_verticals(self, measured: Terrestrial) -> None:
+        v = measured.verticals
+        for a, b, ha, hb, value in zip(
+            v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True
+        ):
+            self.vertical[int(a), int(b)] = (float(value), float(ha - hb))
+        for sight in measured.sights:
+            for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
+                if np.isfinite(value):
+                    self.vertical[sight.position, int(b)] = (float(value), sight.height - float(hb))
+
+    def _put(self, where: dict[tuple[int, int], float], a: int, b: int, value: float) -> None:
+        where[a, b] = where[b, a] = value
+        self._meet(a, b)
+
+    def _meet(self, a: int, b: int) -> None:
+        self.neighbours.setdefault(a, set()).add(b)
+        self.neighbours.setdefault(b, set()).add(a)
+
+    def between(self, part: Part, a: int, b: int) -> float:
+        """Horizontal distance from a to b, NaN where it is not known."""
+        if (a, b) in self.horizontal:
+            return self.horizontal[a, b]
+        if (a, b) not in self.slope:
+            return float("nan")
+        slope, rise = self.slope[a, b]
+        for one, other in ((a, b), (b, a)):
+            if (one, other) in self.vertical:
+                return slope * float(np.cos(self.vertical[one, other][0]))
+        dz = part.points[b, 2] - part.points[a, 2] - rise
+        if np.isfinite(dz):
+            return float(np.sqrt(max(slope**2 - dz**2, 0.0)))
+        return float("nan")
+
+
+def _level_known(part: Part, block: int) -> bool:
+    return bool(np.isfinite(part.points[block, :2]).all())
+
+
+def _place(part: Part, block: int, xy: FloatArray, words: str) -> None:
+    part.points[block, :2] = np.where(np.isfinite(part.points[block, :2]), part.points[block, :2], xy)
+    part.how[f"point {block}"] = words
+
+
+def _orient(part: Part, measured: Terrestrial) -> bool:
+    added = False
+    for number, sight in enumerate(measured.sights):
+        if number in part.kappas or not _level_known(part, sight.position):
+            continue
+        if sight.oriented:
+            if part.oriented:
+                part.kappas[number] = 0.0
+                added = True
+            continue
+        usable = np.isfinite(part.points[sight.points, :2]).all(axis=1) & np.isfinite(sight.directions)
+        if not usable.any():
+            continue
+        here = part.points[sight.position, :2]
+        result = orient(here, part.points[sight.points[usable], :2], sight.directions[usable])
+        if np.isfinite(result.kappa) and result.resultant > 0.9:
+            part.kappas[number] = result.kappa
+            added = True
+    return added
+
+
+def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
+    added = False
+    for number, kappa in list(part.kappas.items()):
+        sight = measured.sights[number]
+        for point, direction in zip(sight.points, sight.directions, strict=True):
+            if _level_known(part, int(point)) or not np.isfinite(direction):
+                continue
+            length = distances.between(part, sight.position, int(point))
+            if np.isfinite(length):
+                t = direction - kappa
+                xy = part.points[sight.position, :2] + length * np.array([np.sin(t), np.cos(t)])
+                _place(part, int(point), xy, f"polar from {sight.name}")
+                added = True
+    return added
+
+
+def _sections(part: Part, measured: Terrestrial, distances: Distances) -> bool:
+    """Unknown points from bearings of oriented sets, or from three or more distances."""
+    bearings: dict[int, list[tuple[FloatArray, float]]] = {}
+    for number, kappa in part.kappas.items():
+        sight = measured.sights[number]
+        for point, direction in zip(sight.points, sight.directions, strict=True):
+            if not _level_known(part, int(point)) and np.isfinite(direction):
+                bearings.setdefault(int(point), []).append(
+                    (part.points[sight.position, :2], direction - kappa)
+                )
+    added = False
+    for point, found in bearings.items():
+        if len(found) < 2 or not _meet_well([t for _, t in found]):
+            continue
+        section = bearing_section(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
+        if section.outcome is SectionOutcome.DETERMINED:
+            _place(part, point, section.points[0], f"intersection of {len(found)} bearings")
+            added = True
+    return _arcs(part, distances) or added
+
+
+def _arcs(part: Part, distances: Distances) -> bool:
+    added = False
+    for point, neighbours in distances.neighbours.items():
+        if _level_known(part, point):
+            continue
+        centres, lengths = known_arcs(part, distances, point, neighbours)
+        if len(lengths) < 3:
+            continue
+        section = arc_section(np.array(centres), np.array(lengths))
+        if section.outcome is SectionOutcome.DETERMINED:
+            _place(part, point, section.points[0], f"section of {len(lengths)} arcs")
+            added = True
+    return added
+
+
+def known_arcs(
+    part: Part, distances: Distances, point: int, neighbours: set[int]
+) -> tuple[list[FloatArray], list[float]]:
+    """Known positions around a point, and the horizontal distances from them."""
+    centres, lengths = [], []
+    for other in sorted(neighbours):
+        length = distances.between(part, other, point)
+        if _level_known(part, other) and np.isfinite(length):
+            centres.append(part.points[other, :2])
+            lengths.append(length)
+    return centres, lengths
+
+
+def _meet_well(bearings: list[float]) -> bool:
+    differences = np.subtract.outer(bearings, bearings)
+    return bool(np.abs(np.sin(differences)).max() > SMALLEST_SECTION)
+
+
+def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> bool:
+    added = False
+    for number, sight in enumerate(measured.sights):
+        if number in part.kappas or _level_known(part, sight.position) or sight.oriented:
+            continue
+        station = _free_station(part, sight, distances)
+        if station is not None:
+            _place(part, sight.position, station[0], f"free stationing of {sight.name}")
+            part.kappas[number] = station[1]
+            added = True
+    return added
+
+
+def _free_station(part: Part, sight: Sight, distances: Distances) -> tuple[FloatArray, float] | None:
+    known = np.isfinite(part.points[sight.points, :2]).all(axis=1)
+    points = sight.points[known]
+    if len(points) < 2:
+        return None
+    lengths = np.array([distances.between(part, sight.position, int(point)) for point in points])
+    size = np.ptp(part.points[points, :2], axis=0).max()
+    result = free_station_level(
+        part.points[points, :2], sight.directions[known], lengths, SIGMA_DIRECTION, 1e-3 * size
+    )
+    if result.outcome is StationOutcome.DETERMINED and np.isfinite(result.kappa):
+        return result.position, result.kappa
+    return None
+
+
+def _vectors(part: Part, measured: Terrestrial) -> bool:
+    added = False
+    v = measured.vectors
+    rise = v.start_height - v.end_height
+    for a, b, vector, dh in zip(v.start, v.end, v.value, rise, strict=True):
+        full = vector + np.array([0.0, 0.0, dh]) if len(vector) == 3 else np.full(3, np.nan)
+        for one, other, sign in ((a, b, 1.0), (b, a, -1.0)):
+            candidate = part.points[one] + sign * full
+            fresh = np.isnan(part.points[other]) & np.isfinite(candidate)
+            if fresh.any():
+                part.points[other, fresh] = candidate[fresh]
+                part.how[f"point {other}"] = "vector"
+                added = True
+    return added
+
+
+def _begin_heights(part: Part, measured: Terrestrial) -> None:
+    """A levelling network of which no height is known begins with the height 0 of its first point."""
+    h = measured.height_differences
+    ends = np.unique(np.concatenate([h.start, h.end]))
+    if len(ends) and np.isnan(part.points[:, 2]).all():
+        part.points[h.start[0], 2] = 0.0
+        part.how[f"point {h.start[0]}"] = "height 0: no height is given"
+
+
+def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
+    """Heights from height differences, and from vertical directions over known horizontal distances."""
+    added = False
+    h = measured.height_differences
+    for a, b, dz in zip(h.start, h.end, h.value[:, 0] + h.start_height - h.end_height, strict=True):
+        added |= _carry_height(part, int(a), int(b), float(dz))
+    for (a, b), (vertical, rise) in distances.vertical.items():
+        length = float(np.linalg.norm(part.points[b, :2] - part.points[a, :2]))
+        if np.isfinite(length):
+            added |= _carry_height(part, a, b, length * float(np.tan(vertical)) + rise)
+        elif (a, b) in distances.slope:
+            added |= _carry_height(part, a, b, distances.slope[a, b][0] * float(np.sin(vertical)) + rise)
+    return added
+
+
+def _carry_height(part: Part, a: int, b: int, dz: float) -> bool:
+    for one, other, sign in ((a, b, 1.0), (b, a, -1.0)):
+        if np.isfinite(part.points[one, 2]) and np.isnan(part.points[other, 2]):
+            part.points[other, 2] = part.points[one, 2] + sign * dz
+            part.how.setdefault(f"point {other}", "height transfer")
+            return True
+    return False

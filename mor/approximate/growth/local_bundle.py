@@ -1,0 +1,180 @@
+"""Frames at the edge of what is known, adjusted together with the points they see.
+
+Such a frame is tied on one side only. Posed one by one, each on points of the last, small errors in attitude grow from
+row to row by a constant factor; adjusted together with its neighbours they do not. It is one step of a bundle
+adjustment of some points of some frames: points eliminated, frames outside held, given positions with their σ. More
+steps are not needed, for every frame takes part several times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from mor.approximate.bundle import Bundle, direction_bundle
+from mor.approximate.growth.forward_intersection import PosedFrames
+from mor.approximate.growth.frames import SLACKS, Frame, loosened
+from mor.approximate.growth.part import Part
+from mor.approximate.growth.pose_frame import observed_centre
+from mor.approximate.growth.sightings import Sightings
+from mor.approximate.reprojection import reproject
+from mor.approximate.resection.refinement import Pose
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.rotations import cross_matrix, rotate
+
+_SAMPLE = 40
+"""Points of a frame that take part."""
+_NEAR = 10.0
+"""Misfit in units of σ up to which a ray has a say."""
+_LOOSE = 1e-9
+"""Part of the diagonal added to it, so that what nothing ties stays where it is."""
+
+
+class _Rays(NamedTuple):
+    """Rays of posed frames to the points that take part."""
+
+    bundle: Bundle
+    frame: IntArray
+    column: IntArray
+    """Number among the moving frames, −1 where a frame is held."""
+    point: IntArray
+    """Number among the points."""
+    height: FloatArray
+    held: BoolArray
+    """(points,) true where the coordinates are given."""
+
+
+def settle(
+    part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFrames, moving: Sequence[int]
+) -> None:
+    """Adjust the poses of the ``moving`` frames, in ``part`` and in ``poses``; the points only lead to them."""
+    points = _points(part, frames, moving)
+    if len(points) == 0:
+        return
+    column = np.full(seen.frames, -1, dtype=np.int64)
+    column[list(moving)] = np.arange(len(moving))
+    rays = _rays(part, seen, poses, points, column)
+    change = _step(part, frames, poses, rays, part.points[points], moving)
+    if not np.all(np.isfinite(change)):
+        return
+    poses.centres[list(moving)] += change[:, :3]
+    poses.turns[list(moving)] = rotate(poses.turns[list(moving)], change[:, 3:])
+    for number in moving:
+        part.poses[number] = (poses.centres[number].copy(), poses.turns[number].copy())
+
+
+def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntArray:
+    chosen = [np.zeros(0, dtype=np.int64)]
+    for number in moving:
+        points = frames[number].points
+        points = points[part.known(points)]
+        chosen.append(points[np.linspace(0, len(points) - 1, min(len(points), _SAMPLE)).astype(int)])
+    return np.unique(np.concatenate(chosen))
+
+
+def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _Rays:
+    rays = seen.of_points(points)
+    point = np.repeat(np.arange(len(points)), seen.pointers[points + 1] - seen.pointers[points])
+    posed = np.isfinite(poses.centres[seen.frame[rays], 0])
+    rays, point = rays[posed], point[posed]
+    sigma = loosened(seen.sigma[rays], max(part.slack, SLACKS[1]))
+    frame = seen.frame[rays]
+    bundle = direction_bundle(seen.rays[rays], sigma)
+    return _Rays(bundle, frame, column[frame], point, seen.height[rays], part.fixed[points])
+
+
+def _step(
+    part: Part,
+    frames: Sequence[Frame],
+    poses: PosedFrames,
+    rays: _Rays,
+    X: FloatArray,
+    moving: Sequence[int],
+) -> FloatArray:
+    """One step of Gauss–Newton, points eliminated: changes (m, 6) of X0 and δ of the moving frames."""
+    residuals, by_pose, by_point = _linearised(poses, rays, X)
+    of_points = _summed(by_point, by_point, rays.point, len(X))
+    size = np.trace(of_points, axis1=1, axis2=2)
+    tie = np.where(size > 0.0, np.where(rays.held, 1e12, _LOOSE) * size, 1.0)
+    of_points += tie[:, None, None] * np.eye(3)
+    inverse = np.linalg.inv(of_points).astype(np.float64)
+    point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
+    m = rays.column >= 0
+    of_frames = _summed(by_pose[m], by_pose[m], rays.column[m], len(moving))
+    frame_side = _summed(by_pose[m], residuals[m][:, :, None], rays.column[m], len(moving))[:, :, 0]
+    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
+    mixed = np.einsum("nki,nkj->nij", by_pose[m], by_point[m])
+    across = _blocks(mixed, rays.column[m], rays.point[m], (len(moving), len(X)))
+    reach = across @ _blocks(inverse, np.arange(len(X)), np.arange(len(X)), (len(X), len(X)))
+    diagonal = _blocks(of_frames, np.arange(len(moving)), np.arange(len(moving)), (len(moving), len(moving)))
+    change = _solved((diagonal - reach @ across.T).tocsc(), frame_side.ravel() - reach @ point_side.ravel())
+    return change.reshape(-1, 6)
+
+
+def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals (n, 2), derivatives (n, 2, 6) by the pose and (n, 2, 3) by the point; 0 for rays that pass by."""
+    D = poses.turns[rays.frame]
+    away = X[rays.point] - poses.centres[rays.frame]
+    away[:, 2] += rays.height
+    star = np.einsum("nij,nj->ni", D, away)
+    computed = reproject(rays.bundle, star)
+    near = np.linalg.norm(computed.residuals, axis=1) < _NEAR
+    by_star = computed.by_star * near[:, None, None]
+    by_point = by_star @ D
+    by_pose = np.concatenate([-by_point, by_star @ cross_matrix(star)], axis=2)
+    return computed.residuals * near[:, None], by_pose, by_point
+
+
+def _summed(first: FloatArray, second: FloatArray, number: IntArray, count: int) -> FloatArray:
+    """Sums (count, i, j) of firstᵀ second of the rays of each number."""
+    products = np.einsum("nki,nkj->nij", first, second)
+    flat = products.reshape(len(products), -1)
+    sums = [np.bincount(number, weights=flat[:, k], minlength=count) for k in range(flat.shape[1])]
+    summed: FloatArray = np.stack(sums, axis=1).reshape(count, *products.shape[1:]).astype(np.float64)
+    return summed
+
+
+def _hold_by_positions(
+    part: Part,
+    frames: Sequence[Frame],
+    poses: PosedFrames,
+    X: FloatArray,
+    moving: Sequence[int],
+    of_frames: FloatArray,
+    side: FloatArray,
+) -> None:
+    for k, number in enumerate(moving):
+        pose = Pose(poses.centres[number], poses.turns[number])
+        known = observed_centre(part, frames[number], pose, X)
+        if known is not None:
+            of_frames[k, :3, :3] += np.diag(known.sigma**-2)
+            side[k, :3] += (pose.position - known.place) / known.sigma**2
+
+
+def _blocks(
+    blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[int, int]
+) -> scipy.sparse.csr_array:
+    """Sparse matrix of blocks (n, i, j) at their block rows and columns; those at one place are added."""
+    _, height, width = blocks.shape
+    rows = np.broadcast_to((height * row)[:, None, None] + np.arange(height)[:, None], blocks.shape)
+    columns = np.broadcast_to((width * column)[:, None, None] + np.arange(width), blocks.shape)
+    size = (height * shape[0], width * shape[1])
+    return scipy.sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=size)
+
+
+def _solved(matrix: scipy.sparse.csc_array, side: FloatArray) -> FloatArray:
+    """Solution of matrix · x = −side, scaled to a unit diagonal."""
+    diagonal = matrix.diagonal()
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaling = scipy.sparse.diags_array(scale)
+    loose = scipy.sparse.eye_array(len(scale), format="csc") * _LOOSE
+    scaled = (scaling @ matrix @ scaling + loose).tocsc()
+    factor = scipy.sparse.linalg.splu(
+        scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    solution: FloatArray = -scale * factor.solve(scale * side)
+    return solution

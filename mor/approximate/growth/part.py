@@ -1,0 +1,62 @@
+"""A part of the network in one coordinate system: what is known of points and frames so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mor.approximate.similarity import Similarity
+from mor.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(eq=False)
+class Part:
+    """Known coordinates and poses in one system, and how each came about."""
+
+    points: FloatArray
+    """(point blocks, 3) coordinates, NaN where not known."""
+    poses: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    """Frame number → (projection centre, rotation D)."""
+    kappas: dict[int, float] = field(default_factory=dict)
+    """Sight number → κ of a levelled set."""
+    how: dict[str, str] = field(default_factory=dict)
+    """Name → how it was obtained."""
+    levelled: bool = False
+    """True where the Z axis is the vertical."""
+    oriented: bool = False
+    """True where the Y axis is north, so that bearings orient."""
+    scaled: bool = False
+    """True where lengths are in the length unit."""
+    slack: float = 0.0
+    """Radians that rays are allowed beside their σ."""
+    seen_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(point blocks,) a posed frame that sees the point, −1 where there is none."""
+    fixed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """(point blocks,) true where coordinates were given: they are not worked out again."""
+    sigma: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
+    place_sigma: float = 0.0
+    """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
+
+    def known(self, points: IntArray) -> BoolArray:
+        """(n,) true where all three coordinates are known."""
+        return np.asarray(np.isfinite(self.points[points]).all(axis=1))
+
+    def transform(self, similarity: Similarity) -> None:
+        """Carry everything over into another system."""
+        s, R, t = similarity.scale, similarity.rotation, similarity.translation
+        self.points = s * self.points @ R.T + t
+        self.poses = {number: (s * R @ centre + t, D @ R.T) for number, (centre, D) in self.poses.items()}
+        turn = np.arctan2(R[0, 1], R[0, 0])
+        self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}
+
+
+def empty_part(points: int) -> Part:
+    """A part of which nothing is known."""
+    return Part(
+        np.full((points, 3), np.nan),
+        seen_by=np.full(points, -1, dtype=np.int64),
+        fixed=np.zeros(points, dtype=bool),
+        sigma=np.full((points, 3), np.nan),
+    )

@@ -1,0 +1,92 @@
+"""The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle, direction_bundle
+from mor.approximate.growth.frames import SLACKS, Frame, loosened
+from mor.approximate.growth.part import Part
+from mor.approximate.reprojection import misfits
+from mor.approximate.resection.outcome import ResectionOutcome
+from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, star_of
+from mor.approximate.resection.space_resection import AGREES, resect
+from mor.arrays import FloatArray, IntArray
+
+NEIGHBOUR = 10
+"""Known points from which the pose of a neighbour is tried as a start."""
+_SAMPLE = 60
+"""Points of a frame a resection uses at the most."""
+_EXACT = 1e-6
+"""σ of a position that is given as exact, in parts of the distance to the points."""
+
+
+def pose_frame(part: Part, frame: Frame, number: int) -> bool:
+    """Add the pose of a frame to the part; true where the points it sees allow one."""
+    known, targets = _known_points(part, frame)
+    if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
+        return True
+    for slack in [s for s in SLACKS if s >= part.slack]:
+        bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], slack))
+        result = resect(bundle, targets)
+        agreeing = int(np.count_nonzero(result.agreeing))
+        usable = result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
+        if usable and agreeing >= max(4, 0.6 * len(known)):
+            pose = Pose(result.position, result.rotation)
+            pose = _tied(part, frame, bundle.take(result.agreeing), targets[result.agreeing], pose)
+            _enter(part, frame, number, pose, agreeing, len(known))
+            return True
+    return False
+
+
+def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
+    """Rays of a frame to known points, not more than it takes, and where these are."""
+    known = np.flatnonzero(part.known(frame.points))
+    if len(known) > _SAMPLE:
+        known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
+    targets = part.points[frame.points[known]]
+    targets[:, 2] += frame.heights[known]
+    return known, targets
+
+
+def _enter(part: Part, frame: Frame, number: int, pose: Pose, agreeing: int, of: int) -> None:
+    part.poses[number] = (pose.position, pose.rotation)
+    part.how[frame.name] = f"resection from {agreeing} of {of} points"
+
+
+def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, targets: FloatArray) -> bool:
+    """Pose by adjustment alone, begun at the pose of the frame that shares most points; true where it fits.
+
+    Aerial images and image sequences go this way; a closed form with sampling takes ten times as long.
+    """
+    neighbours = part.seen_by[frame.points[known]]
+    neighbours = neighbours[neighbours >= 0]
+    if len(neighbours) == 0:
+        return False
+    values, counts = np.unique(neighbours, return_counts=True)
+    start = Pose(*part.poses[int(values[counts.argmax()])])
+    bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
+    pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
+    pose = _tied(part, frame, bundle, targets, pose)
+    agreeing = misfits(bundle, star_of(targets, pose)[None])[0] < AGREES
+    if np.count_nonzero(agreeing) < 0.8 * len(known):
+        return False
+    _enter(part, frame, number, pose, int(np.count_nonzero(agreeing)), len(known))
+    return True
+
+
+def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: Pose) -> Pose:
+    """The pose that also agrees with a given position, so that nothing drifts away from it."""
+    observed = observed_centre(part, frame, pose, targets)
+    return pose if observed is None else adjust_pose(bundle, targets, pose, 15, observed)
+
+
+def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
+    """Projection centre that a given position says at this attitude, O = X0 + h e_Z − Dᵀ r0*, and its σ."""
+    if not part.fixed[frame.position]:
+        return None
+    lifted = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
+    centre = lifted - pose.rotation.T @ frame.offset[1:]
+    exact = _EXACT * float(np.max(np.abs(targets - centre)))
+    own = part.sigma[frame.position]
+    return Observed(centre, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact))

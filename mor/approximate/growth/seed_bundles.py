@@ -1,0 +1,164 @@
+"""Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+
+from mor.approximate.bundle import direction_bundle
+from mor.approximate.growth.frames import SLACKS, Frame, loosened
+from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.growth.sightings import Sightings
+from mor.approximate.relative_orientation.outcome import RelativeOutcome
+from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
+from mor.arrays import BoolArray, FloatArray, IntArray
+
+PAIRS_TRIED = 24
+GOOD_ENOUGH = 15.0
+"""Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+DOUBTFUL, MOST = 2e-3, 0.9
+"""Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
+WINDOW = 64
+"""Rays of a point among which frames are paired."""
+FEWEST_COMMON = 8
+_SAMPLE = 80
+
+
+class Pairs(NamedTuple):
+    """Pairs of frames that see common points, those with most of them first."""
+
+    first: IntArray
+    second: IntArray
+    common: IntArray
+    """Number of points that both see."""
+
+
+class Seed(NamedTuple):
+    """A part of two frames, or why there is none."""
+
+    part: Part | None
+    reason: str
+    """What the best pair lacks, empty where there is a part."""
+
+
+def common_pairs(seen: Sightings) -> Pairs:
+    """All pairs of frames that see common points, as far as they are worth a count.
+
+    Sorted by point, the rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
+    a point that ten thousand images see does not make fifty million pairs.
+    """
+    frame, lengths = seen.frame[seen.order], np.diff(seen.pointers)
+    rank = np.arange(len(frame)) - np.repeat(seen.pointers[:-1], lengths)
+    windows = -(-lengths // WINDOW)
+    column = np.repeat(np.cumsum(windows) - windows, lengths) + rank // WINDOW
+    shape = (seen.frames, int(windows.sum()))
+    by_frame = scipy.sparse.csr_array((np.ones(len(frame), dtype=np.int32), (frame, column)), shape=shape)
+    by_frame.data[:] = 1
+    common = scipy.sparse.triu(by_frame @ by_frame.T, k=1).tocoo()
+    order = np.argsort(-common.data, kind="stable")
+    return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
+
+
+def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points: int) -> Seed:
+    """A part of two frames, base 1, of the pair of ``free`` (frames,) ones that is oriented best."""
+    best: tuple[float, Part] | None = None
+    reason = ""
+    among = np.flatnonzero(free[pairs.first] & free[pairs.second])
+    both = among[pairs.common[among] >= FEWEST_COMMON]
+    first, second = pairs.first[both], pairs.second[both]
+    if len(both) == 0:
+        return Seed(None, _too_few(frames, pairs, among))
+    for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
+        if tried >= PAIRS_TRIED and best is not None:
+            break
+        found = _oriented(frames, i, j, points)
+        if isinstance(found, str):
+            reason = reason or found
+            continue
+        if best is None or found[0] > best[0]:
+            best = found
+        if best is not None and best[0] >= GOOD_ENOUGH:
+            break
+    return Seed(None, reason) if best is None else Seed(best[1], "")
+
+
+def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> str:
+    if len(among) == 0:
+        return ""
+    one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
+    common = int(pairs.common[among[0]])
+    return f"{one.name} and {other.name} share {common} points, relative orientation needs {FEWEST_COMMON}"
+
+
+def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
+    """The pairs in their order, those of frames that were named often already put off to the end."""
+    named: dict[int, int] = {}
+    late: list[int] = []
+    for pair, (i, j) in enumerate(zip(first, second, strict=True)):
+        times = max(named.get(i, 0), named.get(j, 0))
+        named[i], named[j] = named.get(i, 0) + 1, named.get(j, 0) + 1
+        if times < 3:
+            yield int(i), int(j)
+        else:
+            late.append(pair)
+    for pair in late:
+        yield int(first[pair]), int(second[pair])
+
+
+def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | str:
+    _, at_i, at_j = np.intersect1d(frames[i].points, frames[j].points, return_indices=True)
+    if len(at_i) > _SAMPLE:
+        chosen = np.linspace(0, len(at_i) - 1, _SAMPLE).astype(int)
+        at_i, at_j = at_i[chosen], at_j[chosen]
+    found = _with_least_slack(frames[i], frames[j], at_i, at_j)
+    if isinstance(found, RelativeOutcome):
+        return f"{frames[i].name} and {frames[j].name}, relative orientation: {found.value}"
+    slack, result = found
+    orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
+    angle = _median_angle(
+        frames[i].rays[at_i[result.agreeing]], frames[j].rays[at_j[result.agreeing]], orientation.rotation
+    )
+    part = empty_part(points)
+    part.slack = slack
+    part.poses[i] = (np.zeros(3), np.eye(3))
+    part.poses[j] = (orientation.base, orientation.rotation)
+    words = f"relative orientation of {frames[i].name} and {frames[j].name}, {count} points"
+    if slack >= DOUBTFUL or count < MOST * len(at_i):
+        met = f"{count} of {len(at_i)} pairs of rays meet within {1e3 * slack:g} mrad"
+        words += f" (only {met}: camera constant, distortion or identities may be wrong)"
+    part.how[frames[i].name] = part.how[frames[j].name] = words
+    return count * min(angle, 0.6), part
+
+
+def _with_least_slack(
+    one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
+) -> tuple[float, RobustOrientation] | RelativeOutcome:
+    """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter.
+
+    Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
+    looseness: they are mirrored.
+    """
+    best: tuple[float, RobustOrientation] | None = None
+    outcome = RelativeOutcome.DOES_NOT_FIT
+    for slack in reversed(SLACKS):
+        a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
+        b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
+        result = robust_relative_orientation(a, b)
+        outcome = result.orientation.outcome
+        good = outcome is RelativeOutcome.DETERMINED
+        if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(at_one)):
+            best = slack, result
+        elif best is not None:
+            break
+    if outcome is RelativeOutcome.DETERMINED:
+        outcome = RelativeOutcome.DOES_NOT_FIT
+    return outcome if best is None or outcome is RelativeOutcome.MIRRORED else best
+
+
+def _median_angle(rays_a: FloatArray, rays_b: FloatArray, rotation: FloatArray) -> float:
+    cosine = np.einsum("ni,ni->n", rays_a, rays_b @ rotation)
+    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))

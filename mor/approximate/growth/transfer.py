@@ -1,0 +1,182 @@
+"""Between the network's blocks and a part: what is given goes in, what was found comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mor.approximate.growth.frames import Frame
+from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.similarity import SimilarityOutcome, similarity
+from mor.approximate.terrestrial.sights import Terrestrial
+from mor.arrays import FloatArray
+from mor.geometry.rotations import rotation_from_angles
+from mor.project.network.build import Network
+
+LISTED = 5
+"""Unknowns without a start value that are named one by one."""
+
+
+def with_observed(network: Network) -> dict[str, FloatArray]:
+    """Start values, those not given taken from observed parameters."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    for group in network.groups:
+        prefix, _, kind = group.type.key.partition("/")
+        kind = "point" if prefix == "coordinates" else kind
+        if prefix not in ("observed", "coordinates") or kind == "rotation":
+            continue
+        rows, components = np.nonzero(group.mask)
+        blocks = group.blocks[0][rows]
+        missing = np.isnan(start[kind][blocks, components])
+        start[kind][blocks[missing], components[missing]] = group.observed[rows, components][missing]
+    return start
+
+
+def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
+    """The object system with everything that is given."""
+    start = network.start
+    part = empty_part(len(network.blocks["point"].ids))
+    part.points[:] = start["point"]
+    part.fixed = np.asarray(np.isfinite(start["point"]).all(axis=1))
+    part.sigma = network.sigma["point"]
+    part.levelled = part.oriented = part.scaled = True
+    for number, frame in enumerate(frames):
+        rotation, position = start["rotation"][frame.rotation], start["point"][frame.position]
+        if frame.relative is not None:
+            follower = _follower_pose(network, frame, rotation, position)
+            if follower is not None:
+                part.poses[number] = follower
+        elif np.isfinite(rotation).all() and np.isfinite(position).all():
+            part.poses[number] = (_centre(network, frame, position, rotation), rotation)
+    return part
+
+
+def _centre(network: Network, frame: Frame, position: FloatArray, D: FloatArray) -> FloatArray:
+    """Projection centre O = X0 + h e_Z − Dᵀ r0*."""
+    height = float(network.start["height"][frame.height, 0])
+    eccentricity = network.start["eccentricity"][frame.eccentricity]
+    centre: FloatArray = position + np.array([0.0, 0.0, height]) - D.T @ eccentricity
+    return centre
+
+
+def _follower_pose(
+    network: Network, frame: Frame, D: FloatArray, position: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    assert frame.relative is not None
+    turn, base = network.start["rotation"][frame.relative[0]], network.start["base"][frame.relative[1]]
+    if not all(np.isfinite(part).all() for part in (D, position, turn, base)):
+        return None
+    leader = _centre(network, frame, position, D)
+    return leader + D.T @ base, turn @ D
+
+
+def fill_in(
+    network: Network, part: Part, frames: Sequence[Frame], measured: Terrestrial
+) -> tuple[dict[str, FloatArray], dict[str, str], tuple[str, ...]]:
+    """Start values of all blocks, how they were obtained, and what is missing."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    points = start["point"]
+    unknown = np.isnan(points)
+    points[unknown] = part.points[unknown]
+    rotations = start.get("rotation", np.zeros((0, 3, 3)))
+    for number, (centre, D) in part.poses.items():
+        frame = frames[number]
+        if frame.relative is None:
+            _put_rotation(rotations, frame.rotation, D)
+            _put_position(network, points, frame, centre, D)
+    for number, kappa in part.kappas.items():
+        block = measured.sights[number].rotation
+        if block >= 0:
+            _put_rotation(rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+    _fill_pairs(start, part, frames)
+    _fill_systems(network, start)
+    how = _named(network, part)
+    return start, how, _missing(network, start)
+
+
+def _put_rotation(rotations: FloatArray, block: int, D: FloatArray) -> None:
+    if not np.isfinite(rotations[block]).all():
+        rotations[block] = D
+
+
+def _put_position(
+    network: Network, points: FloatArray, frame: Frame, centre: FloatArray, D: FloatArray
+) -> None:
+    missing = np.isnan(points[frame.position])
+    if missing.any():
+        height = float(np.nan_to_num(network.start["height"][frame.height, 0]))
+        eccentricity = np.nan_to_num(network.start["eccentricity"][frame.eccentricity])
+        place = centre - np.array([0.0, 0.0, height]) + D.T @ eccentricity
+        points[frame.position, missing] = place[missing]
+
+
+def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
+    """Relative orientations from the poses of both images; leaders from their followers."""
+    leaders = {frame.rotation: n for n, frame in enumerate(frames) if frame.relative is None}
+    for number, frame in enumerate(frames):
+        if frame.relative is None or number not in part.poses:
+            continue
+        leader = leaders.get(frame.rotation)
+        if leader is None or leader not in part.poses:
+            continue
+        (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[number]
+        turn, base = frame.relative
+        _put_rotation(start["rotation"], turn, D_b @ D_a.T)
+        if np.isnan(start["base"][base]).any():
+            start["base"][base] = D_a @ (O_b - O_a)
+
+
+def _fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
+    """Local systems by closed-form similarity of their observed coordinates."""
+    for group in network.groups:
+        if group.type.key != "local":
+            continue
+        origin, rotation, scale, _, point = group.blocks
+        for system in np.unique(rotation):
+            rows = np.flatnonzero(rotation == system)
+            if (
+                np.isfinite(start["rotation"][system]).all()
+                and np.isfinite(start["point"][origin[rows[0]]]).all()
+            ):
+                continue
+            local, object_ = group.observed[rows], start["point"][point[rows]]
+            usable = np.isfinite(local).all(axis=1) & np.isfinite(object_).all(axis=1)
+            found = similarity(object_[usable], local[usable])
+            if found.outcome is not SimilarityOutcome.DETERMINED:
+                continue
+            _put_rotation(start["rotation"], int(system), found.rotation)
+            start["scale"][scale[rows[0]], 0] = found.scale
+            block = origin[rows[0]]
+            missing = np.isnan(start["point"][block])
+            start["point"][block, missing] = (-found.rotation.T @ found.translation / found.scale)[missing]
+
+
+def _named(network: Network, part: Part) -> dict[str, str]:
+    """How things were obtained, by the names the project gives them."""
+    ids = network.blocks["point"].ids
+    named = {}
+    for name, words in part.how.items():
+        kind, _, rest = name.partition(" ")
+        named[f"point {ids[int(rest)]}" if kind == "point" and rest.isdigit() else name] = words
+    return named
+
+
+def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[str, ...]:
+    """What still has no value, and the likely reason."""
+    reasons = {
+        "point": "seen from too few known places: it needs two rays, or a direction and a distance",
+        "rotation": "too few known points are sighted in it, or its image shares too few points with others",
+        "base": "one of its two images could not be oriented",
+    }
+    words = []
+    for kind, values in start.items():
+        lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        names = [network.blocks[kind].ids[number] for number in np.flatnonzero(lost)]
+        reason = reasons.get(kind, "no start value is given")
+        if len(names) > LISTED:
+            first = ", ".join(names[:LISTED])
+            words.append(f"{kind} {first} and {len(names) - LISTED} more: {reason}")
+        else:
+            words += [f"{kind} {name}: {reason}" for name in names]
+    return tuple(words)

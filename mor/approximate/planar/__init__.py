@@ -1,0 +1,1 @@
+"""Images of a plane object (K. Killian)."""

@@ -1,0 +1,126 @@
+"""The collineation between two bundles that see a plane: p'' ~ H p' (four points and more).
+
+For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular
+value as scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.vectors import principal_rows, tangent_axes, unit
+from mor.arrays import FloatArray
+
+
+class Homography(NamedTuple):
+    """A collineation of two bundles."""
+
+    matrix: FloatArray
+    """(3, 3) H, middle singular value 1."""
+    residuals: FloatArray
+    """(n,) length of the four corrections v/σ of a point."""
+    objective: float
+    """Σ (v/σ)², to be compared with ``redundancy``."""
+    redundancy: int
+    same_side: bool
+    """True if every ray of B is a positive multiple of H times its ray of A."""
+    covariance: FloatArray
+    """(9, 9) of the elements of H, row by row, up to their common scale; for the a-priori σ of the rays."""
+
+
+def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
+    """Adjust H to n ≥ 4 homologous rays; errors of both bundles, 2 conditions per point, linear start.
+
+    Four points of which no three are collinear fix H exactly (redundancy 0).
+    """
+    matrix = linear_homography(a, b)
+    residuals = np.zeros(2 * len(a))
+    corrections = np.zeros((len(a), 4))
+    for _ in range(iterations):
+        design, residuals, corrections = _conditions(a, b, matrix, corrections)
+        scale = matrix.ravel() / np.linalg.norm(matrix)
+        # The scale of H is no unknown: H → 0 would satisfy every condition.
+        step = np.linalg.lstsq(design - np.outer(design @ scale, scale), -residuals, rcond=1e-12)[0]
+        matrix = matrix + step.reshape(3, 3)
+        matrix = matrix / np.linalg.norm(matrix)
+        if float(np.max(np.abs(step))) < 1e-13:
+            break
+    design, residuals, _ = _conditions(a, b, matrix, corrections)
+    scaled, same_side = scaled_homography(matrix, a.rays, b.rays)
+    lengths = np.linalg.norm(residuals.reshape(-1, 2), axis=1)
+    covariance = _covariance(design, matrix) * float(np.sum(scaled**2))
+    return Homography(scaled, lengths, float(residuals @ residuals), 2 * len(a) - 8, same_side, covariance)
+
+
+def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Of the elements of H at norm one; their common scale, which is no unknown, is held."""
+    scale = matrix.ravel() / np.linalg.norm(matrix)
+    rows = design - np.outer(design @ scale, scale)
+    normal = rows.T @ rows
+    held = normal + np.trace(normal) * np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
+
+
+def significance_of_gaps(homography: Homography) -> float:
+    """The smaller of ln(σ1/σ2) and ln(σ2/σ3) of the singular values of H, in units of its standard deviation.
+
+    Where two singular values are equal both centres lie on one normal of the plane.
+    """
+    left, values, right = np.linalg.svd(homography.matrix)
+    slopes = [np.outer(left[:, k], right[k]).ravel() / values[k] for k in range(3)]
+    gaps: list[float] = []
+    for k in (0, 1):
+        slope = slopes[k] - slopes[k + 1]
+        sigma = np.sqrt(max(float(slope @ homography.covariance @ slope), 1e-300))
+        gaps.append(float(np.log(values[k] / values[k + 1])) / sigma)
+    return float(min(gaps))
+
+
+def linear_homography(a: Bundle, b: Bundle) -> FloatArray:
+    """H (3, 3) at norm one from the homogeneous system Tᵀ H p' = 0, T the two axes across p''."""
+    start, target = unit(a.rays), unit(b.rays)
+    turn_a, turn_b = _whitening(start), _whitening(target)
+    start, target = unit(start @ turn_a.T), unit(target @ turn_b.T)
+    rows = np.einsum("nij,nk->njik", tangent_axes(target), start).reshape(-1, 9)
+    solution = principal_rows(rows)[1][8].reshape(3, 3)
+    matrix = np.linalg.solve(turn_b, solution @ turn_a)
+    return np.asarray(matrix / np.linalg.norm(matrix))
+
+
+def scaled_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> tuple[FloatArray, bool]:
+    """H with middle singular value 1 and p''· H p' > 0 for most points; and whether for all of them."""
+    scaled = matrix / np.linalg.svd(matrix, compute_uv=False)[1]
+    signs = np.einsum("ni,ni->n", rays_a @ scaled.T, rays_b)
+    if np.sum(signs > 0.0) * 2 < len(signs):
+        scaled, signs = -scaled, -signs
+    return scaled, bool(np.all(signs > 0.0))
+
+
+def _whitening(directions: FloatArray) -> FloatArray:
+    # Narrow bundles: bring the spread of the rays across their mean to the size of the mean (regular matrix).
+    values, axes = np.linalg.eigh(directions.T @ directions / len(directions))
+    return np.asarray(axes.T / np.sqrt(np.maximum(values, 1e-6 * values[2]))[:, None])
+
+
+def _conditions(
+    a: Bundle, b: Bundle, matrix: FloatArray, corrections: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    rays_a = a.rays + np.einsum("nij,nj->ni", a.whitened_axes, corrections[:, :2])
+    rays_b = b.rays + np.einsum("nij,nj->ni", b.whitened_axes, corrections[:, 2:])
+    across = tangent_axes(rays_b)
+    image = rays_a @ matrix.T
+    factor = np.einsum("ni,ni->n", image, rays_b) / np.einsum("ni,ni->n", rays_b, rays_b)
+    by_a = np.einsum("nij,ik,nkl->njl", across, matrix, a.whitened_axes)
+    by_b = -factor[:, None, None] * np.einsum("nij,nil->njl", across, b.whitened_axes)
+    slopes = np.concatenate([by_a, by_b], axis=2)
+    condition = np.einsum("nij,ni->nj", across, image) - np.einsum("njl,nl->nj", slopes, corrections)
+    root = np.linalg.cholesky(slopes @ np.swapaxes(slopes, 1, 2))
+    whiten = np.linalg.inv(root)
+    residuals = np.einsum("njl,nl->nj", whiten, condition)
+    rows = np.einsum("nij,nk->njik", across, rays_a).reshape(-1, 2, 9)
+    design = (whiten @ rows).reshape(-1, 9)
+    adjusted = -np.einsum("njl,njk,nk->nl", slopes, whiten, residuals)
+    return design, residuals.ravel(), adjusted

@@ -1,0 +1,228 @@
+"""Two images of a plane object: from four or more rays to the orientation and the plane, by Killian's
+quadrilateral.
+
+With more than four points all of them fix the collineation of the bundles; a quadrilateral inside the field
+of the points is then carried over by it, so that every point has its share in the shape.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.planar.homography import Homography, fit_homography, significance_of_gaps
+from mor.approximate.planar.killian import corners_in_frame, solve_quadrilateral
+from mor.approximate.relative_orientation.rinner import nearest_rotation
+from mor.approximate.vectors import principal_rows, unit
+from mor.arrays import FloatArray, IntArray
+
+COLLINEAR = 3.0
+"""A field of points thinner than so many σ of a ray is a line."""
+
+CERTAIN = 5.0
+"""Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded."""
+
+
+class PlaneOutcome(Enum):
+    """What became of two images of a plane object, in words."""
+
+    UNIQUE = "one solution is visible"
+    AMBIGUOUS = "several shapes fit both images; a further image, a known angle or length ratio decides"
+    TOO_FEW = "fewer than four points"
+    INVALID = "a ray is zero or not a number"
+    COLLINEAR = "three of four points, or all, lie in one line"
+    NO_BASE = "no base: the second image is the first one turned, the shape of the plane is open"
+    BASE_ALONG_NORMAL = (
+        "dangerous locus: both projection centres lie on one normal of the plane, or the measurements cannot tell; "
+        "the two solutions coincide and errors of the image coordinates enter with their square root"
+    )
+    NOT_VISIBLE = (
+        "no solution has all points in front of both images: mirrored coordinates or mismatched points"
+    )
+    NOT_PLANE = "the points do not lie in one plane, or identities are mismatched"
+
+    @property
+    def usable(self) -> bool:
+        """True if the solution, or one of several, can serve as a start value."""
+        return self in (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL)
+
+
+class PlaneOrientation(NamedTuple):
+    """Plane and second frame in the first one; unit of length: the distance of the plane from A, n · X = 1."""
+
+    normal: FloatArray
+    """(3,) unit normal n in A, pointing from A to the plane."""
+    base: FloatArray
+    """(3,) b; its length is in units of the distance of the plane."""
+    rotation: FloatArray
+    """(3, 3) D*."""
+    front: int
+    """Number of points in front of both images."""
+
+
+class PlaneSolutions(NamedTuple):
+    """All orientations of a plane object, visible ones first."""
+
+    outcome: PlaneOutcome
+    solutions: list[PlaneOrientation]
+    homography: Homography | None
+
+
+def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
+    """All solutions for n ≥ 4 homologous rays of a plane object; degenerate cases named in the outcome."""
+    if len(a) < 4:
+        return PlaneSolutions(PlaneOutcome.TOO_FEW, [], None)
+    if not _valid(a) or not _valid(b):
+        return PlaneSolutions(PlaneOutcome.INVALID, [], None)
+    if _thin(a) or _thin(b) or (len(a) == 4 and (_three_in_line(a) or _three_in_line(b))):
+        return PlaneSolutions(PlaneOutcome.COLLINEAR, [], None)
+    homography = fit_homography(a, b)
+    if homography.objective > misfit_limit(homography.redundancy):
+        return PlaneSolutions(PlaneOutcome.NOT_PLANE, [], homography)
+    solutions = solutions_of_homography(homography.matrix, a.rays, b.rays)
+    return PlaneSolutions(_outcome(homography, solutions, a, b), solutions, homography)
+
+
+def misfit_limit(redundancy: int) -> float:
+    """Value of Σ (v/σ)² beyond which the model does not hold: expectation plus five standard deviations, σ doubled."""
+    return float(4.0 * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 1.0))
+
+
+def solutions_of_homography(
+    matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> list[PlaneOrientation]:
+    """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3) first."""
+    corners = corners_within(rays_a)
+    image = corners @ matrix.T
+    found = []
+    for solution in solve_quadrilateral(corners, image):
+        in_a, in_b = corners_in_frame(corners, solution, 0), corners_in_frame(image, solution, 1)
+        found.append(_orientation(in_a, in_b, rays_a, rays_b))
+    return sorted(found, key=lambda orientation: -orientation.front)
+
+
+def _orientation(
+    in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> PlaneOrientation:
+    centre_a, centre_b = in_a.mean(axis=0), in_b.mean(axis=0)
+    rotation = nearest_rotation((in_b - centre_b).T @ (in_a - centre_a))
+    normal = principal_rows(in_a - centre_a)[1][2]
+    distance = float(normal @ centre_a)
+    if distance < 0.0:
+        normal, distance = -normal, -distance
+    base = (centre_a - rotation.T @ centre_b) / distance
+    turned_normal, distance_b = rotation @ normal, 1.0 - float(normal @ base)
+    front = (rays_a @ normal > 0.0) & ((rays_b @ turned_normal) * np.sign(distance_b) > 0.0)
+    return PlaneOrientation(normal, base, rotation, int(np.sum(front)))
+
+
+def corners_within(rays: FloatArray) -> FloatArray:
+    """Quadrilateral (4, 3) of rays inside the field of the rays (n, 3), convex; 12 and 34 are its diagonals.
+
+    Of the hull of the field the four corners of largest area; of a triangle a
+    trapezoid.
+    """
+    directions = unit(rays)
+    flat = _flat(directions)
+    hull = convex_hull(flat)
+    if len(hull) == 3:
+        one, two, three = directions[hull]
+        return np.stack([one, unit(two + three), two, unit(one + three)])
+    first, second = _diagonal(flat, hull)
+    return np.asarray(directions[[first[0], first[1], second[0], second[1]]])
+
+
+def _flat(directions: FloatArray) -> FloatArray:
+    """Coordinates (n, 2) that keep straight lines straight: the rays cut by a plane they all reach."""
+    axis = unit(directions.sum(axis=0))
+    if float(np.min(directions @ axis)) < 0.1:
+        axis = _facing_axis(directions)
+    across = np.linalg.svd(axis[None, :])[2][1:]
+    return np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
+
+
+def _facing_axis(directions: FloatArray) -> FloatArray:
+    """Direction (3,) that the rays (n, 3) are least far from: they fill less than a half-space if it is a plane.
+
+    Largest t with p · a ≥ t, |a_i| ≤ 1, a linear programme.
+    """
+    from scipy.optimize import linprog  # slow to import, and only very wide fields come here
+
+    bound = np.column_stack([-directions, np.ones(len(directions))])
+    limits = [(-1.0, 1.0)] * 3 + [(None, None)]
+    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=bound, b_ub=np.zeros(len(directions)), bounds=limits)
+    if found.x is None:  # never: zero is feasible
+        return unit(directions.sum(axis=0))
+    return unit(np.asarray(found.x[:3], dtype=float))
+
+
+def _diagonal(flat: FloatArray, hull: IntArray) -> tuple[tuple[int, int], tuple[int, int]]:
+    best, chosen = -1.0, ((0, 0), (0, 0))
+    for i in range(len(hull)):
+        for j in range(i + 2, len(hull)):
+            line = flat[hull[j]] - flat[hull[i]]
+            offset = flat[hull] - flat[hull[i]]
+            side = line[0] * offset[:, 1] - line[1] * offset[:, 0]
+            low, high = int(np.argmin(side)), int(np.argmax(side))
+            area = side[high] - side[low] if side[low] < 0.0 < side[high] else -1.0
+            if area > best:
+                best, chosen = float(area), ((int(hull[i]), int(hull[j])), (int(hull[high]), int(hull[low])))
+    return chosen
+
+
+def convex_hull(points: FloatArray) -> IntArray:
+    """Indices of the convex hull of points (n, 2), counter-clockwise (A. M. Andrew's chains)."""
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    chains: list[list[int]] = []
+    for sequence in (order, order[::-1]):
+        chain: list[int] = []
+        for index in sequence:
+            while len(chain) > 1 and _turn(points[chain[-2]], points[chain[-1]], points[index]) <= 0.0:
+                chain.pop()
+            chain.append(int(index))
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1], dtype=np.int64)
+
+
+def _turn(first: FloatArray, second: FloatArray, third: FloatArray) -> float:
+    one, two = second - first, third - first
+    return float(one[0] * two[1] - one[1] * two[0])
+
+
+def _valid(bundle: Bundle) -> bool:
+    return bool(np.all(np.isfinite(bundle.rays)) and np.all(np.linalg.norm(bundle.rays, axis=1) > 0.0))
+
+
+def _thin(bundle: Bundle) -> bool:
+    return thickness(bundle) < COLLINEAR * bundle.noise
+
+
+def thickness(bundle: Bundle) -> float:
+    """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of points."""
+    values = np.linalg.svd(bundle.directions, compute_uv=False)
+    return float(values[2] / np.sqrt(len(bundle)))
+
+
+def _three_in_line(bundle: Bundle) -> bool:
+    directions = bundle.directions
+    return any(
+        thickness(bundle.take(np.delete(np.arange(4), k))) < COLLINEAR * bundle.noise
+        for k in range(len(directions))
+    )
+
+
+def _outcome(homography: Homography, solutions: list[PlaneOrientation], a: Bundle, b: Bundle) -> PlaneOutcome:
+    values = np.linalg.svd(homography.matrix, compute_uv=False)
+    noise = np.hypot(a.noise, b.noise) / max(min(thickness(a), thickness(b)), 1e-300)
+    spread = values[0] - values[2]
+    visible = sum(solution.front == len(a) for solution in solutions)
+    if spread < COLLINEAR * noise:
+        return PlaneOutcome.NO_BASE
+    if not homography.same_side or visible == 0:
+        return PlaneOutcome.NOT_VISIBLE
+    if significance_of_gaps(homography) < CERTAIN:
+        return PlaneOutcome.BASE_ALONG_NORMAL
+    return PlaneOutcome.UNIQUE if visible == 1 else PlaneOutcome.AMBIGUOUS

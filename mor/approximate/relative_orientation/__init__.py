@@ -1,0 +1,1 @@
+"""Relative orientation of two bundles (K. Rinner)."""

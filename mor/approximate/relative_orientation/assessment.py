@@ -1,0 +1,197 @@
+"""Judgement of adjusted relative orientations: front, fit, precision, ambiguity."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.relative_orientation.coplanarity import Coplanarity, in_front
+from mor.approximate.relative_orientation.outcome import (
+    Candidate,
+    RelativeOrientation,
+    RelativeOutcome,
+    SceneGeometry,
+)
+from mor.approximate.relative_orientation.rinner import auxiliary_unknowns, four_candidates
+from mor.arrays import FloatArray
+from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
+
+AS_GOOD = 25.0
+"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
+BY_ITSELF = 2.9e-7
+"""Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
+APART = 4.0
+"""Standard deviations beyond which two orientations are different ones."""
+MINIMA_APART = 1.0
+"""The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
+WEAK = 0.1
+"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
+WRONG = 6.0
+"""σ0 beyond which rays and orientation do not belong together."""
+BEHIND = 0.9
+"""Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
+
+
+class Judged(NamedTuple):
+    """What the result is made of."""
+
+    geometry: SceneGeometry
+    singular_values: FloatArray
+    adjusted: list[Coplanarity]
+    """Distinct adjusted orientations, best objective first."""
+
+
+def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = None) -> RelativeOrientation:
+    """Return a result without an orientation; of a pure rotation the attitude is known."""
+    nothing = np.full(3, np.nan)
+    attitude = np.full((3, 3), np.nan) if rotation is None else rotation
+    return RelativeOrientation(
+        outcome=outcome,
+        geometry=SceneGeometry.UNKNOWN,
+        points=points,
+        base=nothing,
+        rotation=attitude,
+        angles=nothing if rotation is None else angles_from_rotation(rotation),
+        covariance=np.full((6, 6), np.nan),
+        sigma_base=nothing,
+        sigma_angles=nothing,
+        sigma0=float("nan"),
+        residuals=np.full(points, np.nan),
+        front=np.zeros((points, 2), dtype=bool),
+        candidates=(),
+        alternatives=(),
+        unknowns=np.full((3, 3), np.nan),
+        singular_values=np.full(9, np.nan),
+    )
+
+
+def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
+    """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
+    if not judged.adjusted:
+        return failed(RelativeOutcome.NO_BASE, len(a))
+    chosen, rivals = _choice(a, b, judged)
+    covariance = orientation_covariance(chosen)
+    angles = angles_from_rotation(chosen.rotation)
+    return RelativeOrientation(
+        outcome=_outcome(a, b, chosen, rivals, covariance),
+        geometry=judged.geometry,
+        points=len(a),
+        base=chosen.base,
+        rotation=chosen.rotation,
+        angles=angles,
+        covariance=covariance,
+        sigma_base=np.sqrt(np.diag(covariance)[:3]),
+        sigma_angles=_sigma_angles(angles, covariance[3:, 3:]),
+        sigma0=float(np.sqrt(_variance(chosen, len(a)))),
+        residuals=chosen.residuals,
+        front=in_front(a, b, chosen.base, chosen.rotation),
+        candidates=candidates_of(a, b, chosen),
+        alternatives=tuple(candidate(a, b, one.base, one.rotation) for one in rivals),
+        unknowns=auxiliary_unknowns(chosen.base, chosen.rotation),
+        singular_values=judged.singular_values,
+    )
+
+
+def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
+    """Of all that fit the one with most points in front, then of least objective; rivals that are as good.
+
+    The orientations of a plane fit its collineation equally well, whatever their objectives are: each measures the
+    errors across its own base only, and these are different parts of the same errors. There each is judged by itself.
+    """
+    adjusted = judged.adjusted
+    redundancy = len(a) - 5
+    variance = max(1.0, adjusted[0].objective / redundancy)
+    excess = AS_GOOD * variance
+    limit = max(adjusted[0].objective + excess, variance * float(chdtri(redundancy, BY_ITSELF)))
+    fitting = [one for one in adjusted if one.objective <= limit]
+    chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
+    as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
+    most = _front_count(a, b, chosen)
+    sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
+    rivals = [
+        one
+        for one in fitting
+        if _front_count(a, b, one) >= BEHIND * most
+        and one.objective <= as_good
+        and _distance(one, chosen) > _tolerance(one, chosen, sigma)
+    ]
+    return chosen, _one_each(rivals, APART * sigma)
+
+
+def _tolerance(one: Coplanarity, other: Coplanarity, sigma: float) -> float:
+    """Distance up to which two orientations are the same."""
+    return (MINIMA_APART if one.converged and other.converged else APART) * sigma + 1e-6
+
+
+def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:
+    kept: list[Coplanarity] = []
+    for one in rivals:
+        if all(_distance(one, other) > tolerance + 1e-6 for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _distance(first: Coplanarity, second: Coplanarity) -> float:
+    rotation = float(np.linalg.norm(first.rotation - second.rotation)) / np.sqrt(2.0)
+    return float(np.hypot(rotation, np.linalg.norm(first.base - second.base)))
+
+
+def candidate(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Candidate:
+    """Count the points in front of an orientation."""
+    front = in_front(a, b, base, rotation)
+    both = int(np.sum(np.all(front, axis=1)))
+    return Candidate(base, rotation, int(np.sum(front[:, 0])), int(np.sum(front[:, 1])), both)
+
+
+def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate, ...]:
+    """Return the four candidates of an adjusted orientation, that orientation first."""
+    four = four_candidates(auxiliary_unknowns(chosen.base, chosen.rotation))
+    ordered = sorted(four, key=lambda c: -float(c[0] @ chosen.base) - float(np.sum(c[1] * chosen.rotation)))
+    return tuple(candidate(a, b, *pair) for pair in ordered)
+
+
+def orientation_covariance(chosen: Coplanarity) -> FloatArray:
+    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
+    scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
+    values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
+    inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
+    spread = np.zeros((6, 5))
+    spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
+    return np.asarray(spread @ inverse @ spread.T)
+
+
+def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
+    jacobian = angles_by_tangent(angles)
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(3, np.inf)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)))
+
+
+def _variance(one: Coplanarity, points: int) -> float:
+    return one.objective / (points - 5)
+
+
+def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
+    return int(np.sum(np.all(in_front(a, b, one.base, one.rotation), axis=1)))
+
+
+def _outcome(
+    a: Bundle, b: Bundle, chosen: Coplanarity, rivals: list[Coplanarity], covariance: FloatArray
+) -> RelativeOutcome:
+    if np.sqrt(_variance(chosen, len(a))) > WRONG:
+        return RelativeOutcome.DOES_NOT_FIT
+    if _front_count(a, b, chosen) < BEHIND * len(a):
+        mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
+        return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
+    if rivals:
+        return RelativeOutcome.AMBIGUOUS
+    if float(np.sqrt(np.max(np.linalg.eigvalsh(covariance)))) > WEAK:
+        return RelativeOutcome.WEAK
+    return RelativeOutcome.DETERMINED
+
+
+def _same_but_behind(c: Candidate) -> int:
+    return min(c.in_front_of_a, c.in_front_of_a + c.in_front_of_b - 2 * c.in_front_of_both)

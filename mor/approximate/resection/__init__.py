@@ -1,0 +1,1 @@
+"""Space resection of a bundle on known points."""

@@ -1,0 +1,1 @@
+"""Start values from directions, angles, distances and heights."""

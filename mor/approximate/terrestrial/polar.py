@@ -1,0 +1,78 @@
+"""Polar points, heights and rays: from directions, vertical directions and distances to coordinates and back.
+
+Bearings t = atan2(ΔX, ΔY) run clockwise from +Y. A set of directions r has an orientation κ, r = t + κ.
+Vertical directions v are positive upwards; of a zenith angle z it is v = π/2 − z. All angles in radians.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import FloatArray
+
+
+class Orientation(NamedTuple):
+    """Orientation of a set of directions."""
+
+    kappa: float
+    """κ of r = t + κ, in (−π, π]; not a number where nothing was sighted."""
+    residuals: FloatArray
+    """(n,) computed minus observed direction."""
+    resultant: float
+    """Length of the mean of the unit vectors: 1 where all sights agree, near 0 where they contradict."""
+
+
+def bearing(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Bearings (…) from ``start`` to ``end`` (…, 2 or 3)."""
+    difference = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
+    return np.asarray(np.arctan2(difference[..., 0], difference[..., 1]))
+
+
+def polar_rays(directions: FloatArray, verticals: FloatArray) -> FloatArray:
+    """Unit rays (n, 3) in the axes of a theodolite with r = atan2(X*, Y*) and v = atan(Z*/√(X*² + Y*²))."""
+    level = np.cos(verticals)
+    return np.stack([level * np.sin(directions), level * np.cos(directions), np.sin(verticals)], axis=-1)
+
+
+def polar_points(
+    station: FloatArray, kappa: float, directions: FloatArray, verticals: FloatArray, distances: FloatArray
+) -> FloatArray:
+    """Points (n, 3) from a levelled station (3,): directions, vertical directions and slope distances (n,)."""
+    rays = polar_rays(np.asarray(directions) - kappa, verticals)
+    return np.asarray(np.asarray(station) + rays * np.asarray(distances)[:, None])
+
+
+def polar_points_level(
+    station: FloatArray, kappa: float, directions: FloatArray, distances: FloatArray
+) -> FloatArray:
+    """Points (n, 2) from a station (2,): directions and horizontal distances (n,)."""
+    t = np.asarray(directions) - kappa
+    return np.asarray(
+        np.asarray(station) + np.stack([np.sin(t), np.cos(t)], axis=-1) * np.asarray(distances)[:, None]
+    )
+
+
+def orient(
+    station: FloatArray, points: FloatArray, directions: FloatArray, weights: FloatArray | None = None
+) -> Orientation:
+    """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3): circular mean."""
+    differences = np.asarray(directions) - bearing(station, points)
+    weight = np.ones(len(differences)) if weights is None else np.asarray(weights, dtype=float)
+    if not len(differences):
+        return Orientation(float("nan"), differences, 0.0)
+    mean = complex(np.sum(weight * np.exp(1j * differences)) / np.sum(weight))
+    kappa = float(np.angle(mean))
+    return Orientation(kappa, np.angle(np.exp(1j * (kappa - differences))), abs(mean))
+
+
+def trigonometric_height(
+    height: float,
+    distance: float,
+    vertical: float,
+    instrument_height: float = 0.0,
+    target_height: float = 0.0,
+) -> float:
+    """Height of a target from the ``height`` of the station, a horizontal ``distance`` and the vertical direction."""
+    return height + instrument_height + distance * float(np.tan(vertical)) - target_height

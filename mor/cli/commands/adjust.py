@@ -1,0 +1,189 @@
+"""``mor adjust``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TextIO
+
+import click
+
+from mor.cli._language import language_option
+from mor.errors import ExitCode
+
+if TYPE_CHECKING:
+    from mor.cli._progress import Progress
+    from mor.errors import Problem
+    from mor.quality.solved import Solved
+
+
+@click.command(name="adjust")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.results",
+    help="Folder of the results.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
+)
+@click.option(
+    "--strict", is_flag=True, help="Exit with 1 where the global test rejects or an observation is flagged."
+)
+@click.option(
+    "--snoop",
+    is_flag=True,
+    help="Data snooping: take flagged observations out one by one until the rest is clean.",
+)
+@language_option("report.txt, report.html and of what the terminal says")
+@click.option(
+    "--html/--no-html",
+    default=None,
+    show_default="html, up to 2 million observations",
+    help="Write report.html, the page to look at.",
+)
+@click.option(
+    "--tables",
+    type=click.Choice(["none", "worst", "all"]),
+    show_default="all, beyond 2 million observations worst",
+    help="Tables of results: none, points, images and the worst residuals, or all.",
+)
+@click.option(
+    "--table-format",
+    type=click.Choice(["csv", "parquet"]),
+    default="csv",
+    show_default=True,
+    help="Format of the tables.",
+)
+@click.option(
+    "--events",
+    metavar="FILE",
+    type=click.File("w", encoding="utf-8"),
+    help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
+def command(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    as_json: bool,
+    strict: bool,
+    snoop: bool,
+    lang: str,
+    html: bool | None,
+    tables: Literal["none", "worst", "all"] | None,
+    table_format: Literal["csv", "parquet"],
+    events: TextIO | None,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Adjust PROJECT, write reports, results and tables.
+
+    \b
+    Examples:
+      mor adjust project.yaml
+      mor adjust project.yaml -o results --force
+      mor adjust project.yaml --snoop
+      mor adjust project.yaml --lang de
+      mor adjust project.yaml --tables all --table-format parquet
+      mor adjust project.yaml --strict --quiet || echo "look at the report"
+      mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+
+    PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
+
+    \b
+    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular.
+    """
+    from mor.cli._compiler import compiler_announced
+    from mor.cli._progress import progress
+    from mor.pipeline import read_document, read_network, snooped, solve_network
+    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.json import entries
+    from mor.report.results.writing import Choice, is_large, results_text, tables_by_size, write_results
+    from mor.report.text.screen import screen
+    from mor.report.words.language import words_of
+
+    writes = output is not None or not as_json
+    words = words_of(lang)
+    with progress(quiet, verbose, events, words) as say, compiler_announced(say.note):
+        say.phase("reading")
+        document = read_document(project)
+        folder = output or project.with_suffix(".results")
+        if writes:
+            check_free(folder, force)
+            check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
+        network = read_network(document, project.parent, say.table_counter(document, project.parent))
+        say.notes(network.notes)
+        network = snooped(network) if snoop else network
+        say.phase("adjusting")
+        solved = solve_network(
+            network, say.iteration, lambda effort: say.phase("precision and reliability", effort)
+        )
+        say.phase("writing")
+        said = "" if quiet and solved.quality is not None else screen(solved, words)
+        if writes:
+            say.notes(left_out(solved, tables, html))
+            page = html if html is not None else not is_large(solved)
+            choice = Choice(
+                tables=tables or tables_by_size(solved),
+                kind=table_format,
+                html=page and has_library(say),
+                language=lang,
+                done=say.counter(entries(solved)),
+            )
+            write_results(solved, document, project.parent, folder, force, choice)
+        code = exit_code(solved, strict)
+        written = str(folder) if writes else None
+        say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
+    if as_json:
+        click.echo(results_text(solved), nl=False)
+    if said:
+        click.echo(said, err=True)
+        if writes:
+            click.echo(words("results in {place}", place=folder), err=True)
+    return code
+
+
+def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Problem]:
+    """What is not written of a large project because nobody asked for it."""
+    from mor.errors import Problem
+    from mor.report.results.writing import WORST, is_large
+
+    if not is_large(solved) or solved.quality is None:
+        return []
+    notes = []
+    if tables is None:
+        notes.append(
+            Problem(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+        )
+    if html is None:
+        notes.append(Problem("no report.html of very many observations; --html writes it all the same"))
+    return notes
+
+
+def has_library(say: Progress) -> bool:
+    """True where the chart library of the page is installed; says so where it is not."""
+    from mor.errors import Problem
+    from mor.report.html.library import library_path
+
+    if library_path() is None:
+        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
+
+
+def exit_code(solved: Solved, strict: bool) -> ExitCode:
+    """The documented exit code of an outcome."""
+    from mor.adjustment.solve import Outcome
+
+    quality = solved.quality
+    if solved.adjustment.outcome is Outcome.SINGULAR:
+        return ExitCode.SINGULAR
+    if quality is None:
+        return ExitCode.NOT_CONVERGED
+    rejected = not quality.global_test.accepted or any(flags.any() for flags in quality.flagged)
+    return ExitCode.REJECTED if strict and rejected else ExitCode.DONE

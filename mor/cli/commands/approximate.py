@@ -1,0 +1,59 @@
+"""``mor approximate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="approximate")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.start",
+    help="Folder of the project with start values.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int:
+    """Find start values for PROJECT and write a project that has them.
+
+    \b
+    Examples:
+      mor approximate project.yaml
+      mor approximate project.yaml -o started --force
+
+    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
+    missing for it. mor adjust does the same by itself where values are missing.
+
+    \b
+    Exit codes: 0 done; 2 input, or values stay missing.
+    """
+    from mor.approximate.growth.strategy import approximate
+    from mor.cli._compiler import compiler_announced
+    from mor.errors import ExitCode
+    from mor.pipeline import read_document, read_network
+    from mor.report.results.adjusted_project import Placed
+    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.protocol import protocol
+    from mor.report.results.writing import PROJECT, write_project
+
+    folder = output or project.with_suffix(".start")
+    check_free(folder, force)
+    document = read_document(project)
+    tables = (project.parent / name for name in document.table_files())
+    check_inputs(folder, [project, *tables], [PROJECT])
+    network = read_network(document, project.parent)
+    with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
+        approximation = approximate(network)
+    click.echo(protocol(network, approximation), nl=False)
+    if approximation.missing:
+        return ExitCode.INPUT
+    write_project(Placed(network, approximation.start), document, project.parent, folder, force)
+    if not quiet:
+        click.echo(f"project with start values in {folder}", err=True)
+    return ExitCode.DONE

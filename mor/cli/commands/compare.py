@@ -1,0 +1,182 @@
+"""``mor compare``."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mor.counting import counted
+from mor.errors import ExitCode, InputError, Problem
+
+if TYPE_CHECKING:
+    import polars as pl
+
+SHOWN = 20
+SCHEMA = "mor-results"
+"""As :data:`mor.report.results.summary.SCHEMA`, which takes long to import."""
+
+
+@click.command(name="compare")
+@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--tol",
+    default=1e-9,
+    show_default=True,
+    metavar="NUMBER",
+    help="Difference allowed: absolute, for numbers beyond 1 relative.",
+)
+@click.option(
+    "--epochs", is_flag=True, help="Take the two as epochs: congruence test over their common points."
+)
+@click.option(
+    "--pairs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="CSV with a header and two columns of points: have the pairs of one adjustment moved apart?",
+)
+@click.option(
+    "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
+)
+@click.option("--known-sigma0", is_flag=True, help="Test with σ0 a priori, not with the estimated one.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(
+    results: tuple[Path, ...],
+    tol: float,
+    epochs: bool,
+    pairs: Path | None,
+    level: float,
+    known_sigma0: bool,
+    quiet: bool,
+) -> int:
+    """Compare RESULTS: two folders number by number, two epochs, or pairs of points of one adjustment.
+
+    \b
+    Examples:
+      mor compare before.results after.results --tol 1e-6
+      mor compare spring.results autumn.results --epochs
+      mor compare both.results --pairs pairs.csv
+
+    RESULTS are folders of results; number by number also results.json files. --epochs and --pairs print the movements
+    as CSV on standard output, in the length unit of the project.
+
+    \b
+    Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.
+    """
+    if not 0.0 < level < 1.0:
+        raise InputError([Problem(f"--level: found {level:g}, expected a number between 0 and 1")])
+    if tol < 0.0:
+        raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
+    if epochs and pairs is not None:
+        raise InputError([Problem("choose one of --epochs, --pairs")])
+    wanted = 1 if pairs is not None else 2
+    if len(results) != wanted:
+        expected = "one folder of results with --pairs" if pairs is not None else "two to compare"
+        raise InputError([Problem(f"found {len(results)}, expected {expected}")])
+    if pairs is not None:
+        table, words = _pairs(results[0], pairs, level, known_sigma0)
+    elif epochs:
+        table, words = _epochs(results[0], results[1], level, known_sigma0)
+    else:
+        return _regression(results[0], results[1], tol, quiet)
+    click.echo(table.write_csv(), nl=False)
+    if not quiet:
+        click.echo("\n".join(words), err=True)
+    return ExitCode.REJECTED if table["moved"].any() else ExitCode.DONE
+
+
+def _regression(one: Path, other: Path, tol: float, quiet: bool) -> ExitCode:
+    from mor.report.results.comparison import differences
+
+    found = differences(_content(one), _content(other), tol)
+    if not quiet:
+        for difference in found[:SHOWN]:
+            click.echo(f"{difference.place}: {_said(difference.one)} | {_said(difference.other)}")
+        if len(found) > SHOWN:
+            click.echo(f"and {len(found) - SHOWN} more")
+        click.echo(
+            f"{counted(len(found), 'difference')} beyond {tol:g}" if found else f"equal within {tol:g}",
+            err=True,
+        )
+    return ExitCode.REJECTED if found else ExitCode.DONE
+
+
+def _said(value: Any) -> str:
+    """A value of results on one line: of a row that the other one lacks only that it is there."""
+    return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
+
+
+def _content(path: Path) -> Any:
+    file = path / "results.json" if path.is_dir() else path
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(file))]) from None
+    except ValueError:
+        content = None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError([Problem("expected a folder of results, or its results.json", str(file))])
+    return content
+
+
+def _folder(path: Path) -> Path:
+    """The folder of results that a results.json stands in."""
+    return path.parent if path.name == "results.json" else path
+
+
+def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+    from mor.cli._results import open_results, solve_again
+    from mor.quality.deformation.epochs import blocks_of, common_points, compare_epochs, over_points
+    from mor.report.tables.movements import movement_table, verdict
+
+    first, second = open_results(_folder(one)), open_results(_folder(other))
+    if first.network.edge != second.network.edge:
+        raise InputError([Problem("the two epochs have different units or axes", str(other))])
+    names = common_points(first.network, second.network)
+    if not names:
+        raise InputError([Problem("the two epochs have no points in common", str(other))])
+    coordinates = first.network.start["point"][blocks_of(first.network, names)]
+    solved = [
+        solve_again(replace(opened, network=over_points(opened.network, names, coordinates)))
+        for opened in (first, second)
+    ]
+    assessed = [(s.quality, blocks_of(s.network, names)) for s in solved if s.quality is not None]
+    found = compare_epochs(names, assessed[0], assessed[1], level, known)
+    table = movement_table(names, found.result.points, first.network.edge.matrix, level, known)
+    return table, verdict(found, level, known)
+
+
+def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+    from mor.cli._results import open_results, solve_again
+    from mor.quality.deformation.congruence import pair_movement
+    from mor.report.results.covariance import point_numbers
+    from mor.report.tables.movements import movement_table
+
+    solved = solve_again(open_results(_folder(path)))
+    assert solved.quality is not None
+    names, tests = [], []
+    for line, (one, other) in _listed(pairs):
+        try:
+            tests.append(pair_movement(solved.quality, *point_numbers(solved, (one, other))))
+        except InputError as error:
+            raise InputError(replace(p, file=str(pairs), line=line) for p in error.problems) from None
+        names.append(f"{one} - {other}")
+    table = movement_table(names, tests, solved.network.edge.matrix, level, known)
+    return table, [f"{int(table['moved'].sum())} of {counted(len(names), 'pair')} moved (level {level:g})."]
+
+
+def _listed(pairs: Path) -> list[tuple[int, list[str]]]:
+    """Line and points of each row of a table of pairs."""
+    try:
+        with pairs.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(pairs))]) from None
+    if not rows or any(len(row) < 2 for _, row in rows):
+        raise InputError([Problem("expected two columns of points below a header", str(pairs))])
+    return rows

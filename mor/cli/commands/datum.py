@@ -1,0 +1,64 @@
+"""``mor datum``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mor.cli._language import language_option
+
+
+@click.command(name="datum")
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option(
+    "--to", "target", metavar="DATUM", required=True, help="The other datum, as the project file writes it."
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    help="Folder of all results in that datum; without it the points are printed as CSV.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@language_option("report.txt and report.html")
+def command(results: Path, target: str, output: Path | None, force: bool, lang: str) -> None:
+    """Carry RESULTS into another datum by S-transformation, without a new adjustment.
+
+    \b
+    Examples:
+      mor datum project.results --to free
+      mor datum project.results --to "free: [1, 2, 7]" -o inner
+      mor datum project.results --to "free: {xy: [1, 2], z: [5]}"
+      mor datum project.results --to "minimal: {xyz: 1, xy: 2, z: 5}"
+
+    RESULTS is a folder of results, or a project. Residuals and redundancy stay as they are; coordinates and their
+    covariances change. Coordinates held fixed may take part where they do not strain the network.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
+    """
+    from mor.cli._results import in_datum, inputs, open_results
+    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.writing import Choice, tables_by_size, write_results
+    from mor.report.tables.estimates import point_table
+    from mor.report.words.language import words_of
+
+    if output is not None:
+        check_free(output, force)
+    opened = open_results(results)
+    if output is not None:
+        check_inputs(output, inputs(opened))
+    solved, document = in_datum(opened, target)
+    if not solved.adjustment.defect.datum.size:
+        words = (
+            "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
+        )
+        click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
+    if output is not None:
+        choice = Choice(tables_by_size(solved), language=lang)
+        write_results(solved, document, opened.folder, output, force, choice)
+        click.echo(words_of(lang)("results in {place}", place=output), err=True)
+    else:
+        click.echo(point_table(solved).write_csv(), nl=False)

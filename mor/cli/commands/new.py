@@ -1,0 +1,88 @@
+"""``mor new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(name="new")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("tables", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
+)
+@click.option(
+    "--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more."
+)
+@click.option(
+    "--angle",
+    metavar="UNIT",
+    default="gon",
+    show_default=True,
+    help="Unit of angles: gon, deg, rad and more.",
+)
+@click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
+@click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
+@click.option("--size", metavar="WIDTH HEIGHT", type=(int, int), help="Image format, px.")
+@click.option(
+    "--pixel", metavar="SIZE", default="0.004 mm", show_default=True, help="Pixel size with its unit."
+)
+@click.option(
+    "--datum",
+    type=click.Choice(["fixed", "free"]),
+    default="fixed",
+    show_default=True,
+    help="fixed: by control points; free: inner constraints over all points.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+def command(
+    project: Path,
+    tables: tuple[Path, ...],
+    title: str,
+    length: str,
+    angle: str,
+    camera: str,
+    constant: float | None,
+    size: tuple[int, int] | None,
+    pixel: str,
+    datum: str,
+    force: bool,
+) -> None:
+    """Begin PROJECT, a commented project file, from TABLES (CSV).
+
+    \b
+    Examples:
+      mor new project.yaml
+      mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000 --pixel "0.006 mm"
+      mor new net.yaml directions.csv distances.csv points.csv --angle gon
+      mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
+
+    The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
+    directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
+    more. A list id, x, y, z whose names are images has their projection centres. Points and images that only
+    observations name are listed; no start values are needed.
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.cli.commands.convert import write_new
+    from mor.counting import counted
+    from mor.errors import InputError, Problem, nearest
+    from mor.project.file.beginning import CameraSettings, begin
+    from mor.project.file.recognition import recognise, told_apart
+    from mor.units import ANGLE_UNITS, LENGTH_UNITS
+
+    for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
+        if unit not in known:
+            raise InputError(
+                [Problem(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
+            )
+    found = told_apart([recognise(table) for table in tables])
+    settings = CameraSettings(camera, constant, size, pixel)
+    texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
+    write_new(texts, force)
+    for table in found:
+        click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
+    click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)

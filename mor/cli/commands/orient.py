@@ -1,0 +1,129 @@
+"""``mor orient``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+_CONSTANT = click.option(
+    "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
+    help="Camera constant, in the unit of the image coordinates; once for all images, or once for each.",
+)  # fmt: skip
+_SIGMA = click.option(
+    "--sigma", metavar="NUMBER", type=click.FloatRange(min=0.0, min_open=True), default=0.001, show_default=True,
+    help="σ of the image coordinates, in their unit.",
+)  # fmt: skip
+_UNIT = click.option(
+    "--angles", type=click.Choice(["gon", "deg", "rad"]), default="gon", show_default=True,
+    help="Unit of the angles that are told.",
+)  # fmt: skip
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+
+
+@click.group(name="orient")
+def command() -> None:
+    """Orient images without start values: two images (Rinner), a plane object (Killian).
+
+    \b
+    Examples:
+      mor orient relative pairs.csv -c 28.8
+      mor orient planar corners.csv -c 50 --length A B 2.500 --wall
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
+    """
+
+
+@command.command(name="relative", short_help="Two images, from 8 or more homologous points (Rinner).")
+@click.argument("pairs", type=click.Path(path_type=Path))
+@_CONSTANT
+@_SIGMA
+@_UNIT
+@_JSON
+def relative_command(
+    pairs: Path, constants: tuple[float, ...], sigma: float, angles: str, as_json: bool
+) -> int:
+    """Relative orientation of two images from 8 or more homologous points (Rinner 1956).
+
+    \b
+    Examples:
+      mor orient relative pairs.csv -c 28.8
+      mor orient relative pairs.csv -c 28.8 -c 35.1 --sigma 0.003 --angles deg
+      mor orient relative pairs.csv -c 28.8 --json | jq .
+
+    PAIRS has the columns id, x1, y1, x2, y2: image coordinates relative to the principal point, x right, y up, in the
+    unit of the camera constant. Degenerate data are named.
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
+    """
+    from mor.errors import ExitCode
+    from mor.report import orientation
+    from mor.report.results.json import to_json
+
+    measured = orientation.read_homologous(pairs)
+    found = orientation.relative(measured, _of_images(constants, 2), sigma)
+    data = orientation.relative_data(measured, found, angles)
+    click.echo(to_json(data) if as_json else orientation.relative_text(data), nl=False)
+    return ExitCode.DONE if orientation.is_known(found.orientation) else ExitCode.SINGULAR
+
+
+@command.command(
+    name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian)."
+)
+@click.argument("points", type=click.Path(path_type=Path))
+@_CONSTANT
+@_SIGMA
+@_UNIT
+@click.option(
+    "--length",
+    type=(str, str, float),
+    metavar="A B LENGTH",
+    help="Two points and the distance between them: gives the scale.",
+)
+@click.option("--wall", is_flag=True, help="The plane is a wall; without it, a level plane.")
+@_JSON
+def planar_command(
+    points: Path,
+    constants: tuple[float, ...],
+    sigma: float,
+    angles: str,
+    length: tuple[str, str, float] | None,
+    wall: bool,
+    as_json: bool,
+) -> int:
+    """Shape of a plane object from two or more images of 4 or more of its points (Killian).
+
+    \b
+    Examples:
+      mor orient planar corners.csv -c 50
+      mor orient planar corners.csv -c 50 --length A B 2.500 --wall
+
+    POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty where a point is not seen.
+    All admissible solutions are given.
+
+    \b
+    Exit codes: 0 done; 2 input; 4 no solution.
+    """
+    from mor.errors import ExitCode
+    from mor.report import orientation
+    from mor.report.results.json import to_json
+
+    if length is not None and (length[0] == length[1] or length[2] <= 0.0):
+        raise click.UsageError("--length takes two different points and a positive length")
+    measured = orientation.read_homologous(points)
+    shape = orientation.planar(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
+    data = orientation.planar_data(measured, shape, length, wall, angles)
+    click.echo(to_json(data) if as_json else orientation.planar_text(data), nl=False)
+    return ExitCode.DONE if orientation.is_known(shape) else ExitCode.SINGULAR
+
+
+def _of_images(constants: tuple[float, ...], images: int):  # type: ignore[no-untyped-def]
+    import numpy as np
+
+    if len(constants) not in (1, images):
+        raise click.UsageError(f"give --constant once, or once for each of the {images} images")
+    if min(constants) <= 0.0:
+        raise click.UsageError("the camera constant must be positive")
+    return np.array(constants * images if len(constants) == 1 else constants, dtype=float)

@@ -1,0 +1,103 @@
+"""``mor plot``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli._language import language_option
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mor.report.view import View
+    from mor.report.words.language import Words
+
+KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
+
+
+@click.command(name="plot")
+@click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Picture to write: .svg, .png or .pdf.",
+)
+@click.option(
+    "--of",
+    "name",
+    metavar="NAME",
+    show_default="all images; the first camera",
+    help="Image (of residuals) or camera (of camera) to draw.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@language_option("the picture")
+def command(kind: str, source: Path, output: Path, name: str | None, force: bool, lang: str) -> None:
+    """Draw a picture of SOURCE: network, ellipses, residuals, camera or histogram.
+
+    \b
+    Examples:
+      mor plot network project.results -o network.svg
+      mor plot ellipses project.yaml -o ellipses.pdf
+      mor plot residuals project.results --of IMG_4711 -o residuals.png
+      mor plot camera project.results -o camera.svg
+      mor plot histogram project.results -o w.svg
+
+    SOURCE is a folder of results, or a project, which is adjusted first. The same results give the same bytes, so
+    pictures can be compared. Needs matplotlib: pip install 'mor[plot]'.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
+    """
+    from mor.errors import InputError, Problem
+    from mor.report.plots.sheet import save, style
+    from mor.report.words.language import words_of_page
+
+    if output.exists() and not force:
+        raise InputError([Problem("this file exists; --force replaces it", str(output))])
+    with style():
+        save(drawn(kind, view_of_source(source), name, words_of_page(lang)), output)
+
+
+def view_of_source(source: Path) -> View:
+    """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
+    from mor.errors import InputError, Problem
+    from mor.pipeline import read_document, read_network, solve_network
+    from mor.report.tables.observations import observation_table
+    from mor.report.view import view_of, view_of_folder
+
+    if source.is_dir() and (source / "results.json").exists():
+        return view_of_folder(source)
+    document = read_document(source)
+    solved = solve_network(read_network(document, source.parent))
+    if solved.quality is None:
+        reason = solved.adjustment.reason or solved.adjustment.outcome.value
+        raise InputError(
+            [Problem(f"the adjustment has no solution ({reason}): nothing to draw", str(source))]
+        )
+    return view_of(solved, observation_table(solved))
+
+
+def drawn(kind: str, view: View, name: str | None, words: Words) -> Figure:
+    """The picture of a kind, in a language."""
+    from mor.report.plots.camera import camera
+    from mor.report.plots.histogram import histogram
+    from mor.report.plots.network import ellipses, network
+    from mor.report.plots.residuals import residuals
+
+    if name is not None and kind not in ("residuals", "camera"):
+        raise click.UsageError(
+            f"--of names an image or a camera; a picture of kind {kind!r} shows everything"
+        )
+    if kind == "residuals":
+        return residuals(view, name, words)
+    if kind == "camera":
+        return camera(view, name, words)
+    simple = {"network": network, "ellipses": ellipses, "histogram": histogram}
+    return simple[kind](view, words)

@@ -1,0 +1,1 @@
+"""AICON flat files."""

@@ -1,0 +1,1 @@
+"""The file itself: nodes with their lines, model, validation, schema, writing."""

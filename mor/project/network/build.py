@@ -1,0 +1,224 @@
+"""From the project to the network: blocks, observation groups, correlations, datum, start values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.counting import counted
+from mor.errors import InputError, Problem
+from mor.geometry.rotations import rotation_from_angles
+from mor.observations import ObservationGroup
+from mor.parameters.index import Blocks
+from mor.project.axes import external
+from mor.project.edge import Edge, ImageScale
+from mor.project.file.model import Datum, Project
+from mor.project.file.nodes import Document
+from mor.project.network.cameras import read_cameras
+from mor.project.network.checks import check_groups
+from mor.project.network.entities import Entities, entities, unknown_name, workshop
+from mor.project.network.features import feature_groups
+from mor.project.network.images import read_images
+from mor.project.network.instruments import read_instruments, read_pairs
+from mor.project.network.points import read_points
+from mor.project.network.prior_knowledge import level_groups, prior_groups, variant_groups
+from mor.project.network.reading import Reading, TableWatcher, ignore_table
+from mor.project.network.stations import read_stations, read_systems
+from mor.project.observations.correlations import Correlation, correlations
+from mor.project.observations.direction_sets import check_direction_sets
+from mor.project.observations.groups import read_groups
+from mor.project.observations.orientations import drop_unused_orientations
+from mor.project.observations.parameters import parameter_groups
+from mor.project.tables.tables import Place
+
+
+@dataclass(frozen=True)
+class DatumChoice:
+    """The datum as the project wants it: free or not, and over which coordinates."""
+
+    name: str
+    free: bool
+    mask: BoolArray
+    """(points, 3) coordinates that carry it, internal axes."""
+    at_reference: bool = False
+    """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
+    minimal: bool = False
+    """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
+    reference: FloatArray | None = None
+    """(points, 3) coordinates it refers to, internal axes; ``None``: the start values."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """Everything that was read, in internal units and axes; start values may still be missing (NaN)."""
+
+    project: Project
+    edge: Edge
+    scales: Mapping[str, ImageScale]
+    things: Mapping[str, Entities]
+    blocks: Mapping[str, Blocks]
+    start: Mapping[str, FloatArray]
+    """(n, size) by kind, rotations as matrices (n, 3, 3)."""
+    observed: Mapping[str, FloatArray]
+    """(n, size) by kind, values as given; rotations as ω, φ, κ."""
+    sigma: Mapping[str, FloatArray]
+    """(n, size) by kind, σ of observed components, NaN elsewhere."""
+    groups: tuple[ObservationGroup, ...]
+    checks: tuple[ObservationGroup, ...]
+    """Observations kept out of the adjustment, to check it by."""
+    correlations: tuple[Correlation, ...]
+    datum: DatumChoice
+    point_groups: Mapping[int, str]
+    """Name of the group of points a point block was read with."""
+    sets: Mapping[str, tuple[str, str]]
+    """Station and set behind the names of further sets at declared stations."""
+    unoriented: frozenset[str]
+    """Stations at which no direction was observed."""
+    station_levels: Mapping[str, str]
+    """Level of each declared station: fixed, free, or the σ of its observation as given."""
+    notes: tuple[Problem, ...]
+    """What was assumed on reading, to be said to the user."""
+
+
+_READERS = {
+    "camera": read_cameras,
+    "instrument": read_instruments,
+    "point": read_points,
+    "pair": read_pairs,
+    "image": read_images,
+    "station": read_stations,
+    "system": read_systems,
+}
+"""Readers of the namespaces; each may refer to those before it."""
+
+
+def build_network(
+    project: Project, document: Document, folder: Path, read: TableWatcher = ignore_table
+) -> Network:
+    """The network of a project. Raises :class:`InputError` with every mistake found."""
+    problems: list[Problem] = []
+    edge = Edge(project.units, project.axes)
+    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems, read)
+    for space, reader in _READERS.items():
+        before = len(problems)
+        reader(reading)
+        if len(problems) > before:
+            reading.broken.add(space)
+    read_in = read_groups(reading)
+    plain = [group.group for group in read_in]
+    parameters = parameter_groups(reading)
+    drop_unused_orientations(reading, [*plain, *parameters])
+    others = [
+        *parameters,
+        *feature_groups(reading),
+        *level_groups(reading),
+        *variant_groups(reading, reading.variants),
+        *prior_groups(reading),
+    ]
+    check_direction_sets(reading, [*plain, *others])
+    checks = check_groups(reading, [*plain, *others])
+    correlated = correlations(reading, read_in) if not problems else ()
+    datum = _datum(reading)
+    if not plain and not others and not problems:
+        problems.append(reading.at("observations").problem("there are no observations"))
+    if problems:
+        raise InputError(problems)
+    stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
+    observed = {key: store.all_values() for key, store in stores.items()}
+    return Network(
+        project=project,
+        edge=edge,
+        scales=reading.scales,
+        things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
+        blocks={key: store.blocks() for key, store in stores.items()},
+        start={
+            key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
+            for key, store in stores.items()
+        },
+        observed=observed,
+        sigma={key: store.all_sigma() for key, store in stores.items()},
+        groups=(*plain, *(_said_outside(reading, group) for group in others)),
+        checks=checks,
+        correlations=correlated,
+        datum=datum,
+        point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
+        sets=reading.sets,
+        unoriented=frozenset(reading.unoriented),
+        notes=(*document.notes, *reading.notes),
+        station_levels={
+            name: table.level
+            for number, table in enumerate(project.stations)
+            for name in reading.table_ids.get(("stations", number), [])
+        },
+    )
+
+
+def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
+    return rotation_from_angles(values) if is_rotation else values
+
+
+def _said_outside(reading: Reading, group: ObservationGroup) -> ObservationGroup:
+    """Groups of prior knowledge are reported in project units."""
+    scale = next((s for s in reading.scales.values() if s.unit == group.image_unit), None)
+    return replace(group, external=external(group.type, reading.edge, scale))
+
+
+def _datum(reading: Reading) -> DatumChoice:
+    chosen = reading.project.datum
+    points = reading.shop.things["point"]
+    mask = np.zeros((len(reading.shop.store("point").ids), 3), dtype=bool)
+    if chosen == "fixed":
+        return DatumChoice("fixed", False, mask)
+    if chosen == "free":
+        chosen = Datum()
+    assert isinstance(chosen, Datum)
+    at_reference = chosen.movements == "reference"
+    if chosen.minimal is not None:
+        held = {key: [names] if isinstance(names, str) else names for key, names in chosen.minimal.items()}
+        _mark(reading, mask, held)
+        words = ", ".join(f"{components} of {', '.join(names)}" for components, names in held.items())
+        return DatumChoice(f"minimal, {words}", True, mask, minimal=True)
+    if chosen.free == "all":
+        mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
+        return DatumChoice("free, inner constraints over all points", True, mask, at_reference)
+    by_components = (
+        chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
+    )
+    _mark(reading, mask, by_components)
+    parts = [
+        f"{', '.join(components)} of {counted(len(names), 'named point or group', 'named points or groups')}"
+        for components, names in by_components.items()
+    ]
+    return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)
+
+
+def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:
+    """Set the mask (points, 3) for named points, by the components of the project they carry the datum with."""
+    for components, names in by_components.items():
+        for name in names:
+            mask[_datum_points(reading, name)] |= _internal_row(reading, components)
+
+
+def _internal_row(reading: Reading, components: str) -> BoolArray:
+    """(3,) the internal components behind components of the project, e.g. ``"xy"``."""
+    source = np.argmax(np.abs(reading.edge.matrix), axis=1)
+    chosen: BoolArray = np.array([name in components for name in "xyz"])[source]
+    return chosen
+
+
+def _datum_points(reading: Reading, name: str) -> IntArray:
+    points = reading.shop.things["point"]
+    if name in reading.groups:
+        return np.array(reading.groups[name], dtype=np.int64)
+    if name in points.numbers:
+        return np.array([points.part(name, "position")], dtype=np.int64)
+    known = [*points.ids, *reading.groups]
+    if "point" in reading.broken:
+        return np.zeros(0, dtype=np.int64)
+    reading.problems.append(reading.at("datum").problem(unknown_name("datum point", name, known)))
+    return np.zeros(0, dtype=np.int64)

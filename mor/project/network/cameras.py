@@ -1,0 +1,175 @@
+"""Cameras of a project: interior orientations, image scales, image-variant components."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import IntArray
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.parameters.kinds import ECCENTRICITY, INTERIORS
+from mor.project.edge import ImageScale, UnitError, image_scale, split
+from mor.project.file.model import Camera, Setting, Value
+from mor.project.file.nodes import Path
+from mor.project.network.entities import entities, unknown_name
+from mor.project.network.reading import Reading
+from mor.project.tables.statuses import settings
+from mor.project.tables.tables import Column, Rows
+from mor.units import NUMBER
+
+DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
+"""Diagonal of the format that 35 mm equivalents refer to, mm."""
+GUESSED_CONSTANT = 1.0
+"""Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
+
+
+def read_cameras(reading: Reading) -> None:
+    """Interior orientations, and how image coordinates come in."""
+    ids, blocks, eccentricities, models = [], [], [], []
+    for name, camera in reading.project.cameras.items():
+        at = reading.at("cameras", name)
+        try:
+            scale = image_scale(camera, reading.project.units)
+        except UnitError as error:
+            reading.problems.append(at.problem(str(error), "image"))
+            continue
+        reading.scales[name] = scale
+        blocks.append(_interior(reading, name, camera, scale))
+        ids.append(name)
+        models.append(list(CAMERA_MODELS).index(camera.model))
+        eccentricities.append(_eccentricity(reading, name, camera))
+    reading.shop.things["camera"] = entities(
+        ids,
+        {
+            "interior": np.array(blocks, dtype=np.int64),
+            "model": np.array(models, dtype=np.int64),
+            "eccentricity": np.array(eccentricities, dtype=np.int64),
+        },
+    )
+
+
+def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
+    model = CAMERA_MODELS[camera.model]
+    path: Path = ("cameras", name, "interior")
+    place = reading.at(*path)
+    given = {**_first_guess(reading, name, camera, scale), **camera.interior}
+    statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
+    values = statuses.values
+    if values[0, 0] <= 0.0 and model.components[0].name in given:
+        reading.problems.append(
+            place.problem(
+                f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
+            )
+        )
+    return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
+
+
+def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
+    """Free camera constant (fx and fy alike) from EXIF-like entries or the image size, where interior gives none."""
+    names = [c.name for c in CAMERA_MODELS[camera.model].components if c.name in ("c", "fx", "fy")]
+    if any(constant in camera.interior for constant in names):
+        return {}
+    at = reading.at("cameras", name)
+    try:
+        guess, words = _guessed_constant(camera, scale)
+    except UnitError as error:
+        reading.problems.append(at.problem(f"interior: {names[0]} (camera constant) is required; {error}"))
+        return {}
+    reading.notes.append(at.problem(f"camera {name}: {names[0]} = {guess:.6g} {scale.unit}, free, {words}"))
+    return {constant: Value(free=repr(guess)) for constant in names}
+
+
+def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
+    """Camera constant in camera units, and where it comes from. Raises :class:`UnitError`."""
+    if camera.focal_length is not None:
+        number, unit = split(camera.focal_length)
+        return number * scale.factor(unit or "mm"), "from focal_length"
+    if camera.image is None:
+        raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
+    width, height = (
+        split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height)
+    )
+    if camera.focal_length_35mm is not None:
+        diagonal = float(np.hypot(width, height))
+        return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
+    words = f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
+    return GUESSED_CONSTANT * max(width, height), words
+
+
+def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
+    if not camera.eccentricity:
+        return 0
+    path: Path = ("cameras", name, "eccentricity")
+    statuses = settings(
+        dict(camera.eccentricity),
+        ECCENTRICITY.components,
+        reading.edge,
+        reading.at(*path),
+        path,
+        reading.problems,
+    )
+    return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
+
+
+def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, float]:
+    """Numbers of the image-variant components of a camera, with the σ of their difference from the camera's."""
+    kind = INTERIORS[camera.model]
+    result: dict[int, float] = {}
+    given = (
+        camera.image_variant
+        if isinstance(camera.image_variant, dict)
+        else dict.fromkeys(camera.image_variant)
+    )
+    for component, text in given.items():
+        at = reading.at("cameras", name, "image_variant")
+        if component not in kind.names:
+            words = unknown_name("component", component, kind.names)
+            reading.problems.append(at.problem(words))
+            continue
+        k = kind.names.index(component)
+        try:
+            quantity = kind.components[k].quantity
+            result[k] = (
+                float("nan")
+                if text is None
+                else reading.edge.number(text, quantity, "", reading.scales[name])
+            )
+        except UnitError as error:
+            reading.problems.append(at.problem(f"{component}: {error}"))
+    return result
+
+
+def variant_columns(reading: Reading) -> list[Column]:
+    """Columns an image table may have for the start values of image-variant components, in the unit of the camera."""
+    cameras = [camera for camera in reading.project.cameras.values() if camera.image_variant]
+    names = dict.fromkeys(
+        c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names
+    )
+    return [Column(name, parse=lambda text, unit: reading.edge.number(text, NUMBER, unit)) for name in names]
+
+
+def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
+    """Interior block of every image: its camera's, or one of its own where components vary from image to image."""
+    shop, names = reading.shop, rows.text("id")
+    result = shop.things["camera"].parts["interior"][cameras].copy()
+    for number, camera_name in enumerate(shop.things["camera"].ids):
+        camera = reading.project.cameras[camera_name]
+        if not camera.image_variant:
+            continue
+        store = shop.store(f"interior/{camera.model}")
+        mine = np.flatnonzero(cameras == number)
+        shared = int(shop.things["camera"].parts["interior"][number])
+        row = slice(shared, shared + 1)
+        variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        values = np.repeat(store.all_values()[row], len(mine), axis=0)
+        free = np.repeat(store.all_free()[row], len(mine), axis=0)
+        free[:, list(variant)] = True
+        for component in variant:
+            own = rows.number(store.kind.names[component])[mine]
+            values[:, component] = np.where(np.isnan(own), values[:, component], own)
+        added = store.add([f"image {names[i]}" for i in mine], values, free, np.full(values.shape, np.nan))
+        for block in added:
+            for component in range(store.kind.size):
+                if component not in variant:
+                    store.shared[int(block), component] = shared
+        result[mine] = added
+    return result

@@ -1,0 +1,162 @@
+"""What a project names: points, images, stations, systems … and the blocks that stand behind each name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import nearest
+from mor.parameters.index import Blocks
+from mor.parameters.kinds import KINDS, BlockKind
+
+
+@dataclass
+class BlockStore:
+    """Blocks of one kind while a network is put together."""
+
+    kind: BlockKind
+    ids: list[str] = field(default_factory=list)
+    values: list[FloatArray] = field(default_factory=list)
+    free: list[BoolArray] = field(default_factory=list)
+    sigma: list[FloatArray] = field(default_factory=list)
+    start: list[FloatArray] = field(default_factory=list)
+    about_axes: set[int] = field(default_factory=set)
+    shared: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def add(
+        self,
+        ids: Sequence[str],
+        values: FloatArray,
+        free: BoolArray,
+        sigma: FloatArray,
+        start: FloatArray | None = None,
+    ) -> IntArray:
+        """Add n blocks; ``values`` (n, size), rotations as ω, φ, κ. Returns their numbers.
+
+        ``start`` holds start values that differ from the (observed) values, NaN where they do not.
+        """
+        first = len(self.ids)
+        self.ids.extend(ids)
+        self.values.append(values)
+        self.free.append(free)
+        self.sigma.append(sigma)
+        self.start.append(np.full(values.shape, np.nan) if start is None else start)
+        return np.arange(first, first + len(ids), dtype=np.int64)
+
+    def add_fixed(self, name: str, values: Sequence[float]) -> int:
+        """Add one block of constants. Returns its number."""
+        row = np.array([values], dtype=float)
+        return int(self.add([name], row, np.zeros(row.shape, dtype=bool), np.full(row.shape, np.nan))[0])
+
+    def hold(self, block: int, component: int, value: float) -> None:
+        """Fix one component of one block at a value."""
+        self._merge()
+        self.values[0][block, component] = value
+        self.free[0][block, component] = False
+        self.sigma[0][block, component] = self.start[0][block, component] = np.nan
+
+    def copy(self, source: int, target: int, component: int) -> None:
+        """Give one component of a block the value and status of the same component of another block."""
+        self._merge()
+        for rows in (self.values[0], self.free[0]):
+            rows[target, component] = rows[source, component]
+        self.sigma[0][target, component] = np.nan
+        self.start[0][target, component] = self.start[0][source, component]
+
+    def _merge(self) -> None:
+        self.values = [self.all_values()]
+        self.free = [self.all_free()]
+        self.sigma = [self.all_sigma()]
+        self.start = [self.all_start()]
+
+    def blocks(self) -> Blocks:
+        """The finished table of blocks."""
+        size = self.kind.size
+        owner: IntArray = np.broadcast_to(
+            np.arange(len(self.ids), dtype=np.int64)[:, None], (len(self.ids), size)
+        )
+        if self.shared:
+            owner = owner.copy()
+        for (block, component), other in self.shared.items():
+            owner[block, component] = other
+        about_axes = np.isin(np.arange(len(self.ids)), list(self.about_axes)) if self.about_axes else None
+        return Blocks(self.kind, tuple(self.ids), self.all_free(), owner, about_axes)
+
+    def all_values(self) -> FloatArray:
+        """(n, size) values, NaN where not given."""
+        return np.concatenate(self.values) if self.values else np.zeros((0, self.kind.size))
+
+    def all_start(self) -> FloatArray:
+        """(n, size) start values that differ from the values, NaN elsewhere."""
+        return np.concatenate(self.start) if self.start else np.zeros((0, self.kind.size))
+
+    def start_values(self, values: FloatArray) -> FloatArray:
+        """(n, size) what the adjustment starts from, NaN where there is nothing yet: ``values``, or others.
+
+        The same array where no start value differs.
+        """
+        start = self.all_start()
+        missing = np.isnan(start)
+        return values if missing.all() else np.where(missing, values, start)
+
+    def all_free(self) -> BoolArray:
+        """(n, size) true where free or observed."""
+        return np.concatenate(self.free) if self.free else np.zeros((0, self.kind.size), dtype=bool)
+
+    def all_sigma(self) -> FloatArray:
+        """(n, size) σ of observed components, NaN elsewhere."""
+        return np.concatenate(self.sigma) if self.sigma else np.zeros((0, self.kind.size))
+
+
+@dataclass(frozen=True)
+class Entities:
+    """Named things of one namespace; ``parts[part]`` (n,) are the numbers of their blocks."""
+
+    ids: tuple[str, ...]
+    parts: Mapping[str, IntArray]
+
+    @cached_property
+    def numbers(self) -> Mapping[str, int]:
+        """Number of each thing by its name; of things of one name the last."""
+        return {name: number for number, name in enumerate(self.ids)}
+
+    def part(self, name: str, part: str) -> int:
+        """Block number of a part of a named thing."""
+        return int(self.parts[part][self.numbers[name]])
+
+
+def entities(ids: Iterable[str], parts: Mapping[str, IntArray]) -> Entities:
+    """Entities with their names looked up."""
+    return Entities(tuple(ids), parts)
+
+
+@dataclass
+class Workshop:
+    """Everything known while a network is put together: blocks by kind, things by namespace."""
+
+    stores: dict[str, BlockStore]
+    things: dict[str, Entities]
+
+    def store(self, kind: str) -> BlockStore:
+        """Store of a kind."""
+        return self.stores[kind]
+
+
+def workshop() -> Workshop:
+    """An empty workshop with the neutral blocks (number 0) of the kinds an observation may do without."""
+    stores = {key: BlockStore(kind) for key, kind in KINDS.items()}
+    stores["height"].add_fixed("none", [0.0])
+    stores["eccentricity"].add_fixed("none", [0.0, 0.0, 0.0])
+    stores["distance meter"].add_fixed("none", [1.0, 0.0])
+    stores["refraction"].add_fixed("none", [0.0])
+    stores["scale"].add_fixed("none", [1.0])
+    return Workshop(stores, {})
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
+    """Words for a name that nothing has."""
+    return f"{what} {name!r} does not exist{nearest(name, known)}"

@@ -1,0 +1,162 @@
+"""Images of a project: frames with a camera; followers refer to their leading image and their pair."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import IntArray
+from mor.errors import Problem
+from mor.parameters.kinds import HEIGHT, POINT, ROTATION
+from mor.project.file.model import Images
+from mor.project.network.cameras import interiors, variant_columns
+from mor.project.network.entities import entities, unknown_name
+from mor.project.network.poses import Seen, check_unique, heights, positions, rotations
+from mor.project.network.reading import Reading
+from mor.project.tables.statuses import component_columns
+from mor.project.tables.tables import Column, Place, Rows, read_table
+
+
+def read_images(reading: Reading) -> None:
+    """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
+    collected: dict[str, list[IntArray]] = {}
+    ids: list[str] = []
+    seen: list[Seen] = []
+    leaders: list[tuple[int, str, str, str, int]] = []
+    for k, table in enumerate(reading.project.images):
+        _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
+        reading.watch(table.file)
+    parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
+    if not parts:
+        parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
+    reading.shop.things["image"] = entities(ids, parts)
+    _follow(reading, leaders)
+
+
+_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names)
+_IMAGE_PARTS = (
+    "position",
+    "rotation",
+    "height",
+    "eccentricity",
+    "interior",
+    "model",
+    "camera",
+    "relative rotation",
+    "base",
+)
+
+
+def _read_images_table(
+    reading: Reading,
+    table: Images,
+    place: Place,
+    ids: list[str],
+    collected: dict[str, list[IntArray]],
+    seen: list[Seen],
+    leaders: list[tuple[int, str, str, str, int]],
+) -> None:
+    edge, shop = reading.edge, reading.shop
+    columns = [
+        Column("id", required=True),
+        Column("camera", required=True),
+        *(Column(name) for name in ("position", "leader", "pair")),
+        *component_columns((*POINT.components, *ROTATION.components, *HEIGHT.components), edge),
+        *variant_columns(reading),
+    ]
+    rows = read_table(table, columns, place, reading.problems)
+    if rows is None:
+        return
+    names = rows.text("id")
+    check_unique("image", names, rows, seen, reading.problems)
+    if not edge.right_handed:
+        reading.problems.append(
+            place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")
+        )
+        return
+    cameras = _camera_numbers(reading, rows)
+    if cameras is None:
+        reading.broken.add("image")
+        return
+    camera = shop.things["camera"]
+    position, rotation, height = _own_poses(reading, rows, names, table.fixed)
+    none = np.full(len(names), -1, dtype=np.int64)
+    found = {
+        "position": position,
+        "rotation": rotation,
+        "height": height,
+        "eccentricity": camera.parts["eccentricity"][cameras],
+        "interior": interiors(reading, rows, cameras),
+        "model": camera.parts["model"][cameras],
+        "camera": cameras,
+        "relative rotation": none,
+        "base": none.copy(),
+    }
+    for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
+        if leader or pair:
+            leaders.append((len(ids) + i, leader, pair, rows.file, int(rows.lines[i])))
+    for part, array in found.items():
+        collected.setdefault(part, []).append(array)
+    ids += names
+
+
+def _own_poses(
+    reading: Reading, rows: Rows, names: list[str], fixed: list[str]
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Position, rotation and height blocks; −1 for followers, which have those of their leading image."""
+    follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    own = rows.take(np.flatnonzero(~follows))
+    labels = [f"image {name}" for name in own.text("id")]
+    for i in np.flatnonzero(follows):
+        given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
+        if given or rows.text("position")[i]:
+            words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
+            reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
+    position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
+    if own.count:
+        position[~follows] = positions(reading, own, labels, fixed)
+        rotation[~follows] = rotations(reading, own, labels, fixed)
+        height[~follows] = heights(reading, own, labels, fixed)
+    return position, rotation, height
+
+
+def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
+    known = reading.shop.things["camera"].numbers
+    result = np.array([known.get(name, -1) for name in rows.text("camera")], dtype=np.int64)
+    names = rows.text("camera")
+    for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
+        if name in reading.project.cameras or "camera" in reading.broken:
+            continue  # its own mistake is told already
+        line = int(rows.lines[names.index(name)])
+        reading.problems.append(Problem(unknown_name("camera", name, known), rows.file, line))
+    return None if (result < 0).any() else result
+
+
+def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
+    """Tie followers to their leading image: its frame, and the relative orientation of their pair."""
+    images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
+    followers = {number for number, *_ in leaders}
+    for number, leader, pair, file, line in leaders:
+        if not leader or not pair:
+            have, lack = ("pair", "leader") if pair else ("leader", "pair")
+            words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
+            reading.problems.append(Problem(words, file, line))
+        elif leader not in images.numbers:
+            reading.problems.append(Problem(unknown_name("leader: image", leader, images.ids), file, line))
+        elif pair not in pairs.numbers and "pair" in reading.broken:
+            continue
+        elif pair not in pairs.numbers:
+            reading.problems.append(Problem(unknown_name("pair", pair, pairs.ids), file, line))
+        elif images.numbers[leader] == number:
+            reading.problems.append(
+                Problem(
+                    f"image {leader!r} is its own leader; a stereo follower follows another image", file, line
+                )
+            )
+        elif images.numbers[leader] in followers:
+            words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
+            reading.problems.append(Problem(words, file, line))
+        else:
+            for part in ("position", "rotation", "height", "eccentricity"):
+                images.parts[part][number] = images.part(leader, part)
+            images.parts["relative rotation"][number] = pairs.part(pair, "rotation")
+            images.parts["base"][number] = pairs.part(pair, "base")

@@ -1,0 +1,77 @@
+"""Instruments and stereo pairs of a project."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import IntArray
+from mor.parameters.kinds import BASE, ROTATION
+from mor.project.file.model import Instrument
+from mor.project.file.nodes import Path
+from mor.project.network.entities import entities
+from mor.project.network.poses import Seen, check_unique
+from mor.project.network.reading import Reading
+from mor.project.tables.statuses import component_columns, component_rows, settings
+from mor.project.tables.tables import Column, read_table
+
+
+def read_instruments(reading: Reading) -> None:
+    """Distance meters and refraction coefficients."""
+    ids, meters, refractions = [], [], []
+    for name, instrument in reading.project.instruments.items():
+        ids.append(name)
+        meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
+        refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
+    reading.shop.things["instrument"] = entities(
+        ids,
+        {
+            "distance meter": np.array(meters, dtype=np.int64),
+            "refraction": np.array(refractions, dtype=np.int64),
+        },
+    )
+
+
+def _instrument(
+    reading: Reading, name: str, instrument: Instrument, kind: str, components: tuple[str, ...]
+) -> int:
+    given = {key: getattr(instrument, key) for key in components if getattr(instrument, key) is not None}
+    if not given:
+        return 0
+    store = reading.shop.store(kind)
+    path: Path = ("instruments", name)
+    row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    return int(store.add([name], *row)[0])
+
+
+def read_pairs(reading: Reading) -> None:
+    """Relative orientations of stereo pairs: base in the leading image's system, and rotation."""
+    ids: list[str] = []
+    base: list[IntArray] = []
+    rotation: list[IntArray] = []
+    seen: list[Seen] = []
+    for k, table in enumerate(reading.project.pairs):
+        columns = [
+            Column("id", required=True),
+            *component_columns((*BASE.components, *ROTATION.components), reading.edge),
+        ]
+        rows = read_table(table, columns, reading.at("pairs", k), reading.problems)
+        if rows is None:
+            continue
+        names = rows.text("id")
+        check_unique("pair", names, rows, seen, reading.problems)
+        labels = [f"pair {name}" for name in names]
+        base.append(
+            reading.shop.store("base").add(
+                labels, *component_rows(rows, BASE.components, table.fixed, reading.problems)
+            )
+        )
+        rotation.append(
+            reading.shop.store("rotation").add(
+                labels, *component_rows(rows, ROTATION.components, table.fixed, reading.problems)
+            )
+        )
+        ids += names
+    none = [np.zeros(0, dtype=np.int64)]
+    reading.shop.things["pair"] = entities(
+        ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}
+    )

@@ -1,0 +1,53 @@
+"""Object points of a project, and the checks that every named table shares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import IntArray
+from mor.parameters.kinds import POINT
+from mor.project.file.model import Points
+from mor.project.network.entities import entities
+from mor.project.network.poses import Seen, check_unique, inwards
+from mor.project.network.reading import Reading
+from mor.project.tables.statuses import component_columns, component_rows, number_column
+from mor.project.tables.tables import Column, Place, read_table
+from mor.units import LENGTH
+
+
+def read_points(reading: Reading) -> None:
+    """Object points; coordinates go into internal axes."""
+    ids: list[str] = []
+    numbers: list[IntArray] = []
+    seen: list[Seen] = []
+    for k, table in enumerate(reading.project.points):
+        found = _read_points_table(reading, table, reading.at("points", k), seen)
+        reading.watch(table.file)
+        if found is None:
+            continue
+        names, blocks = found
+        ids += names
+        numbers.append(blocks)
+        if table.group:
+            reading.groups.setdefault(table.group, []).extend(blocks.tolist())
+    position = np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64)
+    reading.shop.things["point"] = entities(ids, {"position": position, "height": np.zeros_like(position)})
+
+
+def _read_points_table(
+    reading: Reading, table: Points, place: Place, seen: list[Seen]
+) -> tuple[list[str], IntArray] | None:
+    columns = [Column("id", required=True), *component_columns(POINT.components, reading.edge)]
+    columns.append(number_column("sigma", LENGTH, reading.edge))
+    rows = read_table(table, columns, place, reading.problems)
+    if rows is None:
+        return None
+    names = rows.text("id")
+    check_unique("point", names, rows, seen, reading.problems)
+    statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
+    absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
+    for k, component in enumerate("xyz"):
+        if component in absent:
+            statuses.values[:, k] = np.nan_to_num(statuses.values[:, k])
+            statuses.free[:, k], statuses.sigma[:, k], statuses.start[:, k] = False, np.nan, np.nan
+    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))

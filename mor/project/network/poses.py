@@ -1,0 +1,149 @@
+"""Positions, rotations and heights of frames: own ones, shared ones, those of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Problem
+from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.parameters.kinds import POINT, ROTATION
+from mor.project.edge import Edge
+from mor.project.network.entities import entities
+from mor.project.network.reading import Reading
+from mor.project.tables.columns import tell_rows
+from mor.project.tables.statuses import Statuses, component_rows
+from mor.project.tables.tables import Rows
+
+
+def positions(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
+    """Position block of every row: its own, or that of the point or shared position it names."""
+    shop = reading.shop
+    statuses = component_rows(rows, POINT.components, fixed, reading.problems)
+    named = rows.text("position") if "position" in rows.texts else rows.text("point")
+    points = shop.things["point"]
+    shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
+    known = {name: shared.part(name, "position") for name in shared.ids}
+    result = np.full(len(labels), -1, dtype=np.int64)
+    new: dict[str, int] = {}
+    for i, name in enumerate(named):
+        if name in points.numbers:
+            result[i] = points.part(name, "position")
+        elif name in known:
+            result[i] = known[name]
+        elif name:
+            new.setdefault(name, i)
+    own = np.array([not name for name in named])
+    first = np.array(sorted(new.values()), dtype=np.int64)
+    chosen = np.concatenate([np.flatnonzero(own), first])
+    block_ids = [labels[i] if own[i] else f"position {named[i]}" for i in chosen]
+    added = shop.store("point").add(block_ids, *inwards(reading.edge, statuses.rows(chosen)))
+    result[chosen] = added
+    for i in first:
+        known[named[i]] = int(result[i])
+    for i, name in enumerate(named):
+        if name and result[i] < 0:
+            result[i] = known[name]
+    shop.things["position"] = entities(known, {"position": np.array(list(known.values()), dtype=np.int64)})
+    return result
+
+
+def rotations(
+    reading: Reading,
+    rows: Rows,
+    labels: list[str],
+    fixed: list[str],
+    level: bool = False,
+    oriented: BoolArray | None = None,
+) -> IntArray:
+    """Rotation block of every row; levelled ones have ω = φ = 0 fixed.
+
+    ω, φ, κ refer to project axes where these are right-handed, to east, north, up where they are not, for levelled
+    frames, and where κ comes from an orientation (``oriented``).
+    """
+    values, free, sigma, start = component_rows(rows, ROTATION.components, fixed, reading.problems)
+    if level:
+        values[:, :2] = 0.0
+        free[:, :2], sigma[:, :2], start[:, :2] = False, np.nan, np.nan
+    as_given = np.full(len(labels), level or not reading.edge.turned)
+    as_given |= oriented if oriented is not None else False
+    if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
+        reading.problems.append(
+            Problem("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0]))
+        )
+    values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
+    return reading.shop.store("rotation").add(labels, values, free, sigma, start)
+
+
+def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
+    """ω, φ, κ that refer to project axes, for internal axes: D ← D Mᵀ."""
+    result = values.copy()
+    known = np.isfinite(values).all(axis=1)
+    result[known] = angles_from_rotation(rotation_from_angles(values[known]) @ M.T)
+    return result
+
+
+def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
+    """Height block of every row: none, or its own; a plain height is fixed."""
+    height = rows.number("height")
+    sigma = rows.number("sigma_height")
+    given = np.flatnonzero(np.isfinite(height))
+    result = np.zeros(len(labels), dtype=np.int64)
+    tell_rows(reading.problems, sigma < 0.0, rows, "sigma_height: found a negative σ, expected a σ ≥ 0")
+    observed = (sigma > 0.0) & ("height" not in fixed)
+    result[given] = reading.shop.store("height").add(
+        [labels[i] for i in given],
+        height[given, None],
+        observed[given, None],
+        np.where(observed, sigma, np.nan)[given, None],
+        np.where(observed, rows.number("start_height"), np.nan)[given, None],
+    )
+    return result
+
+
+def inwards(edge: Edge, statuses: Statuses) -> Statuses:
+    """Coordinates with their statuses from project axes to internal ones."""
+    M = edge.matrix
+    source = np.argmax(np.abs(M), axis=1)
+    sign = M[np.arange(3), source]
+    return Statuses(
+        statuses.values[:, source] * sign,
+        statuses.free[:, source],
+        statuses.sigma[:, source],
+        statuses.start[:, source] * sign,
+    )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Names of one table, where they were read."""
+
+    names: pl.Series
+    rows: Rows
+
+
+def check_unique(what: str, names: list[str], rows: Rows, seen: list[Seen], problems: list[Problem]) -> None:
+    """Report names that occur twice; ``seen`` remembers the names of the tables before."""
+    here = pl.Series(names, dtype=pl.String)
+    again = (~here.is_first_distinct()).to_numpy()
+    for table in seen:
+        again |= here.is_in(table.names.implode()).to_numpy()
+    seen.append(Seen(here, rows))
+    tell_rows(
+        problems,
+        again,
+        rows,
+        lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})",
+    )
+
+
+def _first(seen: list[Seen], name: str) -> str:
+    """Words for the place where a name was seen first."""
+    for table in seen:
+        there = (table.names == name).to_numpy()
+        if there.any():
+            return f"first in {table.rows.file}:{int(table.rows.lines[int(np.argmax(there))])}"
+    return ""

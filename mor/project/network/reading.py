@@ -1,0 +1,62 @@
+"""What the steps of reading a project share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from mor.errors import Problem
+from mor.project.edge import Edge, ImageScale
+from mor.project.file.model import Project
+from mor.project.file.nodes import Document
+from mor.project.network.entities import Workshop
+from mor.project.tables.tables import Place
+
+TableWatcher: TypeAlias = Callable[[str | None], None]
+"""Told the file of a table when it has been read."""
+
+
+def ignore_table(file: str | None) -> None:
+    """Nobody watches."""
+
+
+@dataclass
+class Reading:
+    """What the steps of reading share: the project, where it stands, what was found wrong."""
+
+    project: Project
+    place: Place
+    edge: Edge
+    shop: Workshop
+    problems: list[Problem]
+    watch: TableWatcher
+    """Told each long table that has been read."""
+    sets: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Station and set behind the names of further sets at declared stations."""
+    unoriented: set[str] = field(default_factory=set)
+    """Stations without an orientation: no direction was observed at them."""
+    broken: set[str] = field(default_factory=set)
+    """Namespaces that could not be read completely: a name missing from them may be no mistake of its own."""
+    notes: list[Problem] = field(default_factory=list)
+    """What was assumed, to be said to the user."""
+    scales: dict[str, ImageScale] = field(default_factory=dict)
+    groups: dict[str, list[int]] = field(default_factory=dict)
+    """Point groups by name: block numbers."""
+    table_ids: dict[tuple[str, int], list[str]] = field(default_factory=dict)
+    """Names read from a table, by section and number of the table."""
+    section: str = "observations"
+    """Section that observation groups are read from: ``observations``, or ``checks``."""
+    variants: dict[str, dict[int, float]] = field(default_factory=dict)
+    """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
+
+    def at(self, *path: str | int) -> Place:
+        """The place of a part of the project file."""
+        if path[:1] == ("observations",):
+            path = (self.section, *path[1:])
+        return Place(self.place.document, path, self.place.folder)
+
+    @property
+    def document(self) -> Document:
+        """The project file itself."""
+        return self.place.document

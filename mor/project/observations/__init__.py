@@ -1,0 +1,1 @@
+"""Observation groups of a project: names, σ, correlations, conversion at the edge."""

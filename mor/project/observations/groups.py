@@ -1,0 +1,221 @@
+"""Observation groups of a project: columns, names, units, σ and correlations, the same way for every type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray
+from mor.errors import nearest
+from mor.observations import IMAGE_TYPES, PLAIN_TYPES, ObservationGroup, ObservationType, SetUp
+from mor.project.axes import edge_transform, external
+from mor.project.edge import UnitError, split
+from mor.project.file.model import Observations
+from mor.project.network.reading import Reading
+from mor.project.observations.image_groups import image_groups, raw_image, units_of_values
+from mor.project.observations.names import check_different, instrument_blocks, resolve
+from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.tables.columns import tell_rows
+from mor.project.tables.statuses import number_column
+from mor.project.tables.tables import Column, Place, Rows, read_table
+from mor.units import IMAGE, LENGTH, Component
+
+TYPE_NAMES = ("image", *PLAIN_TYPES)
+
+
+def read_groups(reading: Reading) -> list[Group]:
+    """All observation groups that are named by a type; images are split by camera model."""
+    result: list[Group] = []
+    for number, entry in enumerate(reading.project.observations):
+        place = reading.at("observations", number)
+        if entry.type in ("parameter", "difference"):
+            continue
+        if entry.type not in TYPE_NAMES:
+            known = (*TYPE_NAMES, "parameter", "difference")
+            words = f"unknown observation type {entry.type!r}{nearest(entry.type, known)} (known: {', '.join(known)})"
+            reading.problems.append(place.problem(words, "type"))
+            continue
+        type_ = IMAGE_TYPES["mor"] if entry.type == "image" else PLAIN_TYPES[entry.type]
+        if entry.type == "image":
+            entry = units_of_values(entry)
+        rows = read_table(entry, _columns(type_, reading), place, reading.problems)
+        if rows is None:
+            continue
+        if entry.type == "image":
+            result += image_groups(reading, entry, number, rows, place)
+        else:
+            group = _plain_group(reading, entry, number, type_, rows, place)
+            result += [group] if group is not None else []
+        reading.watch(entry.file)
+    return result
+
+
+def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
+    """Columns of a type: its references, its components with their σ, heights, face, covariances."""
+    edge = reading.edge
+    columns = [Column(reference.name, required=True) for reference in type_.references]
+    raw = raw_image if type_.components[0].quantity == IMAGE else None
+    for component in type_.components:
+        required = len(type_.components) == 1 or raw is not None
+        columns.append(
+            raw(component.name, required)
+            if raw
+            else number_column(component.name, component.quantity, edge, required=required)
+        )
+        name = f"sigma_{component.name}"
+        columns.append(raw(name) if raw else number_column(name, component.quantity, edge))
+    common = raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge)
+    columns.append(common)
+    for slot in type_.slots:
+        if slot.part == "height" and slot.of != "image":
+            columns.append(number_column(f"{slot.of}_height", LENGTH, edge))
+    if any(constant.name == "face" for constant in type_.constants):
+        columns.append(number_column("face", type_.constants[-1].quantity, edge))
+    if type_.slots[0].of == "station":
+        columns.append(Column("set"))
+    if len(type_.components) == 3:
+        columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
+    return columns
+
+
+def _upper(components: Sequence[Component]) -> Iterable[tuple[Component, Component]]:
+    for i, a in enumerate(components):
+        for b in components[i:]:
+            yield a, b
+
+
+def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
+    def parse(text: str, unit: str) -> float:
+        number, own = split(text)
+        if own:
+            raise UnitError(f"found {text!r}, expected a plain number in the square of the unit of {a.name}")
+        return number * reading.edge.factor(a.quantity, unit) * reading.edge.factor(b.quantity, unit)
+
+    return Column(f"cov_{a.name}_{b.name}", parse=parse)
+
+
+def _plain_group(
+    reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: Place
+) -> Group | None:
+    named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
+    different = check_different(type_, rows, reading.problems)
+    instrument = instrument_blocks(reading, entry, place)
+    if not different or not instrument or not all(found.blocks for found in named.values()):
+        return None
+    blocks = tuple(
+        np.full(rows.count, instrument[slot.part], dtype=np.int64)
+        if slot.of == "instrument"
+        else _with_own_height(reading, rows, slot.of, named[slot.of].blocks[slot.part], number)
+        if slot.part == "height"
+        else named[slot.of].blocks[slot.part]
+        for slot in type_.slots
+    )
+    transform, offset = edge_transform(type_, reading.edge)
+    given = np.stack([rows.number(component.name) for component in type_.components], axis=1)
+    sigma = _sigma(rows, type_)
+    group = ObservationGroup(
+        name=group_name(entry, number),
+        type=type_,
+        blocks=blocks,
+        observed=_turn(given, transform) + offset,
+        sigma=_turn(sigma * entry.factor, np.abs(transform)),
+        constants=_constants(reading, type_, rows, given),
+        references=tuple(named[reference.name].names for reference in type_.references),
+        ppm=entry.ppm * entry.factor,
+        centring=_centring(reading, entry, place),
+        external=external(type_, reading.edge),
+        lines=rows.lines,
+        file=rows.file,
+    )
+    everything = np.arange(rows.count)
+    tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
+    correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows, type_)
+    if correlated:
+        group = replace(group, sigma=np.where(group.mask & np.isnan(group.sigma), 1.0, group.sigma))
+    elif not sigma_is_good(group, rows, everything, reading.problems):
+        return None
+    factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
+    return Group(group, number, everything, transform, factors, covariance_of_rows(rows, type_))
+
+
+def _sigma_factor(reading: Reading, entry: Observations, component: Component) -> float:
+    unit = (
+        entry.units
+        if isinstance(entry.units, str)
+        else entry.units.get("sigma", entry.units.get(component.name, ""))
+    )
+    try:
+        return reading.edge.factor(component.quantity, unit)
+    except UnitError:
+        return reading.edge.factor(component.quantity, "")
+
+
+def _turn(values: FloatArray, transform: FloatArray) -> FloatArray:
+    """Rows times a signed permutation, NaN staying where it is carried to."""
+    source = np.argmax(np.abs(transform), axis=1)
+    turned: FloatArray = values[:, source] * transform[np.arange(len(transform)), source]
+    return turned
+
+
+def _sigma(rows: Rows, type_: ObservationType) -> FloatArray:
+    common = rows.number("sigma")
+    return np.stack([own_or_common(rows.number(f"sigma_{c.name}"), common) for c in type_.components], axis=1)
+
+
+def _has_covariances(rows: Rows, type_: ObservationType) -> bool:
+    return any(name.startswith("cov_") for name in rows.numbers)
+
+
+def covariance_of_rows(rows: Rows, type_: ObservationType) -> FloatArray | None:
+    """(n, 3, 3) covariances given column by column, or ``None``."""
+    if not _has_covariances(rows, type_):
+        return None
+    size = len(type_.components)
+    result = np.zeros((rows.count, size, size))
+    names = [component.name for component in type_.components]
+    for i, a in enumerate(names):
+        for j, b in enumerate(names[i:], start=i):
+            result[:, i, j] = result[:, j, i] = np.nan_to_num(rows.number(f"cov_{a}_{b}"))
+    return result
+
+
+def _constants(reading: Reading, type_: ObservationType, rows: Rows, given: FloatArray) -> FloatArray:
+    """Constants of a type: earth radius in the project's unit; the face, given or told by the vertical circle."""
+    columns = []
+    for constant in type_.constants:
+        if constant.name == "face":
+            told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
+            columns.append(own_or_common(rows.number("face"), told))
+        else:
+            columns.append(np.full(rows.count, constant.default / reading.edge.metres))
+    return np.stack(columns, axis=1) if columns else np.zeros((rows.count, 0))
+
+
+def _centring(reading: Reading, entry: Observations, place: Place) -> SetUp:
+    given = entry.centring
+    if given is None:
+        return SetUp()
+    texts = (given.instrument, given.target, given.instrument_height, given.target_height)
+    try:
+        return SetUp(*(reading.edge.number(text, LENGTH) for text in texts))
+    except UnitError as error:
+        reading.problems.append(place.problem(f"centring: {error}", "centring"))
+        return SetUp()
+
+
+def _with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, number: int) -> IntArray:
+    """Height blocks, where a row says its own: one fixed block for every different value."""
+    given = rows.number(f"{of}_height")
+    result = heights.copy()
+    known = np.flatnonzero(np.isfinite(given))
+    if len(known) == 0:
+        return result
+    values, inverse = np.unique(given[known], return_inverse=True)
+    names = [f"observations {number + 1} {of} {value:g}" for value in values]
+    blocks = reading.shop.store("height").add(
+        names, values[:, None], np.zeros((len(values), 1), dtype=bool), np.full((len(values), 1), np.nan)
+    )
+    result[known] = blocks[inverse]
+    return result

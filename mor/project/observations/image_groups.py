@@ -1,0 +1,161 @@
+"""Groups of image coordinates: split by camera model, converted when the camera is known."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray, SmallIntArray
+from mor.geometry.cameras import CAMERA_MODELS, CameraModel
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.observations.names import Names
+from mor.project.axes import external_image
+from mor.project.edge import ImageScale, UnitError, split
+from mor.project.file.model import Observations
+from mor.project.network.reading import Reading
+from mor.project.observations.names import named_things
+from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.tables.tables import Column, Place, Rows
+from mor.units import IMAGE
+
+Repeated = TypeVar("Repeated", FloatArray, SmallIntArray)
+
+
+def units_of_values(entry: Observations) -> Observations:
+    """``values: {sigma: 0.5 um}`` as a number and a unit: image units are converted when the camera is known."""
+    values, units = dict(entry.values), entry.units
+    for name, text in entry.values.items():
+        try:
+            number, unit = split(text)
+        except UnitError:
+            continue  # told when the column is read
+        if unit and name.startswith("sigma") and not isinstance(units, str):
+            values[name], units = repr(number), {**units, name: unit}
+    return entry.model_copy(update={"values": values, "units": units})
+
+
+def raw_image(name: str, required: bool = False) -> Column:
+    """A column in the image unit of whichever camera: converted when the camera is known."""
+
+    def plain(text: str, unit: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not np.isfinite(value):
+            raise UnitError(f"found {text!r}, expected a number (units are said for the column: units: …)")
+        return value
+
+    return Column(name, parse=plain, factor=lambda unit: 1.0, required=required)
+
+
+def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows, place: Place) -> list[Group]:
+    """One group for every camera and kind of image (single, stereo follower) of an entry."""
+    images = reading.shop.things["image"]
+    image = named_things(reading, "image", "image", rows)
+    point = named_things(reading, "point", "point", rows)
+    if (image.numbers < 0).any() or (point.numbers < 0).any():
+        return []
+    kinds = images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)
+    keys = kinds.astype(np.int32)[image.numbers]
+    result = []
+    for key in np.unique(keys):
+        chosen = np.flatnonzero(keys == key)
+        group = _image_group(
+            reading, entry, number, rows, place, image.take(chosen), point.take(chosen), chosen
+        )
+        result += [group] if group is not None else []
+    return result
+
+
+def _image_group(
+    reading: Reading,
+    entry: Observations,
+    number: int,
+    rows: Rows,
+    place: Place,
+    image: Names,
+    point: Names,
+    chosen: IntArray,
+) -> Group | None:
+    images, points = reading.shop.things["image"], reading.shop.things["point"]
+    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image.numbers[0]]]
+    camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
+    follows = bool(images.parts["relative rotation"][image.numbers[0]] >= 0)
+    type_ = (FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
+    try:
+        observed, sigma, factors = _image_values(entry, rows, chosen, scale)
+    except UnitError as error:
+        reading.problems.append(place.problem(str(error), "units"))
+        return None
+    r0 = 0.0
+    if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
+        r0 = reading.edge.number(camera.r0, IMAGE, "", scale)
+    blocks = tuple(
+        _blocks_of(points.parts["position"], point)
+        if slot.of == "point"
+        else _once(_blocks_of(images.parts[slot.part], image))
+        for slot in type_.slots
+    )
+    group = ObservationGroup(
+        name=group_name(entry, number),
+        type=type_,
+        blocks=blocks,
+        observed=observed,
+        sigma=_once(sigma * entry.factor),
+        constants=_constants(CAMERA_MODELS[camera.model], observed, r0),
+        references=(image, point),
+        external=external_image(scale),
+        image_unit=scale.unit,
+        lines=rows.lines[chosen],
+        file=rows.file,
+    )
+    if not sigma_is_good(group, rows, chosen, reading.problems):
+        return None
+    return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _constants(model: CameraModel, observed: FloatArray, r0: float) -> FloatArray:
+    """Constants (n, q) of image coordinates: the measured ones where the model looks at them, and its own."""
+    if model.corrects_measured:
+        own = np.full((len(observed), len(model.constants)), r0)
+        return np.concatenate([observed, own], axis=1)
+    row = np.array([0.0, 0.0, *(r0 for _ in model.constants)])
+    return np.broadcast_to(row, (len(observed), len(row)))
+
+
+def _blocks_of(blocks: IntArray, names: Names) -> SmallIntArray:
+    """Blocks (n,) of the things that rows name; the numbers of the names themselves where they are the same."""
+    if np.array_equal(blocks, np.arange(len(blocks))):
+        return names.numbers
+    found: SmallIntArray = blocks.astype(np.int32)[names.numbers]
+    return found
+
+
+def _once(array: Repeated) -> Repeated:
+    """The array (n,) or (n, m), of which only one row is kept where all are the same: ten million of them add up."""
+    same = len(array) > 1 and bool((array == array[0]).all())
+    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
+
+
+def _image_values(
+    entry: Observations, rows: Rows, chosen: IntArray, scale: ImageScale
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def unit(name: str) -> str:
+        given = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
+        return given or scale.coordinate_unit
+
+    if unit("x") != unit("y"):
+        raise UnitError("x and y must have the same unit")
+    xy = np.stack([rows.number("x")[chosen], rows.number("y")[chosen]], axis=1)
+    common = rows.number("sigma")[chosen] * scale.factor(unit("sigma"))
+    sigma = np.stack(
+        [
+            own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common)
+            for c in "xy"
+        ],
+        axis=1,
+    )
+    factors = np.full(2, scale.factor(unit("sigma")))
+    return scale.inwards(xy, unit("x")), sigma, factors

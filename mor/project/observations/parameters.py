@@ -1,0 +1,210 @@
+"""Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import SmallIntArray
+from mor.errors import Problem, nearest
+from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.observations.names import names_of
+from mor.parameters.kinds import INTERIORS, KINDS, BlockKind
+from mor.project.edge import ImageScale, UnitError
+from mor.project.file.model import Observations
+from mor.project.network.entities import unknown_name
+from mor.project.network.reading import Reading
+from mor.project.tables.tables import Column, Rows, read_table
+
+PARTS = {
+    "camera": ("interior", "eccentricity"),
+    "image": ("position", "rotation", "height", "interior"),
+    "station": ("position", "rotation", "height"),
+    "system": ("position", "rotation", "scale", "offset"),
+    "pair": ("base", "rotation"),
+    "point": ("position",),
+    "instrument": ("distance meter", "refraction"),
+}
+"""Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
+
+
+_WITH_NEUTRAL = ("height", "eccentricity", "distance meter", "refraction", "scale")
+"""Kinds whose block number 0 is the neutral one of all that declare none."""
+
+
+class _Place(NamedTuple):
+    """A component of a block: internal axes, and the sign that takes project axes to them."""
+
+    kind: str
+    block: int
+    component: int
+    sign: float
+    scale: ImageScale | None
+
+
+@dataclass(frozen=True)
+class _Known:
+    """One row: what it is about, its value and σ in internal units."""
+
+    row: int
+    blocks: tuple[int, ...]
+    component: int
+    value: float
+    sigma: float
+
+
+def parameter_groups(reading: Reading) -> list[ObservationGroup]:
+    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry."""
+    groups: list[ObservationGroup] = []
+    for number, entry in enumerate(reading.project.observations):
+        if entry.type not in ("parameter", "difference"):
+            continue
+        names = ("of",) if entry.type == "parameter" else ("from", "to")
+        columns = [
+            *(Column(name, required=True) for name in names),
+            Column("component", required=True),
+            Column("value", required=entry.type == "parameter"),
+            Column("sigma", required=True),
+        ]
+        rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
+        if rows is not None:
+            groups += _parameter_rows(reading, entry, rows, names)
+    return groups
+
+
+def _parameter_rows(
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...]
+) -> list[ObservationGroup]:
+    collected: dict[tuple[str, str], list[_Known]] = {}
+    for i in range(rows.count):
+        try:
+            places = [_find(reading, rows.series(name)[i], rows.series("component")[i]) for name in names]
+            known = _known(reading, entry, rows, i, places)
+        except _UnknownThingError:
+            continue
+        except ValueError as error:
+            reading.problems.append(Problem(str(error), rows.file, int(rows.lines[i])))
+            continue
+        if known.sigma == 0.0:
+            _exactly(reading, places[0].kind, known, rows)
+            continue
+        unit = places[0].scale.unit if places[0].scale else "mm"
+        collected.setdefault((places[0].kind, unit), []).append(known)
+    return [
+        _parameter_group(entry, kind, unit, found, rows, names) for (kind, unit), found in collected.items()
+    ]
+
+
+class _UnknownThingError(Exception):
+    """A name is missing from a table that has mistakes of its own."""
+
+
+def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_Place]) -> _Known:
+    """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
+    if len({place.kind for place in places}) > 1:
+        raise ValueError("a difference needs two blocks of the same kind")
+    if len(places) == 2 and places[0].block == places[1].block:
+        raise ValueError("a difference needs two different blocks")
+    place = places[0]
+    quantity = KINDS[place.kind].components[place.component].quantity
+    given = {}
+    for name in ("value", "sigma"):
+        unit = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
+        text = rows.series(name)[i] or "0"
+        try:
+            given[name] = reading.edge.number(text, quantity, unit, place.scale)
+        except UnitError as error:
+            raise ValueError(f"{name}: {error}") from None
+    if given["sigma"] < 0.0:
+        raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
+    blocks = tuple(place.block for place in places)
+    return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"])
+
+
+def _find(reading: Reading, name: str, component: str) -> _Place:
+    """The component behind ``camera C1`` and ``c``. Raises ``ValueError`` where there is none."""
+    space, _, bare = name.partition(" ")
+    if space not in PARTS:
+        raise ValueError(
+            f"found {name!r}, expected one of {', '.join(f'{s} …' for s in PARTS)}{nearest(space, PARTS)}"
+        )
+    things = reading.shop.things[space]
+    if bare not in things.numbers:
+        if space in reading.broken:
+            raise _UnknownThingError
+        raise ValueError(unknown_name(space, bare, things.ids))
+    known: list[str] = []
+    for part in PARTS[space]:
+        camera = _camera(reading, space, bare) if part == "interior" else None
+        kind = _kind_of_part(reading, part, camera)
+        known += kind.names
+        if component in kind.names:
+            block, k = things.part(bare, part), kind.names.index(component)
+            if block == 0 and kind.key in _WITH_NEUTRAL:
+                raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
+            scale = reading.scales[camera] if camera is not None else None
+            return _Place(kind.key, block, *_internal(reading, space, kind, k), scale)
+    words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
+    raise ValueError(words)
+
+
+def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:
+    """Internal component and sign behind a component in project axes."""
+    M = reading.edge.matrix
+    if kind.key == "point":
+        source = int(np.argmax(np.abs(M[:, component])))
+        return source, float(M[source, component])
+    if kind.is_rotation and space != "pair" and not np.array_equal(M, np.eye(3)):
+        raise ValueError("observed ω, φ, κ need axes: {xy: en}")
+    return component, 1.0
+
+
+def _camera(reading: Reading, space: str, name: str) -> str:
+    cameras = reading.shop.things["camera"]
+    return name if space == "camera" else cameras.ids[reading.shop.things["image"].part(name, "camera")]
+
+
+def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
+    if camera is not None:
+        return INTERIORS[reading.project.cameras[camera].model]
+    plain = {"position": "point", "relative rotation": "rotation", "offset": "eccentricity"}
+    return KINDS[plain.get(part, part)]
+
+
+def _exactly(reading: Reading, kind: str, known: _Known, rows: Rows) -> None:
+    """σ = 0: a parameter is fixed at its value, a zero difference makes two components one."""
+    store = reading.shop.store(kind)
+    if len(known.blocks) == 1:
+        store.hold(known.blocks[0], known.component, known.value)
+    elif known.value == 0.0 and not store.kind.is_rotation:
+        first, second = known.blocks
+        store.shared[second, known.component] = store.shared.get((first, known.component), first)
+        store.copy(first, second, known.component)
+    else:
+        words = "σ = 0 of a difference needs the value 0 (and no rotation); give a small σ instead"
+        reading.problems.append(Problem(words, rows.file, int(rows.lines[known.row])))
+
+
+def _parameter_group(
+    entry: Observations, kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
+) -> ObservationGroup:
+    type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
+    size = KINDS[kind].size
+    observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
+    for row, known in enumerate(found):
+        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma * entry.factor
+    lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
+    return ObservationGroup(
+        name=entry.name or entry.file or entry.type,
+        type=type_,
+        blocks=tuple(np.array([known.blocks[k] for known in found]) for k in range(len(names))),
+        observed=observed,
+        sigma=sigma,
+        constants=np.zeros((len(found), 0)),
+        references=tuple(names_of([rows.series(name)[known.row] for known in found]) for name in names),
+        image_unit=unit,
+        lines=lines,
+        file=rows.file,
+    )

@@ -1,0 +1,1 @@
+"""Tables of a project: sources, columns, numbers in internal units."""

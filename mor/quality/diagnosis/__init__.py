@@ -1,0 +1,1 @@
+"""Singular and hardly determined networks in words."""

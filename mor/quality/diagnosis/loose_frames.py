@@ -1,0 +1,70 @@
+"""Why an image or a station is loose, told by the points it sees: none, one, two, or all on one line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import IntArray
+from mor.quality.diagnosis.sentences import Say, english, enumerated
+from mor.quality.solved import Solved
+
+_ON_LINE = 1e-6
+"""Spread of points beside a line, as part of that along it, below which they are on it."""
+_SHOWN = 4
+
+
+def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list[str]:
+    """A line for a frame (``image``, ``station``) whose points cannot hold it; nothing where they could."""
+    things = solved.network.things[space]
+    if name not in things.numbers:
+        return []
+    rotation = things.part(name, "rotation")
+    points = _points_seen(solved, rotation)
+    names = [solved.network.blocks["point"].ids[p] for p in points]
+    frame = f"{say(space)} {name}"
+    if len(points) == 0:
+        return [say("{names} sees no point.", names=frame)]
+    if len(points) == 1:
+        return [
+            say(
+                "{names} sees one point only, {point}: it can turn about it and move around it.",
+                names=frame,
+                point=names[0],
+            )
+        ]
+    listed = enumerated(names, _SHOWN, say)
+    if len(points) == 2:
+        return [
+            say(
+                "{names} sees two points only, {place}: it can rotate about the line of its two points "
+                "(measure a third point that is not on this line).",
+                names=frame,
+                place=listed,
+            )
+        ]
+    spread = np.linalg.svd(
+        solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0),
+        compute_uv=False,
+    )
+    if spread[1] <= _ON_LINE * spread[0]:
+        return [
+            say(
+                "the points of {names} ({place}) lie on one line: it can rotate about this line "
+                "(measure a point beside it).",
+                names=frame,
+                place=listed,
+            )
+        ]
+    return []
+
+
+def _points_seen(solved: Solved, rotation: int) -> IntArray:
+    """Point blocks that rays and directions of a frame with this rotation refer to."""
+    found = [np.zeros(0, dtype=np.int64)]
+    for group in solved.adjustment.problem.groups:
+        slots = list(zip(group.type.slots, group.blocks, strict=True))
+        here = [blocks for slot, blocks in slots if slot.kind == "rotation" and slot.part == "rotation"]
+        targets = [blocks for slot, blocks in slots if slot.kind == "point" and slot.of in ("point", "to")]
+        if here and targets:
+            found.append(targets[-1][here[0] == rotation])
+    return np.unique(np.concatenate(found))

@@ -1,0 +1,276 @@
+"""Singularities in words: which unknowns, which movement, what observation would cure it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.adjustment.datum.undetermined import Undetermined
+from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
+from mor.adjustment.solve import A_WEAK_TURN
+from mor.parameters.kinds import KINDS
+from mor.quality.diagnosis.axis_of_rotation import tilt
+from mor.quality.diagnosis.connected_components import Part, connected_parts
+from mor.quality.diagnosis.loose_frames import why_loose
+from mor.quality.diagnosis.sentences import Say, english, enumerated
+from mor.quality.diagnosis.weak_directions import weak_directions
+from mor.quality.solved import Solved
+from mor.units import ANGLE_UNITS
+
+_CURES = {
+    "point": "observe it from a second place, or fix or observe its coordinates",
+    "rotation": "observe more points in it, or fix or observe its angles",
+    "interior": "fix or observe the component, or measure rolled images and points in depth",
+    "distance meter": "fix the component, or measure distances of different length between known points",
+    "refraction": "fix the coefficient, or measure vertical angles over different distances",
+    "height": "fix or measure the height",
+    "scale": "fix the scale, or give the system points of known distance",
+    "eccentricity": "fix the component, or turn the frame about its rotation centre",
+    "base": "fix the base, or measure a distance",
+}
+_FRAMES = ("image", "station", "system", "pair")
+_STILL = 1e-6
+"""Part of a movement of unit length below which nothing moves."""
+_ALONG_AXIS = 0.999
+"""Component of a unit vector from which on it is called after its axis."""
+_SHOWN = 6
+"""Names told of one part or direction."""
+
+
+def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
+    """One line or more for everything that the observations and the datum leave open."""
+    adjustment = solved.adjustment
+    if adjustment.defect.undetermined:
+        parts = connected_parts(solved)
+        tied = [part for part in parts if part.size > 1]
+        return [
+            *(
+                say(
+                    "No observation refers to {names}; observe it, or leave it out.", names=_things(part, say)
+                )
+                for part in parts
+                if part.size == 1
+            ),
+            *(_separated(tied, say) if len(tied) > 1 else []),
+            *_loose(solved, parts, len(tied) > 1, say),
+        ]
+    if adjustment.reason == A_WEAK_TURN:
+        return turned_about(solved, say)
+    if not adjustment.problem.datum.free:
+        return _open_datum(solved, say)
+    movements = _movements(solved, say)
+    return [
+        say("The chosen datum coordinates do not settle these movements: {movements}.", movements=movements),
+        say("Let more points, or more of their components, carry the datum."),
+    ]
+
+
+def _movements(solved: Solved, say: Say) -> str:
+    return ", ".join(say(name) for name in solved.adjustment.defect.movements)
+
+
+def turned_about(solved: Solved, say: Say = english) -> list[str]:
+    """Turns of the whole network that are hardly determined, where there is no solution."""
+    adjustment = solved.adjustment
+    turns = weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+    angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
+    unit = ANGLE_UNITS[angle]
+    lines = []
+    for turn in turns:
+        along = int(np.argmax(np.abs(turn.axis)))
+        line = "(" + ", ".join(f"{x:.3f}" for x in turn.axis) + ")"
+        lines.append(
+            say(
+                "The turn of the whole network about {axis} is hardly determined: its standard deviation is "
+                "{sigma} {angle} (of an angle that nobody has observed it is {nothing} {angle}).",
+                axis="XYZ"[along] if abs(turn.axis[along]) > _ALONG_AXIS else line,
+                sigma=f"{turn.sigma / unit:.3g}",
+                nothing=f"{NOTHING_KNOWN / unit:.3g}",
+                angle=angle,
+            )
+        )
+    advice = say(
+        "Tilts observed as angles omega, phi tell it by their small size only. Observe them as level, then the turn "
+        "is free and the datum settles it; or observe a bearing, or fix a second point."
+    )
+    return [*lines, advice] if lines else []
+
+
+def _open_datum(solved: Solved, say: Say) -> list[str]:
+    count = solved.adjustment.defect.datum.shape[1]
+    movements = _movements(solved, say)
+    lines = [
+        say(
+            "The observations leave {count:movement|movements} of the whole network open: {movements}.",
+            count=count,
+            movements=movements,
+        )
+    ]
+    if any("combination" in name for name in solved.adjustment.defect.movements):
+        lines.append(say("What moves is {names}.", names=_moved(solved, say)))
+    about = tilt(solved.adjustment, say)
+    lines += [about] if about else []
+    return [
+        *lines,
+        say(
+            "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."
+        ),
+    ]
+
+
+def _moved(solved: Solved, say: Say) -> str:
+    """Names of the blocks that the open movements move."""
+    index = solved.adjustment.problem.index
+    moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
+    blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
+    return enumerated([_name(*block, say) for block in blocks], _SHOWN, say)
+
+
+def _separated(parts: list[Part], say: Say) -> list[str]:
+    return [
+        say("The network falls into {count} parts that no observation connects:", count=len(parts)),
+        *(
+            say("  part {number}: {names}", number=number, names=_things(part, say))
+            for number, part in enumerate(parts, start=1)
+        ),
+        say(
+            "To cure it: observe points of one part from the other, or points that both have in common, "
+            "or adjust the parts one by one."
+        ),
+    ]
+
+
+def _things(part: Part, say: Say) -> str:
+    return "; ".join(
+        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SHOWN, say)}"
+        for space, names in part.names.items()
+    )
+
+
+def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -> list[str]:
+    """Directions inside the network, those of one block together; none that its falling apart explains already."""
+    alone = {
+        (space, name)
+        for part in parts
+        if part.size == 1
+        for space, names in part.names.items()
+        for name in names
+    }
+    single: dict[tuple[str, str], list[Undetermined]] = {}
+    lines = []
+    for direction in solved.adjustment.defect.undetermined:
+        blocks = list(dict.fromkeys((kind, block) for kind, block, _ in direction.unknowns))
+        if len(blocks) == 1:
+            single.setdefault(blocks[0], []).append(direction)
+        elif not separated:
+            lines += _together(direction, blocks, say)
+    told = [
+        _one_block(kind, block, directions, say)
+        for (kind, block), directions in single.items()
+        if _owner(kind, block) not in alone
+    ]
+    return [*told, *lines, *_geometry(solved, alone, say)]
+
+
+def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
+    """Images and stations among what is loose that see too few points, or all on one line."""
+    frames = dict.fromkeys(
+        _owner(kind, block)
+        for direction in solved.adjustment.defect.undetermined
+        for kind, block, _ in direction.unknowns
+    )
+    return [
+        line
+        for space, name in frames
+        if space in ("image", "station") and (space, name) not in alone
+        for line in why_loose(solved, space, name, say)
+    ]
+
+
+def weakness(solved: Solved, say: Say = english) -> list[str]:
+    """One line for every direction that is determined, but hardly."""
+    if solved.quality is None:
+        return []
+    units = solved.network.project.units
+    image = next((scale.unit for scale in solved.network.scales.values()), "mm")
+    lines = []
+    for direction in weak_directions(solved.quality):
+        parts = []
+        for (kind, block, component), sigma in zip(direction.unknowns, direction.sigmas, strict=True):
+            quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
+            angle = "deg" if units.angle == "dms" else units.angle
+            factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+            parts.append(
+                say(
+                    "{component} of {names} by {amount} {unit}",
+                    component=component,
+                    names=_name(kind, block, say),
+                    amount=f"{sigma / factor:.3g}",
+                    unit=quantity.unit(units.length, angle, image),
+                )
+            )
+        lines.append(
+            say(
+                "These move together, within one standard deviation: {parts}. It would help to {cure}.",
+                parts=", ".join(parts),
+                cure=_cure(direction.unknowns[0][0], say),
+            )
+        )
+    return lines
+
+
+def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) -> str:
+    cure = _cure(kind, say)
+    if len(directions) == 1 and len(directions[0].unknowns) > 1:
+        return say(
+            "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
+            names=_name(kind, block, say),
+            components=" : ".join(component for _, _, component in directions[0].unknowns),
+            ratios=" : ".join(say("{amount}", amount=f"{x:.3g}") for x in directions[0].amounts),
+            cure=cure,
+        )
+    return say(
+        "{names} is not determined along {components}; {cure}.",
+        names=_name(kind, block, say),
+        components=", ".join(sorted({component for d in directions for _, _, component in d.unknowns})),
+        cure=cure,
+    )
+
+
+def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) -> list[str]:
+    named = [f"{_name(kind, block, say)} ({_components(direction, kind, block)})" for kind, block in blocks]
+    kinds = dict.fromkeys(kind for kind, _ in blocks)
+    cures = "; ".join(
+        f"{_name(kind, next(b for k, b in blocks if k == kind), say)}: {_cure(kind, say)}" for kind in kinds
+    )
+    names = enumerated(named, _SHOWN, say)
+    return [
+        say("These cannot be separated from each other: {names}.", names=names),
+        say("To cure it, one of: {cures}.", cures=cures),
+    ]
+
+
+def _components(direction: Undetermined, kind: str, block: str) -> str:
+    return ", ".join(c for k, b, c in direction.unknowns if (k, b) == (kind, block))
+
+
+def _owner(kind: str, block: str) -> tuple[str, str]:
+    """Namespace and name of the thing that a block belongs to: image 1 for the position called ``image 1``."""
+    space, _, name = block.partition(" ")
+    return (space, name) if space in _FRAMES and name else (kind, block)
+
+
+def _name(kind: str, block: str, say: Say) -> str:
+    space, name = _owner(kind, block)
+    thing = f"{say(space)} {name}"
+    if kind.startswith("interior/"):
+        if space == "image":
+            return say("the interior orientation of {names}", names=thing)
+        return say("the interior orientation of camera {id}", id=block)
+    if (space, name) != (kind, block):
+        part = say("position" if kind == "point" else kind)
+        return say("the {part} of {names}", part=part, names=thing)
+    return thing
+
+
+def _cure(kind: str, say: Say) -> str:
+    return say(_CURES[kind.split("/")[0]])

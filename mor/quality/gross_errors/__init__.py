@@ -1,0 +1,1 @@
+"""Data snooping and robust estimation."""

@@ -1,0 +1,202 @@
+"""Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until the rest is clean.
+
+Several are taken out at once only if they share neither a point nor a frame. After every adjustment what was taken out
+is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits. What goes out a second
+time stays out until nothing else is to be done; then it is tested once more, for its neighbours may have gone since,
+and what still does not bear the company of the rest stays out for good. The two coordinates of a ray are one pointing
+and go together, as long as both are controlled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mor.adjustment.problem import Problem
+from mor.adjustment.solve import Adjustment, Iteration, adjust
+from mor.arrays import BoolArray, FloatArray
+from mor.quality.assess import Levels, Quality, assess
+from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.tests.test_statistics import comparable
+
+_BESIDE_THE_WORST = 0.5
+"""Part of the largest |w| from which on others are taken out in the same round."""
+_MOST_ROUNDS = 500
+_LOCAL = ("point", "rotation", "base")
+"""Kinds of blocks two observations must not share to be taken out at once."""
+
+Watcher = Callable[[Iteration], None]
+
+
+@dataclass(frozen=True)
+class Snooped:
+    """One observation that was taken out or put back, and its test value at that moment."""
+
+    round: int
+    group: int
+    row: int
+    component: int
+    test: float
+    taken_out: bool
+
+
+@dataclass(frozen=True)
+class Snooping:
+    """Outcome of data snooping."""
+
+    before: Quality
+    """Quality of the adjustment of all observations."""
+    quality: Quality
+    """Quality of the adjustment without the excluded ones."""
+    steps: tuple[Snooped, ...]
+    clean: bool
+    """False where something flagged could not be taken out."""
+
+    def after(self, earlier: Snooping) -> Snooping:
+        """Both together, this one being the later."""
+        return replace(self, before=earlier.before, steps=(*earlier.steps, *self.steps))
+
+
+def snoop(
+    problem: Problem,
+    quality: Quality,
+    levels: Levels,
+    aposteriori: bool,
+    excluded: tuple[BoolArray, ...] | None = None,
+    watch: Watcher | None = None,
+) -> Snooping:
+    """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
+    state = _State(problem, levels, aposteriori, watch)
+    kept_out = tuple(group.left_out for group in problem.groups)
+    first, out = quality, tuple(mask.copy() for mask in kept_out)
+    if excluded is not None:
+        wanted = tuple(a | b for a, b in zip(out, excluded, strict=True))
+        begun = state.assessed(quality.adjustment, wanted)
+        if begun is not None:
+            quality, out = begun, wanted
+    steps: list[Snooped] = []
+    stays_out, for_good, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(3))
+    clean = False
+    for number in range(1, _MOST_ROUNDS + 1):
+        chosen = _worst(quality, cannot)
+        fitting = _fitting(quality, kept_out, stays_out)
+        if not chosen and not fitting:
+            fitting = _fitting(quality, kept_out, for_good)
+            _mark(for_good, fitting)
+        if not chosen and not fitting:
+            clean = not any((flags & ~bad).any() for flags, bad in zip(quality.flagged, cannot, strict=True))
+            clean = clean and not any(bad.any() for bad in cannot)
+            break
+        for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
+            tried = _changed(out, change)
+            found = state.assessed(quality.adjustment, tried)
+            if found is not None:
+                _remember(steps, number, quality, change, out)
+                _mark(stays_out, [entry for entry in change if out[entry[0]][entry[1:]]])
+                quality, out = found, tried
+                break
+        else:
+            _mark(cannot if chosen else stays_out, chosen[:1] or fitting[:1])
+            _mark(for_good, [] if chosen else fitting[:1])
+    return Snooping(first, quality, tuple(steps), clean)
+
+
+Entries = list[tuple[int, int, int]]
+
+
+@dataclass(frozen=True)
+class _State:
+    """What every round needs."""
+
+    problem: Problem
+    levels: Levels
+    aposteriori: bool
+    watch: Watcher | None
+
+    def assessed(self, last: Adjustment, out: tuple[BoolArray, ...]) -> Quality | None:
+        """Quality without the entries ``out``, or nothing where that is no solution."""
+        adjustment = adjust(exclude(self.problem, out), last.values, watch=self.watch)
+        if not adjustment.outcome.is_solution:
+            return None
+        return assess(adjustment, self.levels, self.aposteriori)
+
+
+def _mark(masks: tuple[BoolArray, ...], entries: Entries) -> None:
+    for group, row, component in entries:
+        masks[group][row, component] = True
+
+
+def _changed(out: tuple[BoolArray, ...], entries: Entries) -> tuple[BoolArray, ...]:
+    changed = tuple(mask.copy() for mask in out)
+    for group, row, component in entries:
+        changed[group][row, component] ^= True
+    return changed
+
+
+def _remember(
+    steps: list[Snooped], number: int, quality: Quality, entries: Entries, out: tuple[BoolArray, ...]
+) -> None:
+    for group, row, component in entries:
+        value = float(quality.reliability[group].at(np.array([row])).test[0, component])
+        steps.append(Snooped(number, group, row, component, value, not out[group][row, component]))
+
+
+def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
+    """The worst observation, and others nearly as bad that share nothing with it nor with each other."""
+    sizes = [
+        comparable(np.where(flags & ~bad, np.abs(one.test), 0.0))
+        for flags, bad, one in zip(quality.flagged, cannot, quality.reliability, strict=True)
+    ]
+    rows = [size.max(axis=1) if size.size else np.zeros(0) for size in sizes]
+    largest = max((float(row.max()) for row in rows if row.size), default=0.0)
+    if largest == 0.0:
+        return []
+    candidates = [
+        (float(row[i]), group, int(i))
+        for group, row in enumerate(rows)
+        for i in np.flatnonzero(row >= max(_BESIDE_THE_WORST * largest, np.nextafter(0.0, 1.0)))
+    ]
+    used: set[tuple[str, int]] = set()
+    chosen: Entries = []
+    for _, group, row in sorted(candidates, key=lambda candidate: (-candidate[0], *candidate[1:])):
+        blocks = _local_blocks(quality, group, row)
+        if used.isdisjoint(blocks):
+            used |= blocks
+            chosen += _together(quality, group, row, sizes[group][row])
+    return chosen
+
+
+def _local_blocks(quality: Quality, group: int, row: int) -> set[tuple[str, int]]:
+    """Free points and frames of an observation."""
+    problem = quality.adjustment.problem
+    one = problem.groups[group]
+    return {
+        (slot.kind, int(blocks[row]))
+        for slot, blocks in zip(one.type.slots, one.blocks, strict=True)
+        if slot.kind in _LOCAL and (problem.index.columns[slot.kind][blocks[row]] >= 0).any()
+    }
+
+
+def _together(quality: Quality, group: int, row: int, sizes: FloatArray) -> Entries:
+    """The worst component of a row; all components of a ray, where each is controlled for itself."""
+    one = quality.adjustment.problem.groups[group]
+    active = np.flatnonzero(one.mask[row] & ~one.left_out[row])
+    is_ray = one.type.key.startswith(("image/", "follower/"))
+    if is_ray and quality.groups[group].at(np.array([row])).freedom[0, active].max() >= len(active):
+        return [(group, row, int(component)) for component in active]
+    return [(group, row, int(np.argmax(sizes)))]
+
+
+def _fitting(quality: Quality, kept_out: tuple[BoolArray, ...], stays_out: tuple[BoolArray, ...]) -> Entries:
+    """Excluded rows of which every entry fits the rest."""
+    entries: Entries = []
+    for number, group in enumerate(quality.adjustment.problem.groups):
+        out = group.left_out & ~kept_out[number]
+        if not out.any():
+            continue
+        misfits: BoolArray = out & ~(np.abs(quality.reliability[number].test) < quality.critical)
+        fits = out & ~stays_out[number] & ~np.any(misfits, axis=1, keepdims=True)
+        entries += [(number, int(row), int(component)) for row, component in np.argwhere(fits)]
+    return entries

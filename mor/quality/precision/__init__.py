@@ -1,0 +1,1 @@
+"""Cofactors and covariances of the unknowns."""

@@ -1,0 +1,1 @@
+"""Redundancy numbers, smallest detectable errors, and what an undetected error does."""

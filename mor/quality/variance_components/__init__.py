@@ -1,0 +1,1 @@
+"""Variance components of observation groups."""

@@ -1,0 +1,1 @@
+"""Results as files: ``results.json``, the adjusted project, covariances."""

@@ -1,0 +1,70 @@
+"""``results.json``: everything but the long residual table as plain data, in a stable order."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.quality.solved import Solved
+from mor.report.results.summary import summary
+from mor.report.tables.checks import check_rows
+from mor.report.tables.estimates import (
+    group_table,
+    image_table,
+    interior_rows,
+    other_rows,
+    pair_table,
+    point_table,
+    station_table,
+    system_table,
+    variance_components,
+)
+from mor.report.tables.features import feature_table
+from mor.report.tables.observations import observation_table
+from mor.report.tables.reliability import fixed_point_rows, gross_errors
+
+INLINE = 10_000
+"""Tables of up to this many rows stand in ``results.json`` itself."""
+
+
+def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict[str, Any]:
+    """Content of ``results.json``; ``tables`` names the files beside it.
+
+    Long tables of points and images are only there; where nothing stands ``beside`` it, they are in it all the same.
+    """
+    points, images = point_table(solved), image_table(solved)
+    return {
+        **summary(solved),
+        "points": _rows(points, beside),
+        "images": _rows(images, beside),
+        "cameras": interior_rows(solved),
+        "stations": station_table(solved).to_dicts(),
+        "systems": system_table(solved).to_dicts(),
+        "pairs": pair_table(solved).to_dicts(),
+        "features": feature_table(solved).to_dicts(),
+        "others": other_rows(solved),
+        "groups": group_table(solved).to_dicts(),
+        "variance_components": variance_components(solved),
+        "gross_errors": gross_errors(solved),
+        "fixed_points": fixed_point_rows(solved),
+        "checks": check_rows(solved),
+        "tables": tables,
+        "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
+    }
+
+
+def entries(solved: Solved) -> int:
+    """Rows of the table of residuals: observations, excluded ones and checks among them."""
+    return sum(int(np.count_nonzero(group.mask)) for group in solved.adjustment.problem.groups)
+
+
+def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
+    return frame.to_dicts() if frame.height <= INLINE or not beside else None
+
+
+def to_json(data: dict[str, Any]) -> str:
+    """JSON text: same data, same bytes."""
+    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False) + "\n"

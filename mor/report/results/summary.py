@@ -1,0 +1,109 @@
+"""The summary of an adjustment as plain data: the head of ``results.json`` and of every report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mor import __version__
+from mor.arrays import BoolArray
+from mor.quality.diagnosis.singularities import weakness
+from mor.quality.in_chunks import in_pieces
+from mor.quality.reliability.observation_quality import ObservationQuality
+from mor.quality.solved import Solved
+from mor.quality.tests.test_statistics import normalised_residuals
+from mor.report.edge import angle_unit
+
+SCHEMA = "mor-results"
+SCHEMA_VERSION = 1
+
+
+def summary(solved: Solved) -> dict[str, Any]:
+    """Outcome, counts, σ0, global test, datum, conventions."""
+    adjustment, project = solved.adjustment, solved.network.project
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "program": f"mor {__version__}",
+        "title": project.title,
+        "units": {"length": project.units.length, "angle": angle_unit(solved)},
+        "axes": project.axes.model_dump(),
+        "outcome": adjustment.outcome.value,
+        "reason": adjustment.reason,
+        "iterations": len(adjustment.iterations),
+        "observations": adjustment.problem.observations,
+        "unknowns": adjustment.problem.index.count,
+        "defect": int(adjustment.defect.datum.shape[1]),
+        "movements": list(adjustment.defect.movements),
+        "undetermined": _undetermined(solved),
+        "datum": adjustment.problem.datum.name,
+        **_statistics(solved),
+        "iteration_log": [
+            {
+                "number": step.number,
+                "objective": step.objective,
+                "largest_change": step.largest_change,
+                "damping": step.damping,
+            }
+            for step in adjustment.iterations
+        ],
+    }
+
+
+def _undetermined(solved: Solved) -> list[dict[str, Any]]:
+    return [
+        {
+            "unknowns": [" ".join(unknown) for unknown in direction.unknowns],
+            "amounts": list(direction.amounts),
+        }
+        for direction in solved.adjustment.defect.undetermined
+    ]
+
+
+def _statistics(solved: Solved) -> dict[str, Any]:
+    quality = solved.quality
+    if quality is None:
+        return {
+            "redundancy": None,
+            "redundancy_sum": None,
+            "sigma0": None,
+            "global_test": None,
+            "flagged": None,
+        }
+    apriori = solved.network.project.settings.sigma0
+    aposteriori = apriori * quality.sigma0
+    test = quality.global_test
+    return {
+        "redundancy": quality.redundancy,
+        "redundancy_sum": quality.redundancy_sum,
+        "sigma0": {
+            "apriori": apriori,
+            "aposteriori": aposteriori if quality.redundancy > 0 else None,
+            "ratio": quality.sigma0**2 if quality.redundancy > 0 else None,
+            "ratio_of_sigmas": quality.sigma0 if quality.redundancy > 0 else None,
+            "used_for_sigma": apriori * quality.sigma_factor,
+        },
+        "global_test": {
+            "statistic": test.statistic,
+            "lower": test.lower,
+            "upper": test.upper,
+            "level": test.level,
+            "accepted": test.accepted,
+        },
+        "hardly_determined": weakness(solved),
+        "critical_w": quality.critical,
+        "snooping_level": quality.levels.snooping,
+        "flagged": int(sum(np.count_nonzero(flags) for flags in quality.flagged)),
+        "uncontrolled": sum(_untested(group) for group in quality.groups),
+    }
+
+
+def _untested(quality: ObservationQuality) -> int:
+    """Number of observations that nothing controls."""
+
+    def of_rows(rows: slice) -> BoolArray:
+        some = quality.at(rows)
+        return np.isfinite(some.r) & ~np.isfinite(normalised_residuals(some))
+
+    return int(np.count_nonzero(in_pieces(quality.v.shape, of_rows)))

@@ -1,0 +1,166 @@
+"""All results of an adjustment, as files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from mor.project.file.nodes import Document
+from mor.quality.solved import Solved
+from mor.report.results.adjusted_project import Placed, adjusted_project
+from mor.report.results.folder import Writer, write_folder
+from mor.report.results.json import entries, results, to_json
+from mor.report.tables.estimates import image_table, point_table, reference_table
+from mor.report.tables.files import Format, residual_writer, table_writer
+from mor.report.tables.observations import SHOWN, observation_table
+from mor.report.tables.shared import forget
+from mor.report.tables.worst import worst_residuals
+from mor.report.text import text_report
+from mor.report.words.language import words_of, words_of_page
+
+PROJECT = "project.yaml"
+"""Name of a project that is written into a folder of its own."""
+MOST_LISTED = 2_000_000
+"""Observations up to which all residuals and the page are written where nothing else is asked for."""
+WORST = 10_000
+"""Observations in the table of the worst."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which tables are written, and how."""
+
+    tables: Literal["none", "worst", "all"] = "all"
+    kind: Format = "csv"
+    html: bool = True
+    """True for the page for people, ``report.html``."""
+    language: str = "en"
+    """Language of the reports: en, de."""
+    done: Callable[[int], None] = lambda rows: None
+    """Told how many more rows of the table of residuals are written."""
+
+
+def is_large(solved: Solved) -> bool:
+    """True where a table of all residuals, and a page of them, is more than anybody looks at."""
+    return entries(solved) > MOST_LISTED
+
+
+def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
+    """All observations, or the worst where there are too many to be looked at."""
+    return "worst" if is_large(solved) else "all"
+
+
+def write_results(
+    solved: Solved, document: Document, source: Path, folder: Path, force: bool, choice: Choice | None = None
+) -> None:
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
+
+    The reports are made beside the long table, which other processors are busy with; of very many observations before
+    it, for then both at a time would take too much room.
+    """
+    choice = choice or Choice()
+    tables = _tables(solved, choice) if solved.quality is not None else {}
+    names = {key: name for key, (name, _) in tables.items()}
+    starts = _starts(solved, document, source, folder) if solved.quality is not None else {}
+    with ThreadPoolExecutor(1) as beside:
+        made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
+        reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
+        long = dict(tables.values())
+        writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
+        try:
+            write_folder(folder, {**starts, **writers}, force)
+        finally:
+            beside.shutdown(wait=False, cancel_futures=True)
+
+
+def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str, Callable[[], str]]:
+    """The reports by their names, each as what makes its text; ``names`` are those of the tables beside them."""
+    reports: dict[str, Callable[[], str]] = {
+        "results.json": lambda: to_json(results(solved, names)),
+        "report.txt": lambda: text_report(solved, words_of(choice.language)),
+    }
+    if solved.quality is not None and choice.html:
+        file = names.get("residuals", names.get("residuals_worst", ""))
+        reports["report.html"] = lambda: _page(solved, file, choice.language)
+    return reports
+
+
+def _is_alone(solved: Solved, choice: Choice) -> bool:
+    """True where the long table is written last, with the room of all others."""
+    return is_large(solved) and not choice.html
+
+
+def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
+    """Writers of the adjusted project and its tables; a table that is written is gone."""
+    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
+    frames["reference.csv"] = reference_table(solved)
+
+    def writer(name: str) -> Writer:
+        return lambda path: table_writer(frames.pop(name))(path)
+
+    return {"adjusted.yaml": _text(text), **{name: writer(name) for name in frames}}
+
+
+def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
+    """Name and writer of each table that is wanted, by what ``results.json`` calls it."""
+    if choice.tables == "none":
+        return {}
+    kind = choice.kind
+    tables: dict[str, Writer] = {
+        "points": lambda path: table_writer(point_table(solved), kind)(path),
+        "images": lambda path: table_writer(image_table(solved), kind)(path),
+    }
+    if choice.tables == "all":
+        write = residual_writer(solved, kind, choice.done)
+        tables["residuals"] = _by_itself(solved, write) if _is_alone(solved, choice) else write
+    else:
+        tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
+    return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
+
+
+def _by_itself(solved: Solved, write: Writer) -> Writer:
+    """A writer that has the room of the tables that are remembered: it is the last that is called."""
+
+    def alone(path: Path) -> None:
+        forget(solved)
+        write(path)
+
+    return alone
+
+
+def _placed(solved: Solved) -> Placed:
+    snooped = solved.treatment is not None and solved.treatment.snooping is not None
+    return Placed(solved.network, solved.adjustment.values, snooped)
+
+
+def write_project(placed: Placed, document: Document, source: Path, folder: Path, force: bool) -> None:
+    """Write a project with the placed values as start values, and its tables, into a folder."""
+    text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
+    writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
+    write_folder(folder, {**writers, PROJECT: _text(text)}, force)
+
+
+def results_text(solved: Solved) -> str:
+    """``results.json`` as text, for programs that read standard output."""
+    return to_json(results(solved, {}, beside=False))
+
+
+def _page(solved: Solved, file: str, language: str) -> str:
+    from mor.report.html.page import page
+    from mor.report.view import view_of
+
+    return page(view_of(solved, observation_table(solved, SHOWN), file), words_of_page(language))
+
+
+def _made(text: Future[str]) -> Writer:
+    return lambda path: _text(text.result())(path)
+
+
+def _text(text: str) -> Writer:
+    def write(path: Path) -> None:
+        path.write_text(text, encoding="utf-8")
+
+    return write

@@ -1,0 +1,373 @@
+"""Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations.names import places_of
+from mor.parameters.kinds import INTERIORS
+from mor.project.edge import split
+from mor.project.file.model import Axes
+from mor.project.network.features import feature_label
+from mor.quality.in_chunks import ROWS_AT_A_TIME, in_pieces
+from mor.quality.reliability.detectable_errors import Reliability
+from mor.quality.reliability.observation_quality import omega_of, redundancy_of
+from mor.quality.solved import Solved
+from mor.report.edge import Estimate, angle_unit, plain, points, rotations
+from mor.report.tables.control import control_of_images, control_of_points
+from mor.report.tables.shared import once
+from mor.units import ANGLE_UNITS
+
+XYZ = ("x", "y", "z")
+ANGLES = ("omega", "phi", "kappa")
+STATUSES = ("fixed", "partly fixed", "free")
+
+
+@once
+def point_table(solved: Solved) -> pl.DataFrame:
+    """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
+    things = solved.network.things["point"]
+    numbers = things.parts["position"]
+    rays, others = _observations_of_points(solved)
+    columns: dict[str, Any] = {"id": list(things.ids), **_estimated(solved, numbers)}
+    columns["rays"] = rays[numbers]
+    columns["others"] = others[numbers]
+    columns |= control_of_points(solved, numbers)
+    columns["status"] = _status(solved, "point", numbers)
+    return _frame(columns)
+
+
+def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
+    """Coordinates, σ, ellipsoids and correlations of points: their covariances are in memory a piece at a time."""
+    parts = []
+    for first in range(0, max(len(numbers), 1), ROWS_AT_A_TIME):
+        estimate = points(solved, numbers[first : first + ROWS_AT_A_TIME])
+        columns = _with_sigma(estimate, XYZ)
+        for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
+            columns[f"ellipsoid_{name}"] = axis
+        columns |= _correlations_of_axes(estimate)
+        parts.append({name: np.array(column) for name, column in columns.items()})
+    return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
+
+
+def reference_table(solved: Solved) -> pl.DataFrame:
+    """Coordinates that inner constraints refer to, whatever the datum: what another datum of the results needs."""
+    things = solved.network.things["point"]
+    reference = solved.adjustment.problem.datum.reference["point"][things.parts["position"]]
+    coordinates = reference @ solved.network.edge.matrix
+    return _frame({"id": list(things.ids), **{name: coordinates[:, k] for k, name in enumerate(XYZ)}})
+
+
+@once
+def image_table(solved: Solved) -> pl.DataFrame:
+    """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
+    things = solved.network.things["image"]
+    return _frame(
+        {
+            "id": list(things.ids),
+            "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
+            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_image_residuals(solved),
+            **control_of_images(solved),
+        }
+    )
+
+
+def station_table(solved: Solved) -> pl.DataFrame:
+    """Theodolite stations: position, ω φ κ, orientation of the horizontal circle, instrument height."""
+    things = solved.network.things["station"]
+    edge = solved.network.edge
+    pose = _pose(solved, things.parts["position"], things.parts["rotation"])
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    orientation = edge.sense * (-pose["kappa"] * unit - edge.zero_azimuth) / unit
+    full = 2.0 * np.pi / unit
+    idle = np.array([name in solved.network.unoriented for name in things.ids], dtype=bool)
+    for column in (orientation, *(pose[key] for name in ANGLES for key in (name, f"s{name}"))):
+        column[idle] = np.nan
+    return _frame(
+        {
+            "id": list(things.ids),
+            **pose,
+            "orientation": np.remainder(orientation, full),
+            "sorientation": pose["skappa"],
+            "height": solved.adjustment.values["height"][things.parts["height"], 0],
+        }
+    )
+
+
+def system_table(solved: Solved) -> pl.DataFrame:
+    """Local systems: origin, ω φ κ, scale."""
+    things = solved.network.things["system"]
+    scale = plain(solved, "scale", things.parts["scale"])
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_with_sigma(scale, ("scale",)),
+        }
+    )
+
+
+def pair_table(solved: Solved) -> pl.DataFrame:
+    """Stereo pairs: base in the leading image's system, relative rotation."""
+    things = solved.network.things["pair"]
+    if not things.ids:
+        return _frame({"id": []})
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_with_sigma(plain(solved, "base", things.parts["base"]), ("bx", "by", "bz")),
+            **_with_sigma(_relative(solved, things.parts["rotation"]), ANGLES),
+        }
+    )
+
+
+def _relative(solved: Solved, numbers: IntArray) -> Estimate:
+    """Relative rotations do not refer to object axes: they are said as they are."""
+    neutral = replace(solved.network.edge, axes=Axes())
+    return rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers)
+
+
+def interior_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Interior orientations, one entry for each block: components with value, σ, status, and their correlations."""
+    cameras = solved.network.things["camera"]
+    rows = []
+    for name, camera in solved.network.project.cameras.items():
+        kind = INTERIORS[camera.model].key
+        number = cameras.part(name, "interior")
+        rows.append(
+            {
+                "id": name,
+                "model": camera.model,
+                "unit": solved.network.scales[name].unit,
+                "r0": camera.r0,
+                "format": _format(solved, name),
+                "components": _components(solved, kind, number, CAMERA_MODELS[camera.model].components),
+                "correlations": _correlations(solved, kind, number),
+            }
+        )
+    return rows
+
+
+def _format(solved: Solved, name: str) -> dict[str, Any] | None:
+    """Image size in px and pixel size in camera units, where the project gives them; the origin of coordinates."""
+    camera, scale = solved.network.project.cameras[name], solved.network.scales[name]
+    if camera.image is None:
+        return None
+    width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
+    return {"width": width, "height": height, "pixel": scale.pixel, "origin": camera.coordinates}
+
+
+def _components(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
+    estimate = plain(solved, kind, np.array([number]))
+    blocks = solved.network.blocks[kind]
+    return {
+        component.name: {
+            "value": float(estimate.values[0, k]),
+            "sigma": _number(estimate.sigma[0, k]) if blocks.free[number, k] else None,
+            "status": "free" if blocks.free[number, k] else "fixed",
+            **({"t": _significance(estimate, k, component.default)} if blocks.free[number, k] else {}),
+        }
+        for k, component in enumerate(components)
+    }
+
+
+def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
+    """How many σ a component differs from its neutral value: what says whether it is needed."""
+    sigma = float(estimate.sigma[0, k])
+    return float((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
+
+
+def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
+    free = np.flatnonzero(solved.network.blocks[kind].free[number])
+    covariance = plain(solved, kind, np.array([number])).covariance
+    names = [solved.network.blocks[kind].kind.names[k] for k in free]
+    if covariance is None:
+        return {"components": names, "matrix": None}
+    part = covariance[0][np.ix_(free, free)]
+    sigma = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
+    return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
+
+
+def other_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
+    rows = []
+    features = {feature_label(feature) for feature in solved.network.project.features}
+    for kind in (
+        "distance meter",
+        "refraction",
+        "height",
+        "eccentricity",
+        *(k.key for k in INTERIORS.values()),
+    ):
+        blocks = solved.network.blocks.get(kind)
+        if blocks is None:
+            continue
+        shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else features
+        for number in np.flatnonzero(blocks.free.any(axis=1)):
+            if blocks.ids[number] not in shown:
+                components = _components(solved, kind, int(number), blocks.kind.components)
+                own = {n: c for n, c in components.items() if c["status"] == "free"}
+                rows.append({"kind": kind, "id": blocks.ids[number], "components": own})
+    return rows
+
+
+@once
+def group_table(solved: Solved) -> pl.DataFrame:
+    """Observation groups: number of observations, Σ r, its part of vᵀPv, estimated σ0 of the group."""
+    rows = []
+    inside = len(solved.adjustment.problem.groups) - len(solved.network.checks)
+    for number, group in enumerate(solved.adjustment.problem.groups[:inside]):
+        row: dict[str, Any] = {
+            "name": group.name,
+            "type": group.type.key,
+            "observations": int(np.count_nonzero(group.mask & ~group.left_out)),
+        }
+        if solved.quality is not None:
+            quality = solved.quality.groups[number]
+            omega, r = omega_of(quality), redundancy_of(quality)
+            row |= {
+                "redundancy": r,
+                "omega": omega,
+                "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 else None,
+                "mean_r": r / row["observations"] if row["observations"] else None,
+                "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),
+                "excluded": int(np.count_nonzero(group.left_out)),
+                "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
+                **_component(solved, number),
+            }
+        rows.append(row)
+    return pl.DataFrame(rows)
+
+
+def variance_components(solved: Solved) -> dict[str, Any] | None:
+    """How the factors of the σ of the groups were estimated."""
+    if solved.treatment is None:
+        return None
+    found = solved.treatment.components
+    return {
+        "method": found.method,
+        "iterated": found.iterated,
+        "settled": found.settled,
+        "rounds": found.rounds,
+    }
+
+
+def _component(solved: Solved, number: int) -> dict[str, Any]:
+    """Factor on the σ of a group, as estimated (and, where it was iterated, as used)."""
+    treatment = solved.treatment
+    if treatment is None:
+        return {}
+    estimated = treatment.components
+    return {
+        "sigma_factor": _number(estimated.factors[number]) if np.isfinite(estimated.sigma[number]) else None,
+        "sigma_of_factor": _number(estimated.sigma[number]),
+    }
+
+
+def _largest(tests: Reliability, inside: BoolArray) -> float | None:
+    """The largest |test| of the observations inside."""
+
+    def of_rows(rows: slice) -> FloatArray:
+        size = np.abs(tests.at(rows).test)
+        return np.where(inside[rows] & np.isfinite(size), size, -1.0)
+
+    largest = float(in_pieces(inside.shape, of_rows).max(initial=-1.0))
+    return largest if largest >= 0.0 else None
+
+
+def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
+    return {
+        **_with_sigma(points(solved, positions), XYZ),
+        **_with_sigma(rotations(solved, attitudes), ANGLES),
+    }
+
+
+def _with_sigma(estimate: Estimate, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    values = {name: estimate.values[:, k] for k, name in enumerate(names)}
+    return {**values, **{f"s{name}": estimate.sigma[:, k] for k, name in enumerate(names)}}
+
+
+def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
+    """(3, n) semi-axes of the standard error ellipsoids, largest first."""
+    if estimate.covariance is None or len(estimate.values) == 0:
+        return np.full((3, len(estimate.values)), np.nan)
+    eigenvalues = np.linalg.eigvalsh(np.nan_to_num(estimate.covariance))
+    axes: FloatArray = np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)).T
+    return axes
+
+
+def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
+    """Correlations of X, Y and Z of each point; 0 where a coordinate is fixed."""
+    nothing = np.full(len(estimate.values), np.nan)
+    pairs = {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}
+    if estimate.covariance is None:
+        return dict.fromkeys(pairs, nothing)
+    product = estimate.sigma[:, :, None] * estimate.sigma[:, None, :]
+    some = product > 0.0
+    correlation = np.where(some, estimate.covariance / np.where(some, product, 1.0), 0.0)
+    return {name: correlation[:, i, j] for name, (i, j) in pairs.items()}
+
+
+def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
+    """Number of rays, and of other observation rows, by point block."""
+    count = len(solved.network.blocks["point"].ids)
+    rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for group in solved.adjustment.problem.groups:
+        is_image = group.type.key.startswith(("image/", "follower/"))
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point" and slot.of != "image":
+                target = rays if is_image else others
+                target += np.bincount(numbers, minlength=count)
+    return rays, others
+
+
+def _image_residuals(solved: Solved) -> dict[str, Any]:
+    """Points measured in each image, and the root mean square of the normalised and the plain residuals."""
+    images = solved.network.things["image"]
+    count = np.zeros(len(images.ids), dtype=np.int64)
+    square = np.zeros(len(images.ids))
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        if not group.type.key.startswith(("image/", "follower/")):
+            continue
+        which = places_of(group.references[0], images.ids)
+        count += np.bincount(which, minlength=len(count))
+        if solved.quality is not None and group.external is not None:
+            squares = _squares(solved.quality.groups[number].v, group.external.factors)
+            square += np.bincount(which, weights=squares, minlength=len(count))
+    rms = (
+        np.sqrt(square / np.maximum(2 * count, 1))
+        if solved.quality is not None
+        else np.full(len(count), np.nan)
+    )
+    return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
+
+
+def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
+    """(n,) Σ v² of rows, in the units they were given in."""
+    return in_pieces((len(v),), lambda rows: np.asarray(np.nansum((v[rows] / factors) ** 2, axis=1)))
+
+
+def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:
+    """Free, partly fixed or fixed: blocks (n,)."""
+    free = solved.network.blocks[kind].free[numbers]
+    status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
+    return pl.Series(STATUSES).gather(status)
+
+
+def _frame(columns: dict[str, Any]) -> pl.DataFrame:
+    """Columns as a table; names are texts also where there is none, NaN is no value."""
+    texts = [name for name in ("id", "camera", "status") if name in columns]
+    frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
+    some = [one.name for one in frame.select(pl.col(pl.Float64)) if one.is_nan().any()]
+    return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,1 @@
+"""Sparse symmetric block matrices: ordering, multifrontal Cholesky, selected inverse. Knows no geodesy."""

@@ -1,0 +1,256 @@
+"""Multifrontal Cholesky factorisation of a symmetric positive semidefinite block matrix.
+
+Front after front, children first: gather the entries of the matrix and the updates of the children, factorise
+the k × k pivot block (L11), solve for the r × k block below it (L21), and hand the update −L21 L21ᵀ on to the
+parent. Everything dense is LAPACK. A pivot that vanishes is set aside instead of failing: its unknown is
+fixed at zero, and what remains is the factorisation of the matrix without its row and column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from mor import compilation
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.sparse.blas_threads import threads_for
+from mor.sparse.block_matrix import BlockMatrix
+from mor.sparse.compiled import fronts
+from mor.sparse.symbolic_factorisation import Elimination, Entries
+
+# A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
+# before. It is a difference of numbers of order one; its round-off is some 1e-16 times the growth, seldom
+# above 1e-12.
+TOLERANCE = 1e-10
+# Below this order vanishing pivots are looked for column by column; above it the matrix is halved first.
+_HALVE_ABOVE = 64
+_NONE = np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Cholesky factor, front by front.
+
+    Attributes:
+        elimination: the plan it follows.
+        pivots: for each front L11 (k, k), column-major, lower triangle; what stands above is undefined.
+        below: for each front L21 (r, k), column-major.
+        set_aside: scalar unknowns whose pivot vanished, ascending.
+        set_aside_places: their places in the order of elimination, ascending.
+    """
+
+    elimination: Elimination
+    pivots: tuple[FloatArray, ...]
+    below: tuple[FloatArray, ...]
+    set_aside: IntArray
+    set_aside_places: IntArray
+
+    def solve(self, right_hand_side: FloatArray) -> FloatArray:
+        """Return x of N x = b for b (n,) or (n, k); unknowns set aside are held at zero.
+
+        Equations of unknowns set aside are not looked at: a consistent right-hand side fulfils them by
+        itself.
+        """
+        plan = self.elimination
+        x = np.ascontiguousarray(
+            right_hand_side.reshape(plan.permutation.size, -1)[plan.permutation], dtype=np.float64
+        )
+        with threads_for(plan.largest_front):
+            self._forward(x)
+            self._backward(x)
+        solution = np.empty_like(x)
+        solution[plan.permutation] = x
+        return solution.reshape(right_hand_side.shape)
+
+    def selected_inverse(self, watch: Callable[[float], None] | None = None) -> BlockMatrix:
+        """Return the blocks of N⁻¹ on the pattern of N; rows and columns of unknowns set aside are zero."""
+        # The two modules know each other; which of them is imported first must not matter.
+        from mor.sparse.selected_inverse import selected_inverse
+
+        return selected_inverse(self, watch)
+
+    def _forward(self, x: FloatArray) -> None:
+        """Replace x (permuted) by the solution of L y = x."""
+        plan = self.elimination
+        vanished = np.zeros(x.shape[0], dtype=bool)
+        vanished[self.set_aside_places] = True
+        for f in range(plan.fronts):
+            first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
+            x[first:end][vanished[first:end]] = 0.0
+            # A row-major slice is its own transpose in column-major order: yᵀ = xᵀ L11⁻ᵀ, in place.
+            y = dtrsm(1.0, self.pivots[f], x[first:end].T, side=1, lower=1, trans_a=1, overwrite_b=1).T
+            x[first:end] = y
+            if self.below[f].size:
+                x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]] -= self.below[f] @ y
+
+    def _backward(self, x: FloatArray) -> None:
+        """Replace x (permuted) by the solution of Lᵀ z = x."""
+        plan = self.elimination
+        for f in range(plan.fronts - 1, -1, -1):
+            first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
+            y = x[first:end]
+            if self.below[f].size:
+                y = y - self.below[f].T @ x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]]
+            x[first:end] = dtrsm(1.0, self.pivots[f], y.T, side=1, lower=1, trans_a=0, overwrite_b=1).T
+
+
+def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:
+    """Return the Cholesky factor of a symmetric positive semidefinite matrix scaled to unit diagonal.
+
+    Args:
+        matrix: the matrix; of its diagonal blocks only the lower triangles are read.
+        elimination: the plan made for its pattern.
+        tolerance: pivots below it, negative ones included, are set aside.
+
+    Raises:
+        ValueError: the matrix contains infinities or not-a-numbers.
+    """
+    if not np.isfinite(
+        matrix.values.sum()
+    ):  # whatever is not finite shows in the sum, and it is five times as fast
+        raise ValueError("the normal matrix contains values that are not finite")
+    updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
+    pivots, below = _room_for(elimination)
+    set_aside = [np.empty(0, dtype=np.int64)]
+    with threads_for(elimination.largest_front):
+        for f in range(elimination.fronts):
+            children = updates.pop(f, [])
+            front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
+            factor, vanished = _factor_in_place(front[0], tolerance), _NONE
+            if factor is None:  # the assembled pivots are gone, and are needed once more
+                front[0][...], front[1][...] = 0.0, 0.0
+                front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
+                factor, vanished = _factor_dense(front[0], tolerance)
+            _keep(factor, pivots[f])
+            lower = _below(factor, vanished, *front[1:])
+            _keep(lower, below[f])
+            if vanished.size:
+                set_aside.append(vanished + elimination.pivot_pointers[f])
+            if lower.size:
+                places = elimination.row_in_parent[
+                    elimination.row_pointers[f] : elimination.row_pointers[f + 1]
+                ]
+                updates.setdefault(int(elimination.parent[f]), []).append((front[2], places))
+    at = np.concatenate(set_aside)
+    return Factor(elimination, tuple(pivots), tuple(below), np.sort(elimination.permutation[at]), at)
+
+
+def _room_for(plan: Elimination) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return zeros for L11 and L21 of each front, as parts of two arrays.
+
+    Thousands of arrays of their own, made anew with every factorisation, leave the memory full of holes.
+    """
+    k, r = plan.pivots, np.diff(plan.row_pointers)
+    return _parts(k, k), _parts(r, k)
+
+
+def _parts(rows: IntArray, columns: IntArray) -> list[FloatArray]:
+    ends = np.cumsum(rows * columns)
+    whole = np.zeros(int(ends[-1]) if ends.size else 0)
+    return [
+        whole[end - m * n : end].reshape((m, n), order="F")
+        for m, n, end in zip(rows.tolist(), columns.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def _keep(found: FloatArray, place: FloatArray) -> None:
+    """Copy what was found to its place, unless LAPACK has worked there."""
+    if not np.may_share_memory(found, place):
+        place[...] = found
+
+
+def _assembled_front(
+    values: FloatArray,
+    plan: Elimination,
+    f: int,
+    pivots: FloatArray,
+    below: FloatArray,
+    updates: list[tuple[FloatArray, IntArray]],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the arrays (pivots, below, rest) of a front with the matrix and the children's updates in it.
+
+    ``pivots`` (k, k) and ``below`` (r, k) are zeros to be used.
+    """
+    r = below.shape[0]
+    rest = np.zeros((r, r), order="F")
+    _assemble(values, *entries_of_front(plan.entries, f), pivots, below)
+    for update, places in updates:
+        _extend_add(update, places, pivots, below, rest)
+    return pivots, below, rest
+
+
+def _factor_in_place(matrix: FloatArray, tolerance: float) -> FloatArray | None:
+    """Return the Cholesky factor in the place of the matrix; nothing where a pivot vanishes, the matrix being lost."""
+    factor, failed = dpotrf(matrix, lower=1, clean=0, overwrite_a=1)
+    return None if failed or np.square(factor.diagonal()).min(initial=1.0) < tolerance else factor
+
+
+def _below(factor: FloatArray, vanished: IntArray, below: FloatArray, rest: FloatArray) -> FloatArray:
+    """Return L21; subtract L21 L21ᵀ from the lower half of ``rest`` in place."""
+    if not below.size:
+        return below
+    lower: FloatArray = dtrsm(1.0, factor, below, side=1, lower=1, trans_a=1, overwrite_b=1)
+    lower[:, vanished] = 0.0
+    dsyrk(-1.0, lower, beta=1.0, c=rest, lower=1, overwrite_c=1)
+    return lower
+
+
+def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, IntArray]:
+    """Return the Cholesky factor (lower triangle, column-major) of a dense matrix and the pivots set aside.
+
+    LAPACK does it in one go unless a pivot vanishes. Then the matrix is halved, so that all but the few
+    columns around the vanishing pivots still go through LAPACK.
+    """
+    factor = _factor_in_place(matrix.copy(order="F"), tolerance)
+    if factor is not None:
+        return factor, _NONE
+    factor = matrix.copy(order="F")
+    size = matrix.shape[0]
+    if size <= _HALVE_ABOVE:
+        vanished = np.zeros(size, dtype=bool)
+        fronts.factor_setting_aside(factor, tolerance, vanished)
+        return factor, np.flatnonzero(vanished)
+    half = size // 2
+    rest = factor[half:, half:].copy(order="F")
+    upper, before = _factor_dense(factor[:half, :half], tolerance)
+    lower = _below(upper, before, factor[half:, :half].copy(order="F"), rest)
+    remainder, after = _factor_dense(rest, tolerance)
+    lower[after] = 0.0
+    factor[:half, :half], factor[half:, :half], factor[half:, half:] = upper, lower, remainder
+    return factor, np.concatenate((before, after + half))
+
+
+def entries_of_front(
+    entries: Entries, f: int
+) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]:
+    """Return (start, height, width, row, column, transposed) of the stored blocks that go into front f."""
+    part = slice(entries.pointers[f], entries.pointers[f + 1])
+    return (
+        entries.start[part],
+        entries.height[part],
+        entries.width[part],
+        entries.row[part],
+        entries.column[part],
+        entries.transposed[part],
+    )
+
+
+def extend_add_by_numpy(
+    update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
+) -> None:
+    """Add a child's update to its parent: the form that needs no compiler."""
+    k = pivots.shape[0]
+    split = int(np.searchsorted(places, k))
+    inside, beyond = places[:split], places[split:] - k
+    lower = np.tril(update)
+    pivots[np.ix_(inside, inside)] += lower[:split, :split]
+    below[np.ix_(beyond, inside)] += lower[split:, :split]
+    rest[np.ix_(beyond, beyond)] += lower[split:, split:]
+
+
+_assemble = fronts.assemble
+_extend_add = fronts.extend_add if compilation.available else extend_add_by_numpy

@@ -1,0 +1,162 @@
+"""The compiled loops of the growth against their readable forms, and against truth."""
+
+import numpy as np
+import pytest
+
+from mor.approximate.bundle import direction_bundle, image_bundle
+from mor.approximate.growth.forward_intersection import meet, meet_plainly, posed_frames
+from mor.approximate.growth.frames import Frame
+from mor.approximate.growth.local_bundle import settle
+from mor.approximate.growth.part import empty_part
+from mor.approximate.growth.seed_bundles import WINDOW, common_pairs
+from mor.approximate.growth.sightings import sightings
+from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, adjust_pose_plainly
+from mor.geometry.rotations import rotate
+
+
+@pytest.mark.parametrize("observed", [False, True])
+@pytest.mark.parametrize("count", [4, 6, 60])
+def test_a_pose_is_adjusted_alike_by_both_forms(scenes, count, observed):
+    rng = np.random.default_rng(count)
+    for seed in range(20):
+        made = scenes.scene(seed, 0.005, n=count)
+        bundle = image_bundle(made.rays[0], 0.005)
+        place, rotation = made.cameras[0]
+        start = Pose(place + rng.normal(0, 0.1, 3), rotate(rotation, rng.normal(0, 0.1, 3)))
+        known = Observed(place + 0.01, np.array([0.01, 0.02, 1e-5])) if observed else None
+        compiled = adjust_pose(bundle, made.points, start, observed=known)
+        plain = adjust_pose_plainly(bundle, made.points, start, observed=known)
+        np.testing.assert_allclose(compiled.position, plain.position, atol=1e-7)
+        np.testing.assert_allclose(compiled.rotation, plain.rotation, atol=1e-7)
+        np.testing.assert_allclose(compiled.rotation @ compiled.rotation.T, np.eye(3), atol=1e-13)
+
+
+def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
+    """Position observed with a tiny σ: it is kept, and the attitude is the one that fits from there."""
+    made = scenes.scene(3, 0.005, n=20)
+    place, rotation = made.cameras[0]
+    bundle = direction_bundle(made.rays[0], 1e-4)
+    moved = place + 1e-3
+    held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=Observed(moved, np.full(3, 1e-9)))
+    np.testing.assert_allclose(held.position, moved, atol=1e-9)
+    free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=Observed(moved, np.full(3, 1e6)))
+    np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
+
+
+def frames_of(made, wrong=0):
+    """Frames of a scene, each ray with a target height of 0.25, the first ``wrong`` rays of the first frame astray."""
+    frames = []
+    lifted = made.points + np.array([0.0, 0.0, 0.25])
+    for number, (place, rotation) in enumerate(made.cameras):
+        rays = (lifted - place) @ rotation.T
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        if number == 0:
+            rays[:wrong] = rays[:wrong] @ rotate(np.eye(3), np.array([0.1, 0.2, 0.0]))
+        count = len(rays)
+        frames.append(
+            Frame(
+                name=f"image {number}",
+                position=0,
+                rotation=0,
+                height=0,
+                eccentricity=0,
+                relative=None,
+                points=np.arange(count),
+                heights=np.full(count, 0.25),
+                rays=rays,
+                sigma=np.full(count, 1e-4),
+                offset=np.zeros(4),
+            )
+        )
+    return frames
+
+
+@pytest.mark.parametrize("images", [2, 4])
+def test_rays_meet_alike_in_both_forms(scenes, images):
+    for seed in range(10):
+        made = scenes.scene(seed, n=20, images=images)
+        frames = frames_of(made, wrong=5)
+        seen = sightings(frames, 25)
+        posed = posed_frames(dict(enumerate(made.cameras[:images])), images)
+        compiled = meet(np.arange(25), seen, posed, 5e-4)
+        plain = meet_plainly(np.arange(25), seen, posed, 5e-4)
+        np.testing.assert_array_equal(compiled.good, plain.good)
+        np.testing.assert_allclose(compiled.X[compiled.good], plain.X[plain.good], atol=1e-9)
+        assert compiled.good[5:20].all()
+        assert not compiled.good[20:].any()
+        np.testing.assert_allclose(compiled.X[5:20], made.points[5:], atol=1e-10)
+
+
+def test_frames_without_a_pose_have_no_say(scenes):
+    made = scenes.scene(1, n=12, images=3)
+    seen = sightings(frames_of(made), 12)
+    poses = {0: made.cameras[0], 2: made.cameras[2]}
+    found = meet(np.arange(12), seen, posed_frames(poses, 3), 5e-4)
+    np.testing.assert_allclose(found.X, made.points, atol=1e-10)
+    assert not meet(np.arange(12), seen, posed_frames({1: made.cameras[1]}, 3), 5e-4).good.any()
+
+
+def test_pairs_do_not_grow_with_the_square_of_the_frames(scenes):
+    """Ten points that all frames see: pairs within windows only, and still every frame in many pairs."""
+    count = 10 * WINDOW
+    one = frames_of(scenes.scene(1, n=10))[0]
+    pairs = common_pairs(sightings([one] * count, 10))
+    assert len(pairs.first) == 10 * WINDOW * (WINDOW - 1) // 2
+    assert len(np.unique(np.concatenate([pairs.first, pairs.second]))) == count
+    assert (pairs.first < pairs.second).all()
+
+
+def block(rng, held=3):
+    """Ten frames over a field of points in a row, the first ``held`` posed exactly, the others a little wrong."""
+    points = np.column_stack([rng.uniform(-2, 20, 300), rng.uniform(-4, 4, 300), rng.uniform(0, 1, 300)])
+    frames, poses = [], {}
+    for number in range(10):
+        place, D = (
+            np.array([2.0 * number, rng.normal(0, 0.1), 10.0]),
+            rotate(np.eye(3), rng.normal(0, 0.05, 3)),
+        )
+        star = (points - place) @ D.T
+        seen = np.flatnonzero(np.abs(star[:, 0]) < 4.5)
+        rays = star[seen] / np.linalg.norm(star[seen], axis=1, keepdims=True)
+        count = len(seen)
+        frames.append(
+            Frame(
+                f"image {number}",
+                300 + number,
+                0,
+                0,
+                0,
+                None,
+                seen,
+                np.zeros(count),
+                rays,
+                np.full(count, 1e-4),
+                np.zeros(4),
+            )
+        )
+        poses[number] = (place, D)
+    wrong = {
+        k: (place + 0.01, rotate(D, np.full(3, 2e-3))) if k >= held else (place, D)
+        for k, (place, D) in poses.items()
+    }
+    return frames, poses, wrong
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_frames_settle_to_the_truth_together(given):
+    """Tied to frames that are held, or to given positions alone: the points are only as good as the wrong poses."""
+    frames, truth, wrong = block(np.random.default_rng(4), held=0 if given else 3)
+    seen = sightings(frames, 310)
+    part = empty_part(310)
+    part.poses = dict(wrong)
+    for number in range(10 if given else 0):
+        part.points[300 + number] = truth[number][0]
+        part.fixed[300 + number], part.sigma[300 + number] = True, 1e-4
+    poses = posed_frames(part.poses, 10)
+    moving = list(range(0 if given else 3, 10))
+    for _ in range(8):
+        part.points[:300] = meet(np.arange(300), seen, poses, 2e-3).X
+        settle(part, frames, seen, poses, moving)
+    for number in moving:
+        np.testing.assert_allclose(part.poses[number][0], truth[number][0], atol=1e-5)
+        np.testing.assert_allclose(part.poses[number][1], truth[number][1], atol=1e-5)

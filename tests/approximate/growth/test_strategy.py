@@ -1,0 +1,110 @@
+"""Start values from nothing: the same solution as with given ones, for every kind of network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mor.adjustment.solve import Outcome
+from mor.approximate.growth.strategy import approximate
+from mor.formats import read_foreign
+from mor.pipeline import read_document, read_network, solve_network
+from mor.project.network.build import Network
+from mor.quality.solved import Solved
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
+GAMA = (
+    "acord2__input__a2diff__traverse-01-es-left",
+    "azimuth-distance",
+    "bug__2019-08-13-traverse-knin_male",
+    "bug__tst-tetrahedron-3-deg",
+    "ctu__2020-barta-phase_0-1TK",
+    "fixed-constrained",
+    "jezerka-ang",
+    "krumm__1D__Krumm_Height_dyn",
+    "krumm__1D__Niemeier_Height_free",
+    "krumm__2D__Ghilani16_2_DistanceAngleAzimuth_fix",
+    "krumm__2D__LotherStrehle_Direction3",
+    "krumm__3D__Baumann23_3_4_fix",
+    "krumm__3D__Ghilani_GNSS_Baselines",
+    "local_3d",
+    "scale-cov-gon",
+    "seq-dsuloha-d",
+    "sim__from-to-dh",
+    "stroner-levelling-a",
+    "tetrahedron",
+)
+
+
+def without_start(network: Network) -> Network:
+    """The network with the start values of all free, unobserved coordinates and attitudes taken away."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    free = network.blocks["point"].free & ~np.isfinite(network.sigma["point"])
+    start["point"][free] = np.nan
+    if "rotation" in start:
+        blocks = network.blocks["rotation"]
+        loose = blocks.free.any(axis=1) & ~np.isfinite(network.sigma["rotation"]).any(axis=1)
+        if blocks.about_axes is not None:
+            loose &= ~blocks.about_axes
+        start["rotation"][loose] = np.nan
+    if "base" in start:
+        start["base"][network.blocks["base"].free] = np.nan
+    return replace(network, start=start)
+
+
+def of_project(path: Path) -> Network:
+    return read_network(read_document(path), path.parent)
+
+
+def assert_same_solution(found: Solved, expected: Solved) -> None:
+    assert found.adjustment.outcome is Outcome.CONVERGED
+    assert found.quality is not None
+    assert expected.quality is not None
+    assert found.quality.redundancy == expected.quality.redundancy
+    assert found.quality.sigma0 == pytest.approx(expected.quality.sigma0, rel=1e-7, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml")))
+def test_sample_projects_from_nothing(name: str) -> None:
+    network = of_project(SAMPLES / name / "project.yaml")
+    assert_same_solution(solve_network(without_start(network)), solve_network(network))
+
+
+@pytest.mark.parametrize("name", GAMA)
+def test_geodetic_networks_without_coordinates_of_new_points(
+    name: str, shared_data: Callable[[str], Path]
+) -> None:
+    path = shared_data("gama") / f"{name}.gkf"
+    network = read_network(read_foreign(path), path.parent)
+    assert_same_solution(solve_network(without_start(network)), solve_network(network))
+
+
+def test_given_values_are_never_overridden() -> None:
+    network = of_project(SAMPLES / "facade" / "project.yaml")
+    found = approximate(without_start(network)).start
+    kept = np.isfinite(without_start(network).start["point"])
+    np.testing.assert_array_equal(found["point"][kept], network.start["point"][kept])
+    assert approximate(network).start is network.start
+
+
+def test_everything_is_told_how_it_was_obtained() -> None:
+    network = of_project(SAMPLES / "test_field" / "project.yaml")
+    how = approximate(without_start(network)).how
+    images = {f"image {name}" for name in network.things["image"].ids}
+    assert images <= how.keys()
+    assert sum("relative orientation" in words for words in how.values()) >= 2
+
+
+def test_what_cannot_be_known_is_named() -> None:
+    network = without_start(of_project(SAMPLES / "facade" / "project.yaml"))
+    lost = network.things["point"].ids[-1]
+    group = network.groups[0]
+    rows = [i for i, name in enumerate(group.references[1]) if name == lost][1:]
+    observed = group.observed.copy()
+    observed[rows] = np.nan
+    crippled = replace(network, groups=(replace(group, observed=observed), *network.groups[1:]))
+    assert [words for words in approximate(crippled).missing if f"point {lost}:" in words]

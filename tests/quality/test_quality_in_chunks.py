@@ -1,0 +1,87 @@
+"""Statistics of many observations, worked out a piece at a time, are those of the whole, to the last digit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reliability_scenes import correlated_everywhere
+from scenes import Scene, photo_block, solve
+
+from mor.adjustment.solve import adjust
+from mor.quality import in_chunks as pieces
+from mor.quality.assess import Quality, assess
+from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.in_chunks import in_pieces, sum_of_known
+from mor.quality.reliability.effects import effects
+from mor.quality.reliability.observation_quality import omega_of, redundancy_of
+
+OF_QUALITY = ("r", "q_adjusted", "q_residual", "weighted", "precision", "q_weighted", "joint", "freedom")
+OF_TESTS = ("test", "error", "smallest", "external")
+
+
+def _with_one_excluded(scene: Scene, points: list[str]) -> Quality:
+    problem = scene.problem(np.random.default_rng(4), points)
+    out = [np.zeros(group.observed.shape, dtype=bool) for group in problem.groups]
+    out[0][2, 0] = True
+    return assess(adjust(exclude(problem, out), scene.start(1e-4)))
+
+
+@pytest.fixture(params=["correlated", "excluded"])
+def quality(request: pytest.FixtureRequest) -> Quality:
+    if request.param == "excluded":
+        return _with_one_excluded(*photo_block())
+    scene, _ = correlated_everywhere()
+    return assess(solve(scene, np.random.default_rng(4), None))
+
+
+def _everything(quality: Quality) -> list[np.ndarray]:
+    return [
+        *(getattr(one, name) for one in quality.groups for name in OF_QUALITY),
+        *(getattr(one, name) for one in quality.reliability for name in OF_TESTS),
+        *quality.w,
+        np.array([effect.movement for effect in effects(quality)]),
+    ]
+
+
+def test_pieces_are_the_whole(quality: Quality, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = _everything(quality)
+    monkeypatch.setattr(pieces, "ROWS_AT_A_TIME", 3)
+    for one, other in zip(_everything(quality), whole, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one in quality.groups:
+        assert redundancy_of(one) == pytest.approx(np.nansum(one.r), rel=1e-14)
+        assert omega_of(one) == pytest.approx(np.nansum(one.v * one.weighted), rel=1e-14)
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_sums_of_pieces_are_the_sum_to_the_last_digit(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.random.default_rng(3).standard_normal((70_001, width)) * 1e3
+    values[::7] = np.nan
+    monkeypatch.setattr(pieces, "ROWS_AT_A_TIME", 1000)
+    assert sum_of_known(values.shape, lambda rows: values[rows]) == np.nansum(values)
+    assert np.cumsum(np.nan_to_num(values))[-1] != np.nansum(values)  # another order gives other digits
+
+
+def test_pieces_come_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pieces, "ROWS_AT_A_TIME", 4)
+    numbers = np.arange(22.0).reshape(11, 2)
+    seen = []
+
+    def work(rows: slice) -> np.ndarray:
+        seen.append(numbers[rows])
+        return numbers[rows] > 7.0
+
+    np.testing.assert_array_equal(in_pieces(numbers.shape, work), numbers > 7.0)
+    assert [len(piece) for piece in seen] == [4, 4, 3]
+
+
+def test_the_joint_test_is_kept_once_for_a_row_and_told_of_what_was_tested() -> None:
+    quality = _with_one_excluded(*photo_block())
+    one, group = quality.groups[0], quality.adjustment.problem.groups[0]
+    assert one.joint_of_row.shape == one.freedom_of_row.shape == (group.count,)
+    tested = group.mask & ~group.left_out
+    assert not tested.all()
+    np.testing.assert_array_equal(np.isfinite(one.joint), tested)
+    np.testing.assert_array_equal(np.isfinite(one.freedom), tested)
+    both = tested.all(axis=1)
+    np.testing.assert_array_equal(one.joint[both, 0], one.joint[both, 1])
