@@ -15,7 +15,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
     ("errors", "units", "compilation", "counting"),
-    ("geometry",),
+    ("geometry", "input_files"),
     ("parameters",),
     ("observations",),
     ("project",),

@@ -15,8 +15,8 @@ from mor.arrays import FloatArray
 from mor.project.file.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
-_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?\s*$")
-_SEXAGESIMAL = re.compile(r"^\s*[-+−]?\d+\s*[-°:\s]\s*\d")
+_NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?$")
+_SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
@@ -89,10 +89,13 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
 
 def split(text: str) -> tuple[float, str]:
     """Number and unit (or an empty text). Raises :class:`UnitError`."""
-    match = _NUMBER.match(text)
+    match = _NUMBER.match(text.strip())
     if match is None:
         raise UnitError(f"found {text!r}, expected a number, with or without a unit")
-    return float(match[1]), match[2] or ""
+    value = float(match[1])
+    if not np.isfinite(value):
+        raise UnitError(f"found {text!r}, expected a finite number")
+    return value, match[2] or ""
 
 
 def _plain(text: str, expected: str) -> float:
@@ -132,7 +135,7 @@ class Edge:
 
     def number(self, text: str, quantity: Quantity, unit: str = "", image: ImageScale | None = None) -> float:
         """Internal value of a text; a unit in the text goes before ``unit``. Raises :class:`UnitError`."""
-        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text):
+        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text.strip()):
             try:
                 return parse_dms(text) * ANGLE_UNITS["dms"]
             except ValueError as error:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Text = Annotated[str, Field(min_length=1)]
 Measure = Annotated[
@@ -15,6 +16,12 @@ Measure = Annotated[
     ),
 ]
 Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+
+
+def _delimiter(sign: str) -> str:
+    if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
+        raise ValueError(f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab")
+    return sign
 
 
 class Strict(BaseModel):
@@ -129,7 +136,12 @@ class Table(Strict):
     )
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
     delimiter: (
-        Annotated[str, StringConstraints(strip_whitespace=False, min_length=1, max_length=1)] | None
+        Annotated[
+            str,
+            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
+            AfterValidator(_delimiter),
+        ]
+        | None
     ) = Field(
         default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
     )
