@@ -14,7 +14,8 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("errors", "units", "compilation", "counting"),
+    ("errors", "units", "compilation", "counting", "arrays"),
+    ("sparse",),
     ("geometry", "input_files"),
     ("parameters",),
     ("observations",),

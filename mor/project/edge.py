@@ -77,6 +77,9 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
         return ImageScale(camera.unit, float("nan"), (float("nan"), float("nan")), False)
     width, height = (_plain(text, PIXEL) for text in (camera.image.width, camera.image.height))
     number, unit = split(camera.image.pixel)
+    for name, value in (("width", width), ("height", height), ("pixel", number)):
+        if value <= 0.0:
+            raise UnitError(f"{name}: found {value:g}, expected a number above 0")
     unit = unit or "mm"
     if unit not in LENGTH_UNITS:
         raise UnitError(f"unit {unit!r} does not fit a pixel size")
@@ -93,9 +96,20 @@ def split(text: str) -> tuple[float, str]:
     if match is None:
         raise UnitError(f"found {text!r}, expected a number, with or without a unit")
     value = float(match[1])
-    if not np.isfinite(value):
-        raise UnitError(f"found {text!r}, expected a finite number")
+    if not abs(value) <= LARGEST:
+        raise UnitError(beyond(text, value))
     return value, match[2] or ""
+
+
+LARGEST, SMALLEST_SIGMA = 1e50, 1e-50
+"""Numbers that are read, and σ of observations. (v/σ)² of the worst of them is 1e200, and leaves room for sums and
+products of derivatives; nothing that is measured, in whatever unit, comes near."""
+
+
+def beyond(text: str, value: float) -> str:
+    """Words for a number that is too large to be computed with."""
+    expected = f"a number up to {LARGEST:g}" if np.isfinite(value) else "a finite number"
+    return f"found {text!r}, expected {expected}"
 
 
 def _plain(text: str, expected: str) -> float:

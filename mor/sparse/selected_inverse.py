@@ -9,7 +9,6 @@ fronts, with N⁻¹ = Z and Y = L21 L11⁻¹, and Z22 inherited from the parent:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.blas import dgemm, dtrsm
@@ -19,12 +18,9 @@ from mor import compilation
 from mor.arrays import FloatArray, IntArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
+from mor.sparse.cholesky import Factor
 from mor.sparse.compiled import fronts
-
-if TYPE_CHECKING:
-    from mor.sparse.cholesky import Factor
-    from mor.sparse.symbolic_factorisation import Elimination
-
+from mor.sparse.symbolic_factorisation import Elimination
 
 Watcher = Callable[[float], None]
 """Told how many more operations are done."""
@@ -37,8 +33,6 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
     Exact, not an approximation: every entry equals that of the full inverse (of N without the rows and
     columns of the unknowns set aside). ``watch`` is told some hundred times how far it is.
     """
-    from mor.sparse.cholesky import entries_of_front
-
     plan = factor.elimination
     tellings = _tellings(plan) if watch is not None else {}
     values = np.zeros(int(plan.structure.position[-1]))
@@ -52,7 +46,7 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
             if places.size:
                 _inherit(places, *inverses[parent], rest)
             pivots, below = _inverse_of_front(factor, f, rest)
-            fronts.extract(values, *entries_of_front(plan.entries, f), pivots, below)
+            fronts.extract(values, *plan.entries.of_front(f), pivots, below)
             if watch is not None and f in tellings:
                 watch(tellings[f])
             if waiting[f]:

@@ -46,6 +46,18 @@ class Entries:
     column: IntArray
     transposed: BoolArray
 
+    def of_front(self, f: int) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]:
+        """Return (start, height, width, row, column, transposed) of the stored blocks that go into front f."""
+        part = slice(self.pointers[f], self.pointers[f + 1])
+        return (
+            self.start[part],
+            self.height[part],
+            self.width[part],
+            self.row[part],
+            self.column[part],
+            self.transposed[part],
+        )
+
 
 @dataclass(frozen=True)
 class Elimination:

@@ -22,11 +22,11 @@ from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import Chunk, RayPlan, pieces
 from mor.adjustment.rays.point_elimination import (
-    ReducedSystem,
     accumulate,
     accumulate_images,
     back_substitute,
 )
+from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import FloatArray, IntArray, SmallIntArray
 from mor.observations import Computed
 from mor.parameters.index import Values

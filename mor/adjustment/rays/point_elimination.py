@@ -10,7 +10,7 @@ Every function has a plain numpy form in ``point_reference`` and a compiled one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,26 +22,9 @@ from mor.adjustment.rays.compiled.cliques import Pattern
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.point_products import System
 from mor.adjustment.rays.linearised import Rays
+from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
-
-
-@dataclass(frozen=True)
-class ReducedSystem:
-    """Normal equations of the unknowns that remain; ``accumulate`` adds to its arrays in place.
-
-    Attributes:
-        matrix: S = Σ jᵀj − Σ W N_pp⁻¹ Wᵀ; diagonal blocks hold both triangles.
-        right_hand_side: (n,) −Σ jᵀ residual − Σ W N_pp⁻¹ b_p.
-        diagonal: (n,) diagonal of Σ jᵀj alone, before the points are eliminated: the measure of what
-            vanishes, and of damping.
-        gradient: (n,) −Σ jᵀ residual alone, before the points are eliminated.
-    """
-
-    matrix: BlockMatrix
-    right_hand_side: FloatArray
-    diagonal: FloatArray
-    gradient: FloatArray
 
 
 class Eliminated(NamedTuple):
@@ -54,12 +37,6 @@ class Eliminated(NamedTuple):
     """
     gradient: FloatArray
     """(p, 3) −Σ aᵀ residual."""
-
-
-def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
-    """Return a reduced system of zeros."""
-    matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
-    return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
 def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:

@@ -8,17 +8,14 @@ a_i L⁻ᵀ, N_pp = L Lᵀ, and all pairs of a handful of points are treated at 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mor.adjustment.rays.compiled.points import VANISHING
 from mor.adjustment.rays.linearised import Rays
+from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure, find_blocks
-
-if TYPE_CHECKING:
-    from mor.adjustment.rays.point_elimination import ReducedSystem
 
 # Entries of the reduced matrix that are touched at a time: bounds the memory, not the result.
 _ENTRIES_AT_A_TIME = 2_000_000

@@ -58,7 +58,7 @@ class Seed(NamedTuple):
 def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     """Orientation of bundle ``b`` in ``a`` from n ≥ 8 homologous rays, without approximate values.
 
-    All rays are believed (see :func:`mor.approximate.relative_orientation.robust.robust_relative_orientation` otherwise).
+    All rays are believed (see ``robust.robust_relative_orientation`` otherwise).
     Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see
     :mod:`mor.approximate.relative_orientation.rinner`.
     """

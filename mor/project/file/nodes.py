@@ -48,7 +48,7 @@ class Document:
         """Files that the sections refer to, as written: tables and covariance matrices."""
         entries = [e for section in self.data.values() if isinstance(section, list) for e in section]
         named = [e.get(key) for e in entries if isinstance(e, dict) for key in ("file", "covariance")]
-        return [name for name in named if isinstance(name, str)]
+        return [name for name in named if isinstance(name, str) and "\0" not in name]
 
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""

@@ -10,6 +10,7 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
 from mor.input_files import TABLE, read_text
+from mor.project.edge import LARGEST, SMALLEST_SIGMA
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group
@@ -174,6 +175,8 @@ def _not_positive_definite(matrix: FloatArray) -> str:
         return "the covariance matrix is not symmetric"
     if (np.diagonal(matrix) <= 0.0).any():
         return "the covariance matrix is not positive definite: a variance is missing, zero or negative"
+    if not ((np.diagonal(matrix) >= SMALLEST_SIGMA**2) & (np.diagonal(matrix) <= LARGEST**2)).all():
+        return f"the covariance matrix has a σ outside of {SMALLEST_SIGMA:g} to {LARGEST:g}"
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
