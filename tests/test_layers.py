@@ -16,7 +16,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
-    ("geometry",),
+    ("geometry", "input_files"),
     ("parameters",),
     ("observations",),
     ("project",),
