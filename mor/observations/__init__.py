@@ -1,6 +1,7 @@
 """Observation types: one file each, every one a value of :class:`ObservationType`."""
 
 from mor.observations._contract import (
+    PERFECT_SET_UP,
     Computed,
     External,
     ObservationGroup,
@@ -62,6 +63,7 @@ __all__ = [
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
     "PLAIN_TYPES",
+    "PERFECT_SET_UP",
     "Computed",
     "External",
     "ObservationGroup",

@@ -29,6 +29,7 @@ from mor.approximate.growth.sightings import Sightings, sightings
 from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
@@ -44,8 +45,10 @@ class Approximation:
     start: Mapping[str, FloatArray]
     how: Mapping[str, str]
     """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[str, ...]
+    missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
+    remarks: tuple[str, ...] = ()
+    """Why frames could not begin a part of their own, where something is missing."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def approximate(network: Network) -> Approximation:
         reasons = _orient_the_rest(system, scene, fewest)
     intersect_the_rest(system, scene.seen)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
-    return Approximation(start, how, (*reasons, *missing) if missing else ())
+    return Approximation(start, how, missing, tuple(reasons) if missing else ())
 
 
 def _scene(network: Network) -> Scene:
