@@ -27,6 +27,7 @@ from mor.project.network.build import Network, build_network
 from mor.project.network.reading import TableWatcher, ignore_table
 from mor.quality.assess import Levels, assess
 from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
+from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
@@ -74,7 +75,7 @@ def solve_network(
     network, start = determinable_start(network)
     network, adjustment = adjust_determinable(network, start, _means(settings, watch))
     if not adjustment.outcome.is_solution:
-        return Solved(network, adjustment, None)
+        return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup, some_rows
-from mor.observations.at_infinity import can_be_at_infinity
+from mor.observations import some_rows
+from mor.observations.at_infinity import can_be_at_infinity, target_slot
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 
@@ -62,7 +62,7 @@ def nearly_parallel(network: Network, values: Values) -> RayPoints:
     if not suspects.any():
         return RayPoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, np.zeros((0, 3)))
     groups = tuple(
-        some_rows(group, np.flatnonzero(suspects[group.blocks[_target(group)]]))
+        some_rows(group, np.flatnonzero(suspects[group.blocks[target_slot(group.type)]]))
         for group in network.groups
         if can_be_at_infinity(group.type)
     )
@@ -79,7 +79,7 @@ def _suspects(network: Network, values: Values) -> BoolArray:
     from_, to = [], []
     for group in network.groups:
         if can_be_at_infinity(group.type):
-            target = group.blocks[_target(group)]
+            target = group.blocks[target_slot(group.type)]
             rows = candidates[target]
             from_.append(group.blocks[0][rows].astype(np.int64))
             to.append(target[rows].astype(np.int64))
@@ -104,7 +104,7 @@ def _only_rays(network: Network) -> BoolArray:
     only: BoolArray = blocks.free.all(axis=1) & ~foreign.any(axis=1)
     only[blocks.owner[foreign]] = False
     for group in network.groups:
-        target = _target(group) if can_be_at_infinity(group.type) else -1
+        target = target_slot(group.type) if can_be_at_infinity(group.type) else -1
         for k, (slot, numbers) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
             if slot.kind == "point" and k != target:
                 only[numbers] = False
@@ -114,12 +114,8 @@ def _only_rays(network: Network) -> BoolArray:
         for g, row in zip(cluster.groups, cluster.rows, strict=True):
             group = network.groups[g]
             if can_be_at_infinity(group.type):
-                only[group.blocks[_target(group)][row]] = False
+                only[group.blocks[target_slot(group.type)][row]] = False
     return only
-
-
-def _target(group: ObservationGroup) -> int:
-    return max(k for k, slot in enumerate(group.type.slots) if slot.kind == "point")
 
 
 def _met(network: Network, given: FloatArray) -> RayPoints:

@@ -31,7 +31,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
 
     Slots: those of ``type_`` that are no lengths, and a rotation in place of the point.
     """
-    target = _target(type_)
+    target = target_slot(type_)
     kept = tuple(
         k for k, slot in enumerate(type_.slots) if slot.kind not in _LENGTHS and slot.kind != "point"
     )
@@ -60,7 +60,7 @@ _LENGTHS = {"height": 1, "eccentricity": 3, "base": 3}
 """Kinds of blocks that are nothing beside an infinite distance, and their sizes."""
 
 
-def _target(type_: ObservationType) -> int:
+def target_slot(type_: ObservationType) -> int:
     """Number of the slot of the point that is sighted."""
     return max(k for k, slot in enumerate(type_.slots) if slot.kind == "point")
 

@@ -87,6 +87,8 @@ class Network:
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
     """The network as it was read, where something was left out of it or put at infinity."""
+    absent: Mapping[str, BoolArray] = field(default_factory=dict)
+    """(n,) blocks of a kind that have no value: left out, or at infinity."""
     directions: Mapping[int, int] = field(default_factory=dict)
     """Rotation block of the direction of each point block that is at infinity."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Undeterminable
 from mor.observations import PERFECT_SET_UP, ObservationGroup, some_rows
-from mor.observations.at_infinity import AT_INFINITY, FREE_TURNS, at_infinity
+from mor.observations.at_infinity import AT_INFINITY, FREE_TURNS, at_infinity, target_slot
 from mor.parameters.index import Blocks, Values
 from mor.project.network.build import Network
 from mor.project.observations.correlations import Correlation
@@ -53,6 +53,7 @@ def without_blocks(network: Network, marked: Marked, things: Sequence[Undetermin
         correlations=_remaining(network.correlations, kept),
         undeterminable=(*network.undeterminable, *things),
         original=network.original or network,
+        absent=_absent(network, marked),
     )
 
 
@@ -98,22 +99,29 @@ def with_points_at_infinity(
         correlations=_remaining(network.correlations, kept),
         undeterminable=(*network.undeterminable, *things),
         original=network.original or network,
+        absent=_absent(network, {"point": number >= 0}),
         directions={int(p): first + k for k, p in enumerate(points)},
         **extended,
     )
     return reduced, begun
 
 
+def _absent(network: Network, marked: Marked) -> dict[str, BoolArray]:
+    return {
+        kind: network.absent[kind] | blocks if kind in network.absent else blocks
+        for kind, blocks in {**network.absent, **marked}.items()
+    }
+
+
 def _seen_far(group: ObservationGroup, number: IntArray) -> ObservationGroup:
     """Rows to far points as rows to their directions, whose block numbers are ``number`` (points,)."""
     type_ = at_infinity(group.type)
     own = dict(zip(group.type.slots, group.blocks, strict=True))
-    target = max(k for k, slot in enumerate(group.type.slots) if slot.kind == "point")
     return replace(
         group,
         name=group.name + AT_INFINITY,
         type=type_,
-        blocks=(*(own[slot] for slot in type_.slots[:-1]), number[group.blocks[target]]),
+        blocks=(*(own[slot] for slot in type_.slots[:-1]), number[group.blocks[target_slot(group.type)]]),
         ppm=0.0,
         centring=PERFECT_SET_UP,
     )

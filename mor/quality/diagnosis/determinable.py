@@ -23,6 +23,7 @@ from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
 from mor.project.network.reduction import nothing_marked, with_points_at_infinity, without_blocks
 from mor.quality.diagnosis.loose_things import without_loose, without_moved
+from mor.quality.diagnosis.misfit import misfit
 
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
 OPEN = "unknowns are not determined by the observations"
@@ -50,9 +51,8 @@ def completed(
     Points at infinity stay without coordinates and are not missing.
     """
     found = nearly_parallel(network, start)
-    unknown = np.isnan(start["point"][found.points]).any(axis=1)
-    found = found.take(unknown)
-    far = found.parallel(critical)
+    found = found.take(np.isnan(start["point"][found.points]).any(axis=1))
+    far = found.parallel(critical * misfit(network, start, found.points))
     points = start["point"].copy()
     points[found.points[~far]] = found.take(~far).coordinates()
     ids = network.blocks["point"].ids
@@ -80,12 +80,11 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     Loose things make the outcome singular, unless the project has ``undetermined: leave_out``; points at infinity do not.
     """
     values, failed = start, np.zeros(0, dtype=np.int64)
-    far = _parallel(nearly_parallel(network, start), means)
+    far = _parallel(network, start, means)[1]
     for _ in range(ROUNDS):
         reduced, adjustment = _adjusted(network, values, far, means)
         there = _values_of(network, adjustment.values, far.points)
-        found = nearly_parallel(network, there)
-        now = _parallel(found, means)
+        found, now = _parallel(network, there, means)
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             if np.isin(now.points, failed).all():
@@ -100,8 +99,13 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     return reduced, adjustment
 
 
-def _parallel(found: RayPoints, means: Means) -> RayPoints:
-    return found.take(found.parallel(means.critical))
+def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints, RayPoints]:
+    """Points whose rays are nearly parallel, and those of them whose rays are so to their precision.
+
+    That is the precision of the rays at these values: as long as poses are rough, it is not that of the measurements.
+    """
+    found = nearly_parallel(network, values)
+    return found, found.take(found.parallel(means.critical * misfit(network, values, found.points)))
 
 
 def _adjusted(network: Network, start: Values, far: RayPoints, means: Means) -> tuple[Network, Adjustment]:
