@@ -40,7 +40,12 @@ def tried(world: World, folder: Path) -> Trial:
         return Trial(tags, True, False, f"{found.outcome.value}: {found.reason}")
     objectives = expected.normals.objective, found.normals.objective
     same = abs(objectives[1] - objectives[0]) <= 2.0 * SAME * objectives[0] + 1e-12
-    return Trial(tags, True, same, "" if same else f"another solution: v'Pv {objectives[1]:.6g}, not {objectives[0]:.6g}")
+    return Trial(
+        tags,
+        True,
+        same,
+        "" if same else f"another solution: v'Pv {objectives[1]:.6g}, not {objectives[0]:.6g}",
+    )
 
 
 def _adjusted(path: Path) -> Adjustment | str:

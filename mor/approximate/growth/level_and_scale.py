@@ -143,4 +143,3 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
 
 def _movement(scale: float, rotation: FloatArray) -> Similarity:
     return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, np.zeros(3), np.zeros((0, 3)), 0.0)
-

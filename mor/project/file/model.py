@@ -20,7 +20,9 @@ Name = Annotated[str, Field(min_length=1, description="An identifier; always tex
 
 def _delimiter(sign: str) -> str:
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
-        raise ValueError(f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab")
+        raise ValueError(
+            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+        )
     return sign
 
 
@@ -297,6 +299,11 @@ class Settings(Strict):
         default=1.0, ge=1e-50, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    undetermined: Literal["refuse", "leave_out"] = Field(
+        default="refuse",
+        description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
+        "Points at infinity take part with their direction, or are left out as well",
+    )
     snooping_level: float = Field(
         default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
     )
