@@ -27,6 +27,7 @@ from mor.approximate.growth.seed_levelled import seed_levelled
 from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import BoolArray, FloatArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
@@ -42,8 +43,10 @@ class Approximation:
     start: Mapping[str, FloatArray]
     how: Mapping[str, str]
     """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[str, ...]
+    missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
+    remarks: tuple[str, ...] = ()
+    """Why frames could not begin a part of their own, where something is missing."""
 
 
 @dataclass
@@ -78,7 +81,7 @@ def approximate(network: Network) -> Approximation:
     system = parts[0]
     intersect_the_rest(system, scene.seen)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
-    return Approximation(start, how, (*assembly.reasons, *missing) if missing else ())
+    return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
 
 def _assemble(assembly: _Assembly) -> None:
