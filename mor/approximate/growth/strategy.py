@@ -80,6 +80,8 @@ def approximate(network: Network) -> Approximation:
     _place_the_rest(assembly)
     system = parts[0]
     intersect_the_rest(system, scene.seen)
+    if grow_mixed(system, scene, contradicting=True):
+        _grow(system, scene, FEWEST)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
     return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
