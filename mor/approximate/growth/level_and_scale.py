@@ -16,6 +16,7 @@ from mor.approximate.growth.relative_poses import known_bases
 from mor.approximate.growth.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.approximate.terrestrial.clusters import Cluster
+from mor.approximate.terrestrial.polar import bearing
 from mor.approximate.terrestrial.sights import Lengths
 from mor.arrays import FloatArray
 
@@ -103,6 +104,21 @@ def level_roughly(part: Part, scene: Scene) -> None:
         best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
         best = best / np.linalg.norm(best)
     make_upright(part, best)
+
+
+def direct_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
+    known = np.isfinite(part.points[:, :2]).all(axis=1)
+    turns = []
+    for sight in scene.terrestrial.sights:
+        if sight.oriented and known[sight.position] and known[sight.points].all():
+            present = bearing(part.points[sight.position, :2], part.points[sight.points, :2])
+            turns.append(np.exp(1j * (sight.directions - present)))
+    if part.oriented or not turns:
+        return
+    turn = float(np.angle(np.mean(np.concatenate(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:

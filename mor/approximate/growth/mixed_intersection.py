@@ -17,16 +17,17 @@ FITS = 0.05
 def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
     """Add points that rays alone do not determine; true where anything was added.
 
-    ``contradicting``: also where lines and planes pass by each other. The adjustment will tell which of them is wrong.
+    ``contradicting``: also where lines and planes pass by each other, or hardly meet. The adjustment will tell which of them is wrong.
     """
     if not part.levelled:
         return False
     planes = _planes(part, scene)
+    smallest = 0.05 * SMALLEST_ANGLE if contradicting else SMALLEST_ANGLE
     added = False
     for point in np.flatnonzero(np.isnan(part.points).any(axis=1)).tolist():
         if point not in planes:
             continue
-        X, fits = _meeting(part.points[point], planes[point])
+        X, fits = _meeting(part.points[point], planes[point], smallest)
         if fits or (contradicting and np.isfinite(X).all()):
             part.points[point] = X
             part.how[f"point {point}"] = f"intersection of {len(planes[point])} lines and planes"
@@ -59,7 +60,7 @@ def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatA
 
 
 def _meeting(
-    known: FloatArray, planes: list[tuple[FloatArray, FloatArray, FloatArray]]
+    known: FloatArray, planes: list[tuple[FloatArray, FloatArray, FloatArray]], smallest: float
 ) -> tuple[FloatArray, bool]:
     """The point nearest to all planes with the coordinates that are known, NaN where there is none; whether it fits."""
     here = np.isfinite(known)
@@ -72,7 +73,7 @@ def _meeting(
             [across @ (at - X) / r for (across, at, _), r in zip(planes, reach, strict=True)]
         )
         values = np.linalg.svd(rows[:, ~here], compute_uv=False)
-        if len(values) < np.count_nonzero(~here) or values[-1] < SMALLEST_ANGLE * values[0]:
+        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * values[0]:
             return np.full(3, np.nan), False
         X[~here] += np.linalg.lstsq(rows[:, ~here], goal, rcond=None)[0]
         reach = np.array(
