@@ -46,7 +46,9 @@ else:
     def compile_kernel(function: Function) -> Function:
         """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""
         try:
-            compiled: Function = numba.njit(function, cache=True, nogil=True, fastmath=_FAST_SUMS)
+            compiled: Function = numba.njit(
+                function, cache=True, nogil=True, fastmath=_FAST_SUMS, forceinline=True
+            )
         except RuntimeError:  # numba finds no writable place for its cache
             compiled = numba.njit(function, nogil=True, fastmath=_FAST_SUMS)
         return compiled
