@@ -129,7 +129,8 @@ def _locked(place: Reservation, said: Path) -> int:
     """Descriptor of the lock of a folder. Raises :class:`InputError` where another process holds it."""
     path = place.work / "lock"
     while True:
-        place.work.mkdir(exist_ok=True)
+        with suppress(FileExistsError):
+            place.work.mkdir()
         try:
             lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         except FileNotFoundError:  # the run before has just taken the folder away
