@@ -111,7 +111,7 @@ class Kernel(Generic[Parameters, Result]):
 
 def compile_kernel(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:
     """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""
-    return Kernel(function, cache=True, nogil=True, fastmath=_FAST_SUMS)
+    return Kernel(function, cache=True, nogil=True, fastmath=_FAST_SUMS, forceinline=True)
 
 
 def compile_inline(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:

@@ -190,11 +190,13 @@ class Result:
 
         Raises :class:`mor.InputError` where results are there already and ``force`` was not said.
         """
+        from mor.report.results.reservation import reserve
         from mor.report.results.writing import Choice, write_results
 
         choice = Choice(tables=tables, kind=table_format, html=html, language=language)
         project = self.project
-        write_results(self.solved, project.document, project.folder, Path(folder), force, choice)
+        with reserve(Path(folder), force) as place:
+            write_results(self.solved, project.document, project.folder, place, choice)
 
     def __str__(self) -> str:
         from mor.report.text.screen import screen
