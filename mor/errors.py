@@ -67,6 +67,12 @@ class InputError(MorError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class NoSolutionError(MorError):
+    """What was asked for needs a solution, and the adjustment has none: it says why."""
+
+    exit_code = ExitCode.NOT_CONVERGED
+
+
 class NoStartValuesError(InputError):
     """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
 
@@ -78,6 +84,8 @@ class NoStartValuesError(InputError):
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
+    if len(name) > _LONGEST_NAME:
+        return ""
     names = list(known)
     if len(names) > MANY_NAMES:
         names = _alike(name, names)
@@ -85,6 +93,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
+_LONGEST_NAME = 200
+"""Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 

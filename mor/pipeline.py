@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
 from mor.errors import InputError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
+from mor.input_files import read_text
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
-from mor.parameters.index import all_known, index_unknowns
+from mor.parameters.index import all_known, index_unknowns, with_shared_components
 from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
@@ -45,15 +47,7 @@ def read_document(path: Path) -> Document:
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError([Mistake("this file does not exist", str(path))]) from None
-    except IsADirectoryError:
-        raise InputError([Mistake("this is a folder, expected a project file", str(path))]) from None
-    except UnicodeDecodeError:
-        raise InputError([Mistake("this is not UTF-8 text", str(path))]) from None
-    return without_empty_keys(read_yaml(text, str(path)))
+    return without_empty_keys(read_yaml(read_text(path), str(path)))
 
 
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
@@ -130,7 +124,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     if missing:
         network = without_unknown(network, start, missing)
         start = network.start
-    return network, start
+    return network, with_shared_components(network.blocks, start)
 
 
 def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:

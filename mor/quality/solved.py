@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from mor.adjustment.solve import Adjustment, Outcome
+from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.diagnosis.unsettled import Movements, last_movements

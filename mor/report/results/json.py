@@ -22,10 +22,10 @@ from mor.report.tables.estimates import (
     system_table,
     variance_components,
 )
-from mor.report.tables.unsettled import moving_rows, worst_misfits
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.unsettled import moving_rows, worst_misfits
 
 WORST_MISFITS = 100
 """Observations that are told where there is no solution."""

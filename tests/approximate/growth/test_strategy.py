@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
 from mor.formats import read_foreign
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
 
-SAMPLES = Path(__file__).parents[2] / "sample_projects"
+SAMPLES = Path(__file__).parents[3] / "sample_projects"
 GAMA = (
     "acord2__input__a2diff__traverse-01-es-left",
     "azimuth-distance",
