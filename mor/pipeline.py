@@ -13,6 +13,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
@@ -26,10 +27,12 @@ from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.reading import TableWatcher, ignore_table
+from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, assess
 from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
 from mor.quality.treatment import Wanted, treat
+from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
@@ -63,7 +66,11 @@ def solve_network(
     """
     start = start_values(network)
     settings = network.project.settings
-    adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
+    problem = make_problem(network, start, start)
+    try:
+        adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+    except NotFiniteError:
+        raise InputError(_undefined(problem, start)) from None
     adjustment = _with_settled_sigma(network, adjustment, watch)
     if not adjustment.outcome.is_solution:
         return Solved(network, adjustment, None)
@@ -74,6 +81,21 @@ def solve_network(
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment)
+
+
+def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistake]:
+    """The observations that cannot be computed at the start values; the first ones of each group."""
+    mistakes = []
+    for group in problem.groups:
+        for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
+            names = ", ".join(
+                f"{reference.name} {names[row]!r}"
+                for reference, names in zip(group.type.references, group.references, strict=True)
+            )
+            words = f"{group.type.key}, {names}: no value or no derivative where the adjustment starts"
+            line = int(group.lines[row]) if len(group.lines) > row else 0
+            mistakes.append(Mistake(f"{words}; do two of its places coincide there?", group.file, line))
+    return mistakes or [Mistake("observations have no value or no derivative where the iteration has got to")]
 
 
 def snooped(network: Network) -> Network:

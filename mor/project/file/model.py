@@ -20,7 +20,9 @@ Name = Annotated[str, Field(min_length=1, description="An identifier; always tex
 
 def _delimiter(sign: str) -> str:
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
-        raise ValueError(f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab")
+        raise ValueError(
+            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+        )
     return sign
 
 
@@ -227,7 +229,7 @@ class Observations(Table):
     instrument: Name | None = None
     ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
     centring: Centring | None = None
-    factor: float = Field(default=1.0, ge=1e-50, le=1e50, description="Factor on every σ of this group")
+    factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
         description="Full covariance matrix over the observations of this group, or a CSV file with it",
@@ -272,7 +274,7 @@ class Settings(Strict):
 
     max_iterations: int = Field(default=50, ge=1)
     sigma0: float = Field(
-        default=1.0, ge=1e-50, le=1e50, description="A-priori standard deviation of unit weight, as reported"
+        default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
     snooping_level: float = Field(

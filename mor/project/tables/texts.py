@@ -153,7 +153,9 @@ def _separators(content: bytes, separator: str) -> IntArray:
     """Number of separators in each line."""
     data = np.frombuffer(content, dtype=np.uint8)
     ends = _line_ends(data)
-    starts = np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    starts = (
+        np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    )
     counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
     return counts
 
