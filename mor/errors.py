@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
+from mor.escapes import escaped
+
 
 class ExitCode(IntEnum):
     """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
@@ -32,7 +34,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
-        return f"{place}{self.message}"
+        return escaped(f"{place}{self.message}")
 
 
 class MorError(Exception):
@@ -49,6 +51,12 @@ class InputError(MorError):
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class NoSolutionError(MorError):
+    """What was asked for needs a solution, and the adjustment has none: it says why."""
+
+    exit_code = ExitCode.NOT_CONVERGED
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.adjustment.state import Adjustment
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.errors import InputError
@@ -21,7 +22,7 @@ from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
-from mor.parameters.index import all_known, index_unknowns
+from mor.parameters.index import all_known, index_unknowns, with_shared_components
 from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
@@ -137,7 +138,7 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
     approximation = approximate(network)
     if approximation.missing:
         raise InputError([Mistake(words) for words in approximation.missing])
-    return approximation.start
+    return with_shared_components(network.blocks, approximation.start)
 
 
 def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:

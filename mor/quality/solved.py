@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.reliability.effects import Effect, effects

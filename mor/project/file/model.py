@@ -7,7 +7,14 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-Text = Annotated[str, Field(min_length=1)]
+
+def _one_line(text: str) -> str:
+    if any(sign in text for sign in "\n\r\0"):
+        raise ValueError(f"found {text!r}, expected a text without line breaks")
+    return text
+
+
+Text = Annotated[str, Field(min_length=1), AfterValidator(_one_line)]
 Measure = Annotated[
     str,
     Field(
@@ -15,7 +22,11 @@ Measure = Annotated[
         description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon; an angle in dms: 12-34-56.7",
     ),
 ]
-Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+Name = Annotated[
+    str,
+    Field(min_length=1, description="An identifier; always text, whatever it looks like"),
+    AfterValidator(_one_line),
+]
 
 
 def _delimiter(sign: str) -> str:
@@ -85,7 +96,7 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-forward", "opencv", "fisheye"] = "mor"
+    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = "mor"
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
@@ -168,10 +179,19 @@ class Points(Table):
     )
 
 
+_POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
+
+
 class Images(Table):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["height", "rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["height", "rx", "ry", "rz"]] = Field(
+        default_factory=list,
+        description="Height and eccentricity, constants without a σ, that are unknowns in this table",
+    )
 
 
 class Stations(Table):
@@ -180,13 +200,24 @@ class Stations(Table):
     level: Literal["fixed", "free"] | Measure = Field(
         default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
     )
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["height"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["height"]] = Field(
+        default_factory=list,
+        description="[height]: instrument heights, constants without a σ, are unknowns here",
+    )
 
 
 class Systems(Table):
-    """Local systems: id, x, y, z, omega, phi, kappa, scale, offsets."""
+    """Local systems: id, x, y, z, omega, phi, kappa, scale; rx, ry, rz, the local coordinates of the origin."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Offsets, constants without a σ, that are unknowns in this table"
+    )
 
 
 class Feature(Strict):
@@ -202,7 +233,9 @@ class Feature(Strict):
 class Pairs(Table):
     """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
 
 
 class Instrument(Strict):

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import yaml
 
 from mor.errors import InputError, Problem
 from mor.input_files import limit, raise_it
+
+if TYPE_CHECKING:
+    import polars as pl
 
 Path: TypeAlias = tuple[str | int, ...]
 
@@ -49,6 +52,10 @@ class Document:
         entries = [e for section in self.data.values() if isinstance(section, list) for e in section]
         named = [e.get(key) for e in entries if isinstance(e, dict) for key in ("file", "covariance")]
         return [name for name in named if isinstance(name, str) and "\0" not in name]
+
+    def frame(self, name: str) -> pl.DataFrame | None:
+        """A data frame that stands in place of the file of this name; a document of a file has none."""
+        return None
 
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""

@@ -38,6 +38,9 @@ def from_rows(table: Table, place: Place, problems: list[Problem]) -> Source:
 
 def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> Source | None:
     """Rows of a file beside the project; ``None`` where ``problems`` were added instead."""
+    frame = place.document.frame(str(table.file))
+    if frame is not None:
+        return _from_frame(frame, table, place.document.file_of(place.path))
     path = place.folder / str(table.file)
     try:
         check_regular(path)
@@ -46,7 +49,7 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
         return None
     try:
         if path.suffix == ".parquet":
-            return _from_parquet(_read_parquet(path), table, str(path))
+            return _from_frame(_read_parquet(path), table, str(path))
         return from_text(read_bytes(path), table, known, str(path), problems)
     except InputError as error:
         problems += error.problems
@@ -73,8 +76,8 @@ def _read_parquet(path: Path) -> pl.DataFrame:
     return lazy.collect()
 
 
-def _from_parquet(frame: pl.DataFrame, table: Table, file: str) -> Source:
-    """Columns of a Parquet file: texts and numbers as they are; a row counts as a line, from 1."""
+def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
+    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
     columns = {}
     for name in frame.columns:
         ours = our_name(table, name)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
-from mor.adjustment.solve import A_WEAK_TURN
+from mor.adjustment.state import A_WEAK_TURN
 from mor.parameters.kinds import KINDS
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts

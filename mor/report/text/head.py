@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
