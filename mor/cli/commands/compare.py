@@ -83,7 +83,9 @@ def command(
         table, words = _epochs(results[0], results[1], level, known_sigma0)
     else:
         return _regression(results[0], results[1], tol, quiet)
-    click.echo(table.write_csv(), nl=False)
+    from mor.project.tables.guarded import csv_lines
+
+    click.echo(bytes(csv_lines(table)).decode(), nl=False)
     if not quiet:
         click.echo("\n".join(words), err=True)
     return ExitCode.REJECTED if table["moved"].any() else ExitCode.DONE
