@@ -96,7 +96,8 @@ class Kernel(Generic[Parameters, Result]):
                 compiled: Callable[Parameters, Result] = numba.njit(self.py_func, **self._options)
             except RuntimeError:
                 compiled = numba.njit(self.py_func, **{**self._options, "cache": False})
-            return self.__dict__.setdefault("compiled", compiled)
+            kept: Callable[Parameters, Result] = self.__dict__.setdefault("compiled", compiled)
+        return kept
 
     @property
     def targetoptions(self) -> dict[str, Any]:
@@ -143,5 +144,5 @@ def _numba() -> Any:
         def on_end(self, event: Event) -> None:
             pass
 
-    register("numba:compile", Announcer())
+    register("numba:compile", Announcer())  # type: ignore[no-untyped-call]
     return numba
