@@ -27,7 +27,7 @@ from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import RayChunk
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_solutions import point_of_ray
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.quality.reliability import ray_kernels as compiled_rays

@@ -19,7 +19,7 @@ from mor.adjustment.rays.chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_elimination import cofactors as ray_cofactors
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import AnyIntArray, BoolArray, FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.effort import Done

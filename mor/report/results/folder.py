@@ -22,9 +22,11 @@ RESULT_FILES = (
         for name in ("residuals", "residuals_worst", "points", "images")
         for kind in ("csv", "parquet")
     ),
+    "undetermined.csv",
     "reference.csv",
     "adjusted.yaml",
     "start_*.csv",
+    "given_*.csv",
 )
 """Names (patterns) of all files an adjustment may write."""
 
