@@ -16,6 +16,7 @@ from mor.adjustment.solve import Settings, Watcher, adjust
 from mor.adjustment.state import Adjustment
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
+from mor.compilation import chosen_by_size
 from mor.errors import InputError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
@@ -68,6 +69,11 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
+    with chosen_by_size(network.observations):
+        return _solved(network, watch, assessing)
+
+
+def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
     network, start = determinable_start(network)
     network, adjustment = adjust_determinable(network, start, _means(settings, watch))

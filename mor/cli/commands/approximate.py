@@ -35,6 +35,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     """
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
+    from mor.compilation import chosen_by_size
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.results.adjusted_project import Placed
@@ -50,7 +51,8 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
         network = read_network(document, project.parent)
-        with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
+        note = compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True))
+        with note, chosen_by_size(network.observations):
             approximation = approximate(network)
         click.echo(protocol(network, approximation), nl=False)
         if approximation.missing:

@@ -64,9 +64,7 @@ def things_of(network: Network) -> Things:
     return Things([*names, *numbers], of_blocks)
 
 
-def without_loose(
-    network: Network, values: Values, make: Callable[[Network, Values], Problem]
-) -> Network:
+def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
     """The network without things that nothing determines even where all else is known; it says which these were."""
     things = things_of(network)
     reduced = network
@@ -110,9 +108,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [
-        Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()
-    ]
+    named = [Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()]
     return without_blocks(network, marked, named)
 
 
