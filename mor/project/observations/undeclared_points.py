@@ -1,4 +1,4 @@
-"""Points that only observations name: free where the project asks for it, and told where they may be slips of the pen."""
+"""Points that only observations name: free where a project asks for it; those that may be slips are told."""
 
 from __future__ import annotations
 

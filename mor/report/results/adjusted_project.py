@@ -153,7 +153,7 @@ def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -
 
 
 def _set_ups(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
-    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and the names they share them by."""
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
     columns: dict[str, Any] = dict(_plain(placed, kind.key, numbers, kind.names))
     for column in columns.values():
         column[~own] = np.nan
