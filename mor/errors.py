@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal, NamedTuple
 
 
 class ExitCode(IntEnum):
@@ -35,6 +36,21 @@ class Problem:
         return f"{place}{self.message}"
 
 
+class Undeterminable(NamedTuple):
+    """A thing of the network that nothing determines: what it is, why, and what was done about it."""
+
+    kind: str
+    """point, image, station, system …"""
+    name: str
+    reason: str
+    treatment: Literal["", "left out", "at infinity"] = ""
+    observations: int = 0
+    """Rows of observations that refer to it."""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.reason}"
+
+
 class MorError(Exception):
     """Base of every failure that is the user's to mend; never shown with a traceback."""
 
@@ -57,8 +73,19 @@ class NoSolutionError(MorError):
     exit_code = ExitCode.NOT_CONVERGED
 
 
+class NoStartValuesError(InputError):
+    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
+
+    def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
+        self.things = tuple(things)
+        advice = "settings: {undetermined: leave_out} adjusts the rest without them"
+        super().__init__([Problem(words) for words in (*remarks, *map(str, self.things), advice)])
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
+    if len(name) > _LONGEST_NAME:
+        return ""
     names = list(known)
     if len(names) > MANY_NAMES:
         names = _alike(name, names)
@@ -66,6 +93,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
+_LONGEST_NAME = 200
+"""Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 

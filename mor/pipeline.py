@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Settings, Watcher, adjust
+from mor.adjustment.solve import Settings, Watcher, adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
-from mor.errors import InputError
+from mor.errors import InputError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
+from mor.input_files import read_text
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
 from mor.parameters.index import all_known, index_unknowns, with_shared_components
@@ -26,8 +28,11 @@ from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.reading import TableWatcher, ignore_table
 from mor.quality.assess import Levels, assess
+from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
+from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
+from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
 
 _SIGMA_ROUNDS = 4
@@ -42,15 +47,7 @@ def read_document(path: Path) -> Document:
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError([Mistake("this file does not exist", str(path))]) from None
-    except IsADirectoryError:
-        raise InputError([Mistake("this is a folder, expected a project file", str(path))]) from None
-    except UnicodeDecodeError:
-        raise InputError([Mistake("this is not UTF-8 text", str(path))]) from None
-    return without_empty_keys(read_yaml(text, str(path)))
+    return without_empty_keys(read_yaml(read_text(path), str(path)))
 
 
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
@@ -68,12 +65,11 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    start = start_values(network)
     settings = network.project.settings
-    adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
-    adjustment = _with_settled_sigma(network, adjustment, watch)
+    network, start = determinable_start(network)
+    network, adjustment = adjust_determinable(network, start, _means(settings, watch))
     if not adjustment.outcome.is_solution:
-        return Solved(network, adjustment, None)
+        return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
@@ -109,20 +105,41 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
         raise InputError([Mistake(f"{words} ({movements})")])
 
 
-def start_values(network: Network) -> Mapping[str, FloatArray]:
-    """Start values of all blocks, worked out where none are given.
+def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArray]]:
+    """The network and start values of all blocks, worked out where none are given.
 
-    Raises :class:`InputError` where some stay missing.
+    Points at infinity stay without coordinates. What nobody could start is left out where the project wants that;
+    otherwise it raises :class:`NoStartValuesError`.
     """
     if all_known(network.start):
-        return network.start
+        return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
 
-    approximation = approximate(network)
-    if approximation.missing:
-        raise InputError([Mistake(words) for words in approximation.missing])
-    return with_shared_components(network.blocks, approximation.start)
+    found = approximate(network)
+    settings = network.project.settings
+    start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
+    if missing and settings.undetermined == "refuse":
+        raise NoStartValuesError(missing, found.remarks)
+    if missing:
+        network = without_unknown(network, start, missing)
+        start = network.start
+    return network, with_shared_components(network.blocks, start)
+
+
+def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:
+    """How networks with these settings become problems and are solved."""
+
+    def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
+        problem = make_problem(network, start, start)
+        adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+        return _with_settled_sigma(network, adjustment, watch)
+
+    return Means(
+        lambda network, start: make_problem(network, start, start),
+        solve,
+        critical_value(settings.snooping_level),
+    )
 
 
 def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import FloatArray
 from mor.geometry.rotations import (
     angles_from_rotation,

@@ -7,22 +7,22 @@ its own σ (σ0 = 1), so that noise-free data converge too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
 from mor.adjustment.datum.defect import Defect, explain_defect
-from mor.adjustment.datum.s_transformation import Constraint, binds, constraint, corrections, into_datum
+from mor.adjustment.datum.s_transformation import binds, constraint, corrections, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
-from mor.adjustment.normals import Normals, build_normals
+from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.step_control import Stride, Taken, accept
-from mor.arrays import FloatArray, IntArray
+from mor.adjustment.state import A_WEAK_TURN, Adjustment, Iteration, Outcome, Stride
+from mor.adjustment.step_control import Taken, accept
+from mor.arrays import FloatArray
 from mor.parameters.index import Values, move
 
 TINY_STEP = 1e-7
@@ -36,64 +36,11 @@ ROUND_OFF_STEP = 1e-3
 """Changes below this that no longer shrink are round-off of the data, not progress."""
 
 
-A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
-"""Reason of an outcome."""
-
-
-class Outcome(Enum):
-    """How an adjustment ended."""
-
-    CONVERGED = "converged"
-    NOT_CONVERGED = "not converged"
-    DIVERGED = "diverged"
-    SINGULAR = "singular"
-
-    @property
-    def is_solution(self) -> bool:
-        """True where the values are a least-squares solution."""
-        return self is Outcome.CONVERGED
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One step: objective before it, its size in units of σ, the damping it needed, the redundancy of the system."""
-
-    number: int
-    objective: float
-    largest_change: float
-    damping: float
-    redundancy: int
-
-    @property
-    def sigma0(self) -> float | None:
-        """σ0 before the step, in units of the one given a priori; nothing where nothing is redundant."""
-        return float(np.sqrt(self.objective / self.redundancy)) if self.redundancy > 0 else None
-
-
 @dataclass(frozen=True)
 class Settings:
     """What the user may set of the solver."""
 
     max_iterations: int = 50
-
-
-@dataclass(frozen=True)
-class Adjustment:
-    """Outcome of the solver, complete with the inverse of the system at the solution."""
-
-    problem: Problem
-    plan: Plan
-    outcome: Outcome
-    reason: str
-    start: Values
-    values: Mapping[str, FloatArray]
-    normals: Normals
-    anchors: IntArray
-    inverse: Inverse
-    defect: Defect
-    constraint: Constraint
-    iterations: tuple[Iteration, ...]
-    stride: Stride
 
 
 Watcher = Callable[[Iteration], None]

@@ -10,22 +10,18 @@ the network turns as it is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.adjustment.inverse import damped_step, invert
 from mor.adjustment.normals import Normals, build_normals, objective
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
 from mor.parameters.index import move
 
-if TYPE_CHECKING:
-    from mor.adjustment.solve import Adjustment
-
 _CORRECTIONS = 3
 """Regular steps that lead back to the solution at most."""
-_SHORTEST = 0.02
-"""Part of a step along weak directions that is taken at least."""
 _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
@@ -37,31 +33,6 @@ class Taken(NamedTuple):
     damping: float
     share: float
     normals: Normals | None = None
-
-
-class Stride(NamedTuple):
-    """The last step along weak directions, and what was taken of it: how far the next one may go.
-
-    Gauss-Newton takes a residual for small and may overshoot on a curve: with ρ the ratio of the true curvature to the
-    one it sees, a share s of a step leaves 1 − sρ of it for the next one. From that ρ is known, and s = 1/ρ hits.
-    """
-
-    whole: FloatArray
-    """(u,) the Gauss-Newton step along weak directions."""
-    share: float = 1.0
-
-    @property
-    def weak(self) -> FloatArray:
-        """(u,) the part of it to take."""
-        return self.share * self.whole
-
-    def next(self, whole: FloatArray) -> Stride:
-        """The stride after this one, for the Gauss-Newton step (u,) there."""
-        size = float(self.whole @ self.whole) if len(self.whole) == len(whole) else 0.0
-        if size == 0.0 or self.share == 0.0:
-            return Stride(whole)
-        ratio = (1.0 - float(self.whole @ whole) / size) / self.share
-        return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
 
 
 def accept(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:

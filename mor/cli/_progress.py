@@ -20,7 +20,7 @@ from mor.report.words.language import ENGLISH, Words
 if TYPE_CHECKING:
     from rich.status import Status
 
-    from mor.adjustment.solve import Iteration
+    from mor.adjustment.state import Iteration
     from mor.errors import Problem
     from mor.project.file.nodes import Document
 

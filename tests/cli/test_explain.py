@@ -11,7 +11,7 @@ import pytest
 
 import mor.report.html
 import mor.report.text
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.cli import INTERRUPTED, run
 from mor.errors import ExitCode, InputError
 from mor.report.words.terms import find, terms

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 from small_projects import LEVELLING, block, mor, write, write_block
 
-from mor.adjustment.solve import Iteration
+from mor.adjustment.state import Iteration
 from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
 from mor.cli._progress import Progress

@@ -178,7 +178,7 @@ def has_library(say: Progress) -> bool:
 
 def exit_code(solved: Solved, strict: bool) -> ExitCode:
     """The documented exit code of an outcome."""
-    from mor.adjustment.solve import Outcome
+    from mor.adjustment.state import Outcome
 
     quality = solved.quality
     if solved.adjustment.outcome is Outcome.SINGULAR:

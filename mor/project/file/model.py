@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Text = Annotated[str, Field(min_length=1)]
 Measure = Annotated[
@@ -15,6 +16,14 @@ Measure = Annotated[
     ),
 ]
 Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+
+
+def _delimiter(sign: str) -> str:
+    if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
+        raise ValueError(
+            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+        )
+    return sign
 
 
 class Strict(BaseModel):
@@ -129,7 +138,12 @@ class Table(Strict):
     )
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
     delimiter: (
-        Annotated[str, StringConstraints(strip_whitespace=False, min_length=1, max_length=1)] | None
+        Annotated[
+            str,
+            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
+            AfterValidator(_delimiter),
+        ]
+        | None
     ) = Field(
         default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
     )
@@ -235,9 +249,9 @@ class Observations(Table):
 
     type: Text
     instrument: Name | None = None
-    ppm: float = Field(default=0.0, ge=0.0, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
+    ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
     centring: Centring | None = None
-    factor: float = Field(default=1.0, gt=0.0, description="Factor on every σ of this group")
+    factor: float = Field(default=1.0, ge=1e-50, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
         description="Full covariance matrix over the observations of this group, or a CSV file with it",
@@ -282,13 +296,18 @@ class Settings(Strict):
 
     max_iterations: int = Field(default=50, ge=1)
     sigma0: float = Field(
-        default=1.0, gt=0.0, description="A-priori standard deviation of unit weight, as reported"
+        default=1.0, ge=1e-50, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
     undeclared_points: Literal["mistake", "free"] = Field(
         default="mistake",
         description="Points that observations name and no table of points has: a mistake, or free points",
     )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    undetermined: Literal["refuse", "leave_out"] = Field(
+        default="refuse",
+        description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
+        "Points at infinity take part with their direction, or are left out as well",
+    )
     snooping_level: float = Field(
         default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.counting import counted
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Problem, Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
@@ -22,6 +22,7 @@ from mor.project.file.nodes import Document
 from mor.project.network.cameras import read_cameras
 from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
+from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
 from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
@@ -84,6 +85,14 @@ class Network:
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
     """What was assumed on reading, to be said to the user."""
+    undeterminable: tuple[Undeterminable, ...] = ()
+    """Things that nothing determines, and what was done about them."""
+    original: Network | None = None
+    """The network as it was read, where something was left out of it or put at infinity."""
+    absent: Mapping[str, BoolArray] = field(default_factory=dict)
+    """(n,) blocks of a kind that have no value: left out, or at infinity."""
+    directions: Mapping[int, int] = field(default_factory=dict)
+    """Rotation block of the direction of each point block that is at infinity."""
 
 
 _READERS = {
@@ -126,8 +135,8 @@ def build_network(
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)
-    if not plain and not others and not problems:
-        problems.append(reading.at("observations").problem("there are no observations"))
+    if not problems:
+        check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}

@@ -13,6 +13,7 @@ from mor.project.network.poses import Seen, check_unique, positions, rotations
 from mor.project.network.reading import Reading
 from mor.project.network.set_ups import eccentricities, heights, set_up_columns, shared_column
 from mor.project.observations.orientations import set_name
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
 from mor.units import ANGLE
@@ -142,6 +143,8 @@ def _read_systems_table(
     labels = [f"system {name}" for name in names]
     scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
     scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
+    wrong = (scale.values <= 0.0) | (scale.start <= 0.0)
+    tell_rows(reading.problems, wrong[:, 0], rows, "scale: expected a number above 0")
     collected["position"].append(positions(reading, rows, labels, table.fixed))
     collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
     collected["scale"].append(reading.shop.store("scale").add(labels, *scale))

@@ -126,6 +126,10 @@ def _plain_group(
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
     transform, offset = edge_transform(type_, reading.edge)
     given = np.stack([rows.number(component.name) for component in type_.components], axis=1)
+    for k, component in enumerate(type_.components):
+        if component.name == "distance":
+            words = "found a negative distance, expected one above 0"
+            tell_rows(reading.problems, given[:, k] < 0.0, rows, words)
     sigma = _sigma(rows, type_)
     group = ObservationGroup(
         name=group_name(entry, number),

@@ -19,7 +19,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess

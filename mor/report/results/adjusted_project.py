@@ -6,6 +6,7 @@ the same result. Tables of observations are referred to where they stand.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import polars as pl
 import yaml
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values
 from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE, BlockKind
@@ -24,6 +26,9 @@ from mor.project.file.nodes import Document
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
+
+_REMARKED = 50
+"""Things that nothing determines that are named in the adjusted project."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,17 @@ def adjusted_project(
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
     text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
     return text, tables
+
+
+def remarks(things: Sequence[Undeterminable]) -> str:
+    """Comments that say what did not take part, or only with its direction."""
+    lines = [
+        f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"
+        for thing in things[:_REMARKED]
+    ]
+    if len(things) > _REMARKED:
+        lines.append(f"# and {len(things) - _REMARKED} more: undetermined.csv has all of them")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:

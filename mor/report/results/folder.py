@@ -22,6 +22,7 @@ RESULT_FILES = (
         for name in ("residuals", "residuals_worst", "points", "images")
         for kind in ("csv", "parquet")
     ),
+    "undetermined.csv",
     "reference.csv",
     "adjusted.yaml",
     "start_*.csv",

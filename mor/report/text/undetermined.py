@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.quality.diagnosis.singularities import explain_singularity, turned_about, weakness
 from mor.quality.solved import Solved
 from mor.report.text.layout import heading

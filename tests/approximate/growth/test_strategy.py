@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
 from mor.formats import read_foreign
 from mor.pipeline import read_document, read_network, solve_network
