@@ -309,6 +309,10 @@ class Settings(Strict):
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
+    undeclared_points: Literal["mistake", "free"] = Field(
+        default="mistake",
+        description="Points that observations name and no table of points has: a mistake, or free points",
+    )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
     undetermined: Literal["refuse", "leave_out"] = Field(
         default="refuse",
