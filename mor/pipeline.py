@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Settings, Watcher, adjust
-from mor.adjustment.state import Adjustment
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Watcher
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
