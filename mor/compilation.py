@@ -1,7 +1,12 @@
-"""The one place that decides whether there is a compiler.
+"""The one place that decides whether there is a compiler, and whether a project is worth it.
 
-``compile_kernel`` is numba's ``njit`` with an on-disk cache where numba can be imported, and leaves the function
-alone otherwise. ``available`` tells the callers whether to take a kernel or the plain numpy form of the same step.
+``compile_kernel`` is numba's ``njit`` with an on-disk cache. numba is imported, and a kernel compiled, when one is
+called for the first time where compiled kernels are wanted: importing numba and reading the kernels from disk takes
+longer than a small project takes in plain numpy. Elsewhere, and where there is no numba, a kernel is the Python
+function it is written as. ``wanted`` tells the callers whether to take a kernel or the plain numpy form of a step.
+
+A project decides once, by its amount of work (:func:`chosen_by_work`): all of its steps are compiled, or none, so that
+it gives the same bytes whether or not there is machine code of an earlier run.
 """
 
 from __future__ import annotations
@@ -9,72 +14,134 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from contextvars import ContextVar, copy_context
+from functools import cache, cached_property, update_wrapper
+from importlib.util import find_spec
+from threading import Lock
+from typing import Any, Generic, ParamSpec, TypeVar
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 # Sums may be reordered and multiply-adds fused, so that inner products use vector registers; infinities and
 # not-a-numbers keep their meaning, unlike under numba's unrestricted ``fastmath=True``.
 _FAST_SUMS = {"reassoc", "contract", "nsz"}
 
-try:
-    import numba
-except ImportError:
-    available = False
+WORTH_COMPILING = 1_500_000.0
+"""Work of a project (:func:`mor.adjustment.work.work_of`) from which on compiled kernels save more than they cost."""
 
-    def compile_kernel(function: Function) -> Function:
-        """Return the function as it is: there is no compiler."""
-        return function
+available = find_spec("numba") is not None
+"""True where there is a compiler."""
 
-    def compile_inline(function: Function) -> Function:
-        """Return the function as it is: there is no compiler."""
-        return function
+_one_at_a_time = Lock()
+_plainly: ContextVar[bool] = ContextVar("plainly", default=False)
+_announce: ContextVar[Callable[[], None] | None] = ContextVar("announce", default=None)
 
-    @contextmanager
-    def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
-        """Nothing is ever compiled."""
+
+def wanted() -> bool:
+    """True where kernels are to be taken, not the plain numpy form of the same step."""
+    return available and not _plainly.get()
+
+
+@contextmanager
+def chosen_by_work(work: float) -> Iterator[None]:
+    """Within, kernels are compiled where the work is worth it, and left to plain numpy where it is not."""
+    before = _plainly.set(work < WORTH_COMPILING)
+    try:
         yield
+    finally:
+        _plainly.reset(before)
 
-else:
-    from numba.core.event import Event, Listener, install_listener
 
-    available = True
+def as_here(work: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """The same work to be done by another thread, which takes kernels or plain numpy as the one that asks for it."""
+    context = copy_context()
+
+    def carried(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        return context.run(work, *args, **kwargs)
+
+    return carried
+
+
+@contextmanager
+def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
+    """Within, call ``announce`` once before the first kernel is compiled, which takes a while on the first run."""
+    left = [announce]
+    before = _announce.set(lambda: left.pop()() if left else None)
+    try:
+        yield
+    finally:
+        _announce.reset(before)
+
+
+class Kernel(Generic[Parameters, Result]):
+    """A function that is compiled when it is first called where kernels are wanted."""
+
+    def __init__(self, function: Callable[Parameters, Result], **options: Any) -> None:
+        self.py_func = function
+        self._options = options
+        update_wrapper(self, function)
+
+    def __call__(self, *args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        """Call the machine code where kernels are wanted, the Python function elsewhere."""
+        function = self.compiled if wanted() else self.py_func
+        return function(*args, **kwargs)
+
+    @cached_property
+    def compiled(self) -> Callable[Parameters, Result]:
+        """The function as numba calls it; without a writable place for machine code it is kept in memory only."""
+        numba = _numba()
+        with _one_at_a_time:
+            try:
+                compiled: Callable[Parameters, Result] = numba.njit(self.py_func, **self._options)
+            except RuntimeError:
+                compiled = numba.njit(self.py_func, **{**self._options, "cache": False})
+            return self.__dict__.setdefault("compiled", compiled)
+
+    @property
+    def targetoptions(self) -> dict[str, Any]:
+        """What numba asks a function for that another kernel calls: whether it is inlined."""
+        return self._options
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes a kernel for that another one calls."""
+        return self.compiled._numba_type_  # type: ignore[attr-defined]
+
+
+def compile_kernel(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:
+    """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""
+    return Kernel(function, cache=True, nogil=True, fastmath=_FAST_SUMS)
+
+
+def compile_inline(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:
+    """Compile a small function into the kernels that call it.
+
+    A call that passes arrays costs some 50 nanoseconds, for they are counted in and out.
+    """
+    return Kernel(function, inline="always", nogil=True, fastmath=_FAST_SUMS)
+
+
+@cache
+def _numba() -> Any:
+    """The compiler, imported and set up when it is asked for first."""
+    import numba
+    from numba.core.event import Event, Listener, register
+
     if "NUMBA_SLP_VECTORIZE" not in os.environ:
         # Blocks of six by six are written out entry by entry. Packed into vector registers that takes half the time.
         numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
-    def compile_kernel(function: Function) -> Function:
-        """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""
-        try:
-            compiled: Function = numba.njit(function, cache=True, nogil=True, fastmath=_FAST_SUMS)
-        except RuntimeError:  # numba finds no writable place for its cache
-            compiled = numba.njit(function, nogil=True, fastmath=_FAST_SUMS)
-        return compiled
-
-    def compile_inline(function: Function) -> Function:
-        """Compile a small function into the kernels that call it.
-
-        A call that passes arrays costs some 50 nanoseconds, for they are counted in and out.
-        """
-        inlined: Function = numba.njit(function, inline="always", nogil=True, fastmath=_FAST_SUMS)
-        return inlined
-
-    class _First(Listener):
-        """Listens until something is compiled that was not on disk."""
-
-        def __init__(self, announce: Callable[[], None]) -> None:
-            self._announce: Callable[[], None] | None = announce
+    class Announcer(Listener):
+        """Tells once when something is compiled that was not on disk."""
 
         def on_start(self, event: Event) -> None:
-            announce, self._announce = self._announce, None
+            announce = _announce.get()
             if announce is not None:
                 announce()
 
         def on_end(self, event: Event) -> None:
             pass
 
-    @contextmanager
-    def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
-        """Within, call ``announce`` once before the first kernel is compiled, which takes a while on the first run."""
-        with install_listener("numba:compile", _First(announce)):
-            yield
+    register("numba:compile", Announcer())
+    return numba

@@ -51,8 +51,16 @@ class InputError(MorError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class NoSolutionError(MorError):
+    """What was asked for needs a solution, and the adjustment has none: it says why."""
+
+    exit_code = ExitCode.NOT_CONVERGED
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
+    if len(name) > _LONGEST_NAME:
+        return ""
     names = list(known)
     if len(names) > MANY_NAMES:
         names = _alike(name, names)
@@ -60,6 +68,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
+_LONGEST_NAME = 200
+"""Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 

@@ -18,9 +18,10 @@ from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
+from mor.input_files import read_text
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
-from mor.parameters.index import all_known, index_unknowns
+from mor.parameters.index import all_known, index_unknowns, with_shared_components
 from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
@@ -43,15 +44,7 @@ def read_document(path: Path) -> Document:
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError([Mistake("this file does not exist", str(path))]) from None
-    except IsADirectoryError:
-        raise InputError([Mistake("this is a folder, expected a project file", str(path))]) from None
-    except UnicodeDecodeError:
-        raise InputError([Mistake("this is not UTF-8 text", str(path))]) from None
-    return without_empty_keys(read_yaml(text, str(path)))
+    return without_empty_keys(read_yaml(read_text(path), str(path)))
 
 
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
@@ -123,7 +116,7 @@ def start_values(network: Network) -> Mapping[str, FloatArray]:
     approximation = approximate(network)
     if approximation.missing:
         raise InputError([Mistake(words) for words in approximation.missing])
-    return approximation.start
+    return with_shared_components(network.blocks, approximation.start)
 
 
 def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:

@@ -26,6 +26,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.cholesky import Factor, factorise
+from mor.sparse.selected_inverse import selected_inverse
 
 NULL = 1e-17
 """‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""
@@ -87,7 +88,7 @@ class Inverse:
 
         ``watch`` is told how many more operations are done.
         """
-        return self.factor.selected_inverse(watch).scaled(self.scale)
+        return selected_inverse(self.factor, watch).scaled(self.scale)
 
     def _reduced(self, rhs: FloatArray) -> FloatArray:
         anchored: FloatArray = self.scale[:, None] * self.factor.solve(self.scale[:, None] * rhs)

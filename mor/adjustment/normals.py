@@ -13,11 +13,11 @@ from mor.adjustment.rays.chunks import eliminate_chunks, ray_chunks, ray_objecti
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import RayPlan
-from mor.adjustment.rays.point_elimination import ReducedSystem
 from mor.adjustment.rays.point_solutions import add_to_others
+from mor.adjustment.rays.reduced_system import ReducedSystem, empty_reduced_system
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
-from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.rows import accumulate_rows
 
 
@@ -63,7 +63,7 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
     system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal(), reduced_rhs.copy())
 
     def of_lane(rays: RayPlan) -> tuple[ReducedSystem, float]:
-        own, squares = _empty_system(structure), 0.0
+        own, squares = empty_reduced_system(structure), 0.0
         for chunk in eliminate_chunks(plan.problem, rays, plan.reduced, values, own, damping):
             rhs[rays.columns[chunk.points]] = chunk.gradient
             squares += chunk.squares
@@ -77,11 +77,6 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
     if damping:
         add_to_diagonal(matrix, damping * system.diagonal)
     return Normals(matrix, reduced_rhs, system.diagonal, rhs, total)
-
-
-def _empty_system(structure: BlockStructure) -> ReducedSystem:
-    matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
-    return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
 def _arrays(system: ReducedSystem) -> tuple[FloatArray, ...]:

@@ -22,6 +22,8 @@ from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.observations.projection_centre import takes_positions, to_projection_centres
+from mor.observations.spatial_angle import SPATIAL_ANGLE
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
@@ -35,6 +37,7 @@ PLAIN_TYPES = {
         VERTICAL_DIRECTION,
         ZENITH_ANGLE,
         ANGLE_TYPE,
+        SPATIAL_ANGLE,
         VECTOR,
         HEIGHT_DIFFERENCE,
         COORDINATES,
@@ -44,12 +47,18 @@ PLAIN_TYPES = {
 }
 """Types a project names directly; image coordinates are chosen by the model of the camera."""
 
+PROJECTION_CENTRE_TYPES = {
+    kind.key: to_projection_centres(kind) for kind in PLAIN_TYPES.values() if takes_positions(kind)
+}
+"""Twins, by the key of the type, that take projection centres for positions."""
+
 ALL_TYPES = {
     kind.key: kind
     for kind in (
         *IMAGE_TYPES.values(),
         *FOLLOWER_TYPES.values(),
         *PLAIN_TYPES.values(),
+        *PROJECTION_CENTRE_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
         *OBSERVED_DIFFERENCES.values(),
     )
@@ -62,6 +71,7 @@ __all__ = [
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
     "PLAIN_TYPES",
+    "PROJECTION_CENTRE_TYPES",
     "Computed",
     "External",
     "ObservationGroup",

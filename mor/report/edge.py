@@ -9,7 +9,7 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.parameters.kinds import KINDS
 from mor.quality.precision.cofactors import angle_cofactors
 from mor.quality.solved import Solved
@@ -57,7 +57,7 @@ def rotations(solved: Solved, numbers: IntArray) -> Estimate:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
     edge = solved.network.edge
     D = solved.adjustment.values["rotation"][numbers]
-    by_angles = partly_free(solved.network.blocks["rotation"])[numbers]
+    by_angles = moves_by_angles(solved.network.blocks["rotation"])[numbers]
     turned = D @ edge.matrix if edge.right_handed else D
     per_unit = ANGLE_UNITS[angle_unit(solved)]
     covariance = _covariance(solved, "rotation", numbers)

@@ -103,7 +103,7 @@ class BlockMatrix:
 
     def scaled(self, factors: FloatArray) -> BlockMatrix:
         """Return D N D with D = diag(factors), factors (n,)."""
-        if compilation.available:
+        if compilation.wanted():
             s = self.structure
             return BlockMatrix(s, patterns.scale_blocks(s.offsets, s.indptr, s.indices, self.values, factors))
         values = np.empty_like(self.values)
@@ -139,7 +139,7 @@ def structure_from_cliques(
     block_sizes = np.asarray(sizes, dtype=np.int64)
     pointers = np.asarray(clique_pointers, dtype=np.int64)
     members = np.asarray(clique_blocks, dtype=np.int64)
-    if compilation.available:
+    if compilation.wanted():
         indptr, indices = patterns.union_of_cliques(block_sizes.size, pointers, members)
         indices = ascending(indptr, indices)
     else:
@@ -179,7 +179,7 @@ def find_blocks(structure: BlockStructure, rows: npt.ArrayLike, columns: npt.Arr
     """
     one, other = np.broadcast_arrays(np.asarray(rows, dtype=np.int64), np.asarray(columns, dtype=np.int64))
     low, high = np.minimum(one, other).ravel(), np.maximum(one, other).ravel()
-    if compilation.available:
+    if compilation.wanted():
         numbers = patterns.find_blocks(structure.indptr, structure.indices, high, low)
     else:
         numbers = find_blocks_by_keys(structure, high, low)

@@ -8,19 +8,18 @@ fixed at zero, and what remains is the factorisation of the matrix without its r
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
-from mor import compilation
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
-from mor.sparse.compiled import fronts
-from mor.sparse.symbolic_factorisation import Elimination, Entries
+from mor.sparse.compiled.fronts import factor_setting_aside
+from mor.sparse.fronts import assemble, extend_add
+from mor.sparse.symbolic_factorisation import Elimination
 
 # A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
 # before. It is a difference of numbers of order one; its round-off is some 1e-16 times the growth, seldom
@@ -65,13 +64,6 @@ class Factor:
         solution = np.empty_like(x)
         solution[plan.permutation] = x
         return solution.reshape(right_hand_side.shape)
-
-    def selected_inverse(self, watch: Callable[[float], None] | None = None) -> BlockMatrix:
-        """Return the blocks of N⁻¹ on the pattern of N; rows and columns of unknowns set aside are zero."""
-        # The two modules know each other; which of them is imported first must not matter.
-        from mor.sparse.selected_inverse import selected_inverse
-
-        return selected_inverse(self, watch)
 
     def _forward(self, x: FloatArray) -> None:
         """Replace x (permuted) by the solution of L y = x."""
@@ -177,9 +169,9 @@ def _assembled_front(
     """
     r = below.shape[0]
     rest = np.zeros((r, r), order="F")
-    _assemble(values, *entries_of_front(plan.entries, f), pivots, below)
+    assemble(values, plan.entries.of_front(f), pivots, below)
     for update, places in updates:
-        _extend_add(update, places, pivots, below, rest)
+        extend_add(update, places, pivots, below, rest)
     return pivots, below, rest
 
 
@@ -212,7 +204,7 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
     size = matrix.shape[0]
     if size <= _HALVE_ABOVE:
         vanished = np.zeros(size, dtype=bool)
-        fronts.factor_setting_aside(factor, tolerance, vanished)
+        factor_setting_aside(factor, tolerance, vanished)
         return factor, np.flatnonzero(vanished)
     half = size // 2
     rest = factor[half:, half:].copy(order="F")
@@ -222,35 +214,3 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
     lower[after] = 0.0
     factor[:half, :half], factor[half:, :half], factor[half:, half:] = upper, lower, remainder
     return factor, np.concatenate((before, after + half))
-
-
-def entries_of_front(
-    entries: Entries, f: int
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]:
-    """Return (start, height, width, row, column, transposed) of the stored blocks that go into front f."""
-    part = slice(entries.pointers[f], entries.pointers[f + 1])
-    return (
-        entries.start[part],
-        entries.height[part],
-        entries.width[part],
-        entries.row[part],
-        entries.column[part],
-        entries.transposed[part],
-    )
-
-
-def extend_add_by_numpy(
-    update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
-) -> None:
-    """Add a child's update to its parent: the form that needs no compiler."""
-    k = pivots.shape[0]
-    split = int(np.searchsorted(places, k))
-    inside, beyond = places[:split], places[split:] - k
-    lower = np.tril(update)
-    pivots[np.ix_(inside, inside)] += lower[:split, :split]
-    below[np.ix_(beyond, inside)] += lower[split:, :split]
-    rest[np.ix_(beyond, beyond)] += lower[split:, split:]
-
-
-_assemble = fronts.assemble
-_extend_add = fronts.extend_add if compilation.available else extend_add_by_numpy

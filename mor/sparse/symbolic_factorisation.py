@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray, ranges
 from mor.sparse.block_matrix import BlockStructure, ascending
 from mor.sparse.compiled import symbolic
 from mor.sparse.ordering import block_graph, fill_reducing_order
@@ -45,6 +45,18 @@ class Entries:
     row: IntArray
     column: IntArray
     transposed: BoolArray
+
+    def of_front(self, f: int) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]:
+        """Return (start, height, width, row, column, transposed) of the stored blocks that go into front f."""
+        part = slice(self.pointers[f], self.pointers[f + 1])
+        return (
+            self.start[part],
+            self.height[part],
+            self.width[part],
+            self.row[part],
+            self.column[part],
+            self.transposed[part],
+        )
 
 
 @dataclass(frozen=True)
@@ -170,11 +182,11 @@ def _plan(
     step_pointers, steps = symbolic.rows_of_fronts(*_pattern(permuted), first_step, parent)
     steps = ascending(step_pointers, steps)
     pivot_pointers = starts[first_step]
-    rows = _ranges(starts[steps], sizes[steps])
+    rows = ranges(starts[steps], sizes[steps])
     row_pointers = np.concatenate(([0], np.cumsum(sizes[steps])))[step_pointers].astype(np.int64)
     return Elimination(
         structure,
-        _ranges(structure.offsets[order], sizes),
+        ranges(structure.offsets[order], sizes),
         pivot_pointers,
         row_pointers,
         rows,
@@ -232,9 +244,3 @@ def _relabelled(parent: IntArray, order: IntArray) -> IntArray:
     place[order] = np.arange(order.size)
     upward = parent[order]
     return np.where(upward >= 0, place[upward], -1)
-
-
-def _ranges(starts: IntArray, lengths: IntArray) -> IntArray:
-    """Return the concatenation of ``arange(starts[i], starts[i] + lengths[i])``."""
-    before = np.cumsum(lengths) - lengths
-    return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)

@@ -22,15 +22,6 @@ class TestObservations:
             "project.yaml:7: from and to are the same: 'A'; bearing needs two different ones"
         ]
 
-    @pytest.mark.parametrize("rows", ["[[A, C, 10, 1]]", "[[A, C, 10, 1], [A, C, 10, 1]]"])
-    def test_direction_set_with_one_target(self, tmp_path: Path, rows: str) -> None:
-        entry = f"  - {{type: directions, columns: [station, to, horizontal, sigma], rows: {rows}}}"
-        found = with_observations(tmp_path, entry)
-        assert len(found) == 1
-        assert found[0].startswith(
-            "project.yaml:7: the set of directions at 'A' has a single horizontal target, expected two or more"
-        )
-
     def test_one_target_is_enough_where_the_orientation_is_known(self, tmp_path: Path) -> None:
         station = "stations:\n  - {columns: [id, point, orientation], rows: [[S, A, 0]], fixed: [kappa]}\n"
         entry = "  - {type: directions, columns: [station, to, horizontal, sigma], rows: [[S, C, 35.6, 1]]}\n"

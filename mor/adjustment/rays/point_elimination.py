@@ -10,7 +10,7 @@ Every function has a plain numpy form in ``point_reference`` and a compiled one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,26 +22,9 @@ from mor.adjustment.rays.compiled.cliques import Pattern
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.point_products import System
 from mor.adjustment.rays.linearised import Rays
+from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
-
-
-@dataclass(frozen=True)
-class ReducedSystem:
-    """Normal equations of the unknowns that remain; ``accumulate`` adds to its arrays in place.
-
-    Attributes:
-        matrix: S = Σ jᵀj − Σ W N_pp⁻¹ Wᵀ; diagonal blocks hold both triangles.
-        right_hand_side: (n,) −Σ jᵀ residual − Σ W N_pp⁻¹ b_p.
-        diagonal: (n,) diagonal of Σ jᵀj alone, before the points are eliminated: the measure of what
-            vanishes, and of damping.
-        gradient: (n,) −Σ jᵀ residual alone, before the points are eliminated.
-    """
-
-    matrix: BlockMatrix
-    right_hand_side: FloatArray
-    diagonal: FloatArray
-    gradient: FloatArray
 
 
 class Eliminated(NamedTuple):
@@ -54,12 +37,6 @@ class Eliminated(NamedTuple):
     """
     gradient: FloatArray
     """(p, 3) −Σ aᵀ residual."""
-
-
-def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
-    """Return a reduced system of zeros."""
-    matrix = BlockMatrix(structure, np.zeros(int(structure.position[-1])))
-    return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
 def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
@@ -76,7 +53,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays.columns, reduced.matrix.structure.unknowns)
-    if not compilation.available:
+    if not compilation.wanted():
         return Eliminated(*point_reference.accumulate(rays, reduced, damping))
     residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays))
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
@@ -114,10 +91,8 @@ def accumulate_images(
 
 def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
     """Return how the points of a chunk follow (p, 3, k) directions (n, k) of the reduced unknowns: −N_pp⁻¹ Wᵀ g."""
-    if not compilation.available:
-        still = replace(rays, residual=np.zeros_like(rays.residual))
-        followed = [point_reference.back_substitute(still, g, 0.0) for g in directions.T]
-        return np.stack(followed, axis=2) if followed else np.zeros((rays.points, 3, 0))
+    if not compilation.wanted():
+        return point_reference.follow_directions(rays, directions)
     _refuse_columns_beyond(rays.columns, len(directions))
     of_points = np.empty((rays.points, 3, directions.shape[1]))
     points.follow_directions(*_arrays(rays)[1:], np.ascontiguousarray(directions), of_points)
@@ -133,7 +108,7 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
         damping: as for ``accumulate``.
     """
     _refuse_columns_beyond(rays.columns, reduced_step.size)
-    if not compilation.available:
+    if not compilation.wanted():
         return point_reference.back_substitute(rays, reduced_step, damping)
     moved = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)[rays.frame]
     residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
@@ -165,7 +140,7 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> Cofactors:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays.columns, inverse.structure.unknowns)
-    if not compilation.available:
+    if not compilation.wanted():
         return Cofactors(*point_reference.cofactors(rays, inverse))
     result = Cofactors(np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2)), np.empty((rays.rays, 2)))
     stored = point_cofactors.cofactors(

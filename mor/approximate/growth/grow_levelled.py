@@ -21,10 +21,9 @@ def grow_levelled(part: Part, measured: Terrestrial) -> bool:
     """Add what follows from what is known; true where anything was added."""
     distances = Distances(part, measured)
     grown = False
-    _begin_heights(part, measured)
     while True:
         added = _orient(part, measured)
-        added |= _vectors(part, measured)
+        added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
         added |= _sections(part, measured, distances)
         added |= _free_stations(part, measured, distances)
@@ -38,10 +37,14 @@ class Distances:
     """Horizontal distances between two positions, as far as they are measured or follow from slope and vertical."""
 
     def __init__(self, part: Part, measured: Terrestrial):
+        self.lifts = part.scaled
         self.horizontal: dict[tuple[int, int], float] = {}
         self.slope: dict[tuple[int, int], tuple[float, float]] = {}
         self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
         self.neighbours: dict[int, set[int]] = {}
+        self._collect_verticals(measured)
+        if not part.scaled:
+            return
         for a, b, s in zip(
             measured.horizontals.start,
             measured.horizontals.end,
@@ -56,18 +59,21 @@ class Distances:
             rise = float(ha - hb)
             self.slope[int(a), int(b)], self.slope[int(b), int(a)] = (float(s), rise), (float(s), -rise)
             self._meet(int(a), int(b))
-        self._collect_verticals(measured)
 
     def _collect_verticals(self, measured: Terrestrial) -> None:
         v = measured.verticals
         for a, b, ha, hb, value in zip(
             v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True
         ):
-            self.vertical[int(a), int(b)] = (float(value), float(ha - hb))
+            self.vertical[int(a), int(b)] = (float(value), self._lift(ha - hb))
         for sight in measured.sights:
             for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
                 if np.isfinite(value):
-                    self.vertical[sight.position, int(b)] = (float(value), sight.height - float(hb))
+                    self.vertical[sight.position, int(b)] = (float(value), self._lift(sight.height - hb))
+
+    def _lift(self, rise: float) -> float:
+        """Heights of instrument and target, which count only in the length unit."""
+        return float(rise) if self.lifts else 0.0
 
     def _put(self, where: dict[tuple[int, int], float], a: int, b: int, value: float) -> None:
         where[a, b] = where[b, a] = value
@@ -237,20 +243,23 @@ def _vectors(part: Part, measured: Terrestrial) -> bool:
     return added
 
 
-def _begin_heights(part: Part, measured: Terrestrial) -> None:
+def begin_heights(part: Part, measured: Terrestrial) -> bool:
     """A levelling network of which no height is known begins with the height 0 of its first point."""
     h = measured.height_differences
     ends = np.unique(np.concatenate([h.start, h.end]))
-    if len(ends) and np.isnan(part.points[:, 2]).all():
-        part.points[h.start[0], 2] = 0.0
-        part.how[f"point {h.start[0]}"] = "height 0: no height is given"
+    if len(ends) == 0 or not np.isnan(part.points[:, 2]).all():
+        return False
+    part.points[h.start[0], 2] = 0.0
+    part.how[f"point {h.start[0]}"] = "height 0: no height is given"
+    return True
 
 
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     """Heights from height differences, and from vertical directions over known horizontal distances."""
     added = False
     h = measured.height_differences
-    for a, b, dz in zip(h.start, h.end, h.value[:, 0] + h.start_height - h.end_height, strict=True):
+    rises = h.value[:, 0] + h.start_height - h.end_height
+    for a, b, dz in zip(h.start, h.end, rises, strict=True) if part.scaled else ():
         added |= _carry_height(part, int(a), int(b), float(dz))
     for (a, b), (vertical, rise) in distances.vertical.items():
         length = float(np.linalg.norm(part.points[b, :2] - part.points[a, :2]))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.growth.frames import Frame
+from mor.approximate.growth.local_systems import fill_systems
 from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.similarity import SimilarityOutcome, similarity
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray
 from mor.geometry.rotations import rotation_from_angles
@@ -40,7 +40,7 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     part.points[:] = start["point"]
     part.fixed = np.asarray(np.isfinite(start["point"]).all(axis=1))
     part.sigma = network.sigma["point"]
-    part.levelled = part.oriented = part.scaled = True
+    part.levelled = part.oriented = part.scaled = part.given = True
     for number, frame in enumerate(frames):
         rotation, position = start["rotation"][frame.rotation], start["point"][frame.position]
         if frame.relative is not None:
@@ -90,7 +90,7 @@ def fill_in(
         if block >= 0:
             _put_rotation(rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
     _fill_pairs(start, part, frames)
-    _fill_systems(network, start)
+    fill_systems(network, start)
     how = _named(network, part)
     return start, how, _missing(network, start)
 
@@ -125,31 +125,6 @@ def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame
         _put_rotation(start["rotation"], turn, D_b @ D_a.T)
         if np.isnan(start["base"][base]).any():
             start["base"][base] = D_a @ (O_b - O_a)
-
-
-def _fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
-    """Local systems by closed-form similarity of their observed coordinates."""
-    for group in network.groups:
-        if group.type.key != "local":
-            continue
-        origin, rotation, scale, _, point = group.blocks
-        for system in np.unique(rotation):
-            rows = np.flatnonzero(rotation == system)
-            if (
-                np.isfinite(start["rotation"][system]).all()
-                and np.isfinite(start["point"][origin[rows[0]]]).all()
-            ):
-                continue
-            local, object_ = group.observed[rows], start["point"][point[rows]]
-            usable = np.isfinite(local).all(axis=1) & np.isfinite(object_).all(axis=1)
-            found = similarity(object_[usable], local[usable])
-            if found.outcome is not SimilarityOutcome.DETERMINED:
-                continue
-            _put_rotation(start["rotation"], int(system), found.rotation)
-            start["scale"][scale[rows[0]], 0] = found.scale
-            block = origin[rows[0]]
-            missing = np.isnan(start["point"][block])
-            start["point"][block, missing] = (-found.rotation.T @ found.translation / found.scale)[missing]
 
 
 def _named(network: Network, part: Part) -> dict[str, str]:

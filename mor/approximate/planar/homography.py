@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.approximate.bundle import Bundle
+from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.vectors import principal_rows, tangent_axes, unit
 from mor.arrays import FloatArray
+from mor.geometry.rotations import cross_matrix, rotate
 
 
 class Homography(NamedTuple):
@@ -62,6 +64,30 @@ def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
     normal = rows.T @ rows
     held = normal + np.trace(normal) * np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
+
+
+class Turn(NamedTuple):
+    """The rotation between two bundles from one centre."""
+
+    rotation: FloatArray
+    """(3, 3) D*."""
+    objective: float
+    """Σ (v/σ)² of the same conditions as those of the collineation, which has five more unknowns."""
+
+
+def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
+    """Adjust H = D*, a pure rotation, to n ≥ 2 homologous rays: what is left when there is no base."""
+    rotation = nearest_rotation(b.directions.T @ a.directions)
+    corrections = np.zeros((len(a), 4))
+    for _ in range(iterations):
+        design, residuals, corrections = _conditions(a, b, rotation, corrections)
+        turns = -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
+        step = np.linalg.lstsq(design @ turns, -residuals, rcond=None)[0]
+        rotation = rotate(rotation, step)
+        if float(np.max(np.abs(step))) < 1e-13:
+            break
+    residuals = _conditions(a, b, rotation, corrections)[1]
+    return Turn(rotation, float(residuals @ residuals))
 
 
 def significance_of_gaps(homography: Homography) -> float:

@@ -11,9 +11,10 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
-from mor.approximate.planar.homography import Homography, fit_homography, significance_of_gaps
+from mor.approximate.planar.homography import Homography, fit_homography, fit_turn, significance_of_gaps
 from mor.approximate.planar.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.vectors import principal_rows, unit
@@ -22,6 +23,10 @@ from mor.arrays import FloatArray, IntArray
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
 
+MORE_THAN_A_TURN = 5
+"""Unknowns that a collineation has and a rotation has not."""
+BY_ITSELF = 2.9e-7
+"""Probability that two images from one centre seem to have a base, by their errors alone (5 σ)."""
 CERTAIN = 5.0
 """Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded."""
 
@@ -34,7 +39,8 @@ class PlaneOutcome(Enum):
     TOO_FEW = "fewer than four points"
     INVALID = "a ray is zero or not a number"
     COLLINEAR = "three of four points, or all, lie in one line"
-    NO_BASE = "no base: the second image is the first one turned, the shape of the plane is open"
+    WEAK = "one solution is visible, but the shape is hardly determined: a longer base, more points, or a further image"
+    NO_BASE = "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
     BASE_ALONG_NORMAL = (
         "dangerous locus: both projection centres lie on one normal of the plane, or the measurements cannot tell; "
         "the two solutions coincide and errors of the image coordinates enter with their square root"
@@ -47,7 +53,12 @@ class PlaneOutcome(Enum):
     @property
     def usable(self) -> bool:
         """True if the solution, or one of several, can serve as a start value."""
-        return self in (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL)
+        return self in (
+            PlaneOutcome.UNIQUE,
+            PlaneOutcome.AMBIGUOUS,
+            PlaneOutcome.WEAK,
+            PlaneOutcome.BASE_ALONG_NORMAL,
+        )
 
 
 class PlaneOrientation(NamedTuple):
@@ -64,7 +75,7 @@ class PlaneOrientation(NamedTuple):
 
 
 class PlaneSolutions(NamedTuple):
-    """All orientations of a plane object, visible ones first."""
+    """All orientations of a plane object, visible ones first; without a base the rotation alone."""
 
     outcome: PlaneOutcome
     solutions: list[PlaneOrientation]
@@ -82,8 +93,16 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
     homography = fit_homography(a, b)
     if homography.objective > misfit_limit(homography.redundancy):
         return PlaneSolutions(PlaneOutcome.NOT_PLANE, [], homography)
+    turn = fit_turn(a, b)
+    variance = max(1.0, homography.objective / max(homography.redundancy, 1))
+    if turn.objective - homography.objective < variance * float(chdtri(MORE_THAN_A_TURN, BY_ITSELF)):
+        standing = PlaneOrientation(np.full(3, np.nan), np.zeros(3), turn.rotation, 0)
+        return PlaneSolutions(PlaneOutcome.NO_BASE, [standing], homography)
     solutions = solutions_of_homography(homography.matrix, a.rays, b.rays)
-    return PlaneSolutions(_outcome(homography, solutions, a, b), solutions, homography)
+    along = significance_of_gaps(homography) < CERTAIN
+    if along and not any(one.front == len(a) for one in solutions):
+        solutions = [_along_normal(homography.matrix, a.rays, b.rays)]
+    return PlaneSolutions(_outcome(homography, solutions, along, len(a)), solutions, homography)
 
 
 def misfit_limit(redundancy: int) -> float:
@@ -114,9 +133,7 @@ def _orientation(
     if distance < 0.0:
         normal, distance = -normal, -distance
     base = (centre_a - rotation.T @ centre_b) / distance
-    turned_normal, distance_b = rotation @ normal, 1.0 - float(normal @ base)
-    front = (rays_a @ normal > 0.0) & ((rays_b @ turned_normal) * np.sign(distance_b) > 0.0)
-    return PlaneOrientation(normal, base, rotation, int(np.sum(front)))
+    return PlaneOrientation(normal, base, rotation, _in_front(normal, base, rotation, rays_a, rays_b))
 
 
 def corners_within(rays: FloatArray) -> FloatArray:
@@ -214,15 +231,31 @@ def _three_in_line(bundle: Bundle) -> bool:
     )
 
 
-def _outcome(homography: Homography, solutions: list[PlaneOrientation], a: Bundle, b: Bundle) -> PlaneOutcome:
-    values = np.linalg.svd(homography.matrix, compute_uv=False)
-    noise = np.hypot(a.noise, b.noise) / max(min(thickness(a), thickness(b)), 1e-300)
-    spread = values[0] - values[2]
-    visible = sum(solution.front == len(a) for solution in solutions)
-    if spread < COLLINEAR * noise:
-        return PlaneOutcome.NO_BASE
+def _along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
+    """Both centres on one normal n, H = D* (1 − β n nᵀ): n belongs to the singular value that stands alone."""
+    _, values, right = np.linalg.svd(matrix)
+    alone = 2 if values[0] / values[1] < values[1] / values[2] else 0
+    pair = float(np.sqrt(np.prod(np.delete(values, alone))))
+    normal = right[alone] * np.where(np.sum(rays_a @ right[alone]) < 0.0, -1.0, 1.0)
+    distance_b = float(values[alone]) / pair * float(np.sign(np.linalg.det(matrix)))
+    base = (1.0 - distance_b) * normal
+    rotation = nearest_rotation(matrix @ (np.eye(3) + np.outer(normal, normal) * (1.0 / distance_b - 1.0)))
+    return PlaneOrientation(normal, base, rotation, _in_front(normal, base, rotation, rays_a, rays_b))
+
+
+def _in_front(
+    normal: FloatArray, base: FloatArray, rotation: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> int:
+    side_of_b = np.sign(1.0 - float(normal @ base))
+    return int(np.sum((rays_a @ normal > 0.0) & ((rays_b @ (rotation @ normal)) * side_of_b > 0.0)))
+
+
+def _outcome(
+    homography: Homography, solutions: list[PlaneOrientation], along: bool, points: int
+) -> PlaneOutcome:
+    visible = sum(solution.front == points for solution in solutions)
     if not homography.same_side or visible == 0:
         return PlaneOutcome.NOT_VISIBLE
-    if significance_of_gaps(homography) < CERTAIN:
+    if along:
         return PlaneOutcome.BASE_ALONG_NORMAL
     return PlaneOutcome.UNIQUE if visible == 1 else PlaneOutcome.AMBIGUOUS

@@ -16,6 +16,7 @@ from mor.approximate.relative_orientation.outcome import (
     SceneGeometry,
 )
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns, four_candidates
+from mor.approximate.vectors import cross
 from mor.arrays import FloatArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
@@ -33,15 +34,22 @@ WRONG = 6.0
 """σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
 """Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
+SURE = 5.0
+"""Standard deviations of its parallactic angle beyond which a point behind is behind, whatever the errors."""
+ACCIDENT = 12
+"""Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident."""
 
 
 class Judged(NamedTuple):
     """What the result is made of."""
 
     geometry: SceneGeometry
+    """A critical surface where the linear system has lost a rank, whatever comes of it."""
     singular_values: FloatArray
     adjusted: list[Coplanarity]
     """Distinct adjusted orientations, best objective first."""
+    of_plane: list[tuple[FloatArray, FloatArray]]
+    """(b, D*) of the orientations that carry a plane over; empty where the points are in none."""
 
 
 def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = None) -> RelativeOrientation:
@@ -75,9 +83,10 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     chosen, rivals = _choice(a, b, judged)
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
+    outcome = _outcome(a, b, chosen, rivals, covariance)
     return RelativeOrientation(
-        outcome=_outcome(a, b, chosen, rivals, covariance),
-        geometry=judged.geometry,
+        outcome=outcome,
+        geometry=_geometry(judged.geometry, outcome, len(a)),
         points=len(a),
         base=chosen.base,
         rotation=chosen.rotation,
@@ -92,7 +101,23 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
         alternatives=tuple(candidate(a, b, one.base, one.rotation) for one in rivals),
         unknowns=auxiliary_unknowns(chosen.base, chosen.rotation),
         singular_values=judged.singular_values,
+        plane_orientations=_of_plane(a, b, judged, chosen),
     )
+
+
+def _geometry(found: SceneGeometry, outcome: RelativeOutcome, points: int) -> SceneGeometry:
+    """A critical surface is one where it does harm, or where the points are too many for an accident."""
+    harm = outcome in (RelativeOutcome.WEAK, RelativeOutcome.AMBIGUOUS)
+    if found is SceneGeometry.CRITICAL_SURFACE and not harm and points < ACCIDENT:
+        return SceneGeometry.GENERAL
+    return found
+
+
+def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tuple[Candidate, ...]:
+    def away(one: tuple[FloatArray, FloatArray]) -> float:
+        return float(np.linalg.norm(one[0] - chosen.base) + np.linalg.norm(one[1] - chosen.rotation))
+
+    return tuple(candidate(a, b, *one) for one in sorted(judged.of_plane, key=away))
 
 
 def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
@@ -109,12 +134,11 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     fitting = [one for one in adjusted if one.objective <= limit]
     chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
-    most = _front_count(a, b, chosen)
     sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
         for one in fitting
-        if _front_count(a, b, one) >= BEHIND * most
+        if _surely_behind(a, b, one) <= _surely_behind(a, b, chosen)
         and one.objective <= as_good
         and _distance(one, chosen) > _tolerance(one, chosen, sigma)
     ]
@@ -176,6 +200,15 @@ def _variance(one: Coplanarity, points: int) -> float:
 
 def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
     return int(np.sum(np.all(in_front(a, b, one.base, one.rotation), axis=1)))
+
+
+def _surely_behind(a: Bundle, b: Bundle, one: Coplanarity) -> int:
+    """Points behind whose rays are not parallel, as precisely as rays and attitude are known."""
+    front = np.all(in_front(a, b, one.base, one.rotation), axis=1)
+    parallax = np.linalg.norm(cross(a.directions, b.directions @ one.rotation), axis=1)
+    of_rays = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
+    of_turn = np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:])))
+    return int(np.sum(~front & (parallax > SURE * np.hypot(of_rays, of_turn))))
 
 
 def _outcome(

@@ -36,7 +36,7 @@ class RelativeOutcome(Enum):
 class SceneGeometry(Enum):
     """What the points are, as far as it bears on the linear system (5)."""
 
-    GENERAL = "points in general position: the linear system has one solution"
+    GENERAL = "points in general position"
     PLANE = "all points in one plane: the linear system loses three ranks; solved as a plane object"
     CRITICAL_SURFACE = (
         "points and both centres on a ruled quadric (critical surface) or nearly so: the linear system loses "
@@ -91,6 +91,8 @@ class RelativeOrientation:
     """(3, 3) Rinner's ik of the adjusted orientation."""
     singular_values: FloatArray
     """(9,) of the linear system in units of σ, descending; the last belongs to the solution."""
+    plane_orientations: tuple[Candidate, ...] = ()
+    """Of points in one plane: the two orientations that carry it over, the one nearest to the result first."""
 
     @property
     def words(self) -> str:

@@ -62,7 +62,7 @@ class RobustOrientation(NamedTuple):
 def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> RobustOrientation:
     """Orientation of ``b`` in ``a`` from n ≥ 8 homologous rays, some of which may be wrong pairs.
 
-    If all agree this is :func:`mor.approximate.relative_orientation.two_bundles.relative_orientation` itself. Wrong pairs that lie on
+    If all agree this is ``two_bundles.relative_orientation`` itself. Wrong pairs that lie on
     the right plane through the base cannot be seen, except by their depth. Outcomes are data, as there.
     """
     everything = relative_orientation(a, b)

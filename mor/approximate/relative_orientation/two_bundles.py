@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.planar.homography import fit_homography
@@ -44,8 +45,8 @@ SEEDS = 6
 FIRST_STEPS = 8
 FAR_BEHIND = 20.0
 """A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
-RANK = 10.0
-"""A singular value of the linear system below so many σ is no rank."""
+LOST = 2.9e-7
+"""Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
 
 
 class Seed(NamedTuple):
@@ -58,7 +59,7 @@ class Seed(NamedTuple):
 def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     """Orientation of bundle ``b`` in ``a`` from n ≥ 8 homologous rays, without approximate values.
 
-    All rays are believed (see :func:`mor.approximate.relative_orientation.robust.robust_relative_orientation` otherwise).
+    All rays are believed (see ``robust.robust_relative_orientation`` otherwise).
     Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see
     :mod:`mor.approximate.relative_orientation.rinner`.
     """
@@ -81,7 +82,8 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         adjusted += [adjust_coplanarity(a, b, *seed, iterations=1) for seed in seeds]
     elif len(a) <= FEW or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
-    return result(a, b, Judged(geometry, linear.singular_values, adjusted))
+    of_plane = [(seed.base, seed.rotation) for seed in seeds] if geometry is SceneGeometry.PLANE else []
+    return result(a, b, Judged(geometry, linear.singular_values, adjusted, of_plane))
 
 
 def linear_system(a: Bundle, b: Bundle) -> LinearSolution:
@@ -147,7 +149,7 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
             for plane in planes
             if np.linalg.norm(plane.base) > 0.0
         ]
-    critical = linear.singular_values[7] < RANK
+    critical = float(np.sum(linear.singular_values[7:] ** 2)) < chdtri(2 * (len(a) - 7), LOST)
     geometry = SceneGeometry.CRITICAL_SURFACE if critical else SceneGeometry.GENERAL
     corrected = compatible_unknowns(linear.ik, linear.normal).ik
     return geometry, [best_of_four(a, b, ik) for ik in (corrected, linear.ik)]

@@ -23,12 +23,10 @@ def command(project: Path, quiet: bool) -> None:
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.pipeline import read_document, read_network
-    from mor.report.results.contents import contents
+    from mor.api.project import read
 
-    document = read_document(project)
-    network = read_network(document, project.parent)
+    found = read(project)
     if not quiet:
-        for note in network.notes:
+        for note in found.notes:
             click.echo(f"note: {note}", err=True)
-        click.echo(contents(network))
+        click.echo(str(found))

@@ -129,11 +129,11 @@ def _folder(path: Path) -> Path:
 
 
 def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
-    from mor.cli._results import open_results, solve_again
+    from mor.api.reopened import reopen, solve
     from mor.quality.deformation.epochs import blocks_of, common_points, compare_epochs, over_points
     from mor.report.tables.movements import movement_table, verdict
 
-    first, second = open_results(_folder(one)), open_results(_folder(other))
+    first, second = reopen(_folder(one)).project, reopen(_folder(other)).project
     if first.network.edge != second.network.edge:
         raise InputError([Problem("the two epochs have different units or axes", str(other))])
     names = common_points(first.network, second.network)
@@ -141,8 +141,8 @@ def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataF
         raise InputError([Problem("the two epochs have no points in common", str(other))])
     coordinates = first.network.start["point"][blocks_of(first.network, names)]
     solved = [
-        solve_again(replace(opened, network=over_points(opened.network, names, coordinates)))
-        for opened in (first, second)
+        solve(replace(epoch, network=over_points(epoch.network, names, coordinates)))
+        for epoch in (first, second)
     ]
     assessed = [(s.quality, blocks_of(s.network, names)) for s in solved if s.quality is not None]
     found = compare_epochs(names, assessed[0], assessed[1], level, known)
@@ -151,12 +151,12 @@ def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataF
 
 
 def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
-    from mor.cli._results import open_results, solve_again
+    from mor.api.reopened import reopen, solve
     from mor.quality.deformation.congruence import pair_movement
     from mor.report.results.covariance import point_numbers
     from mor.report.tables.movements import movement_table
 
-    solved = solve_again(open_results(_folder(path)))
+    solved = solve(reopen(_folder(path)).project)
     assert solved.quality is not None
     names, tests = [], []
     for line, (one, other) in _listed(pairs):

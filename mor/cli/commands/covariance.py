@@ -59,7 +59,7 @@ def command(
     \b
     Exit codes: 0 done; 2 input, or no solution.
     """
-    from mor.cli._results import in_datum, inputs, open_results, solve_again
+    from mor.api.reopened import in_datum, reopen, solve
     from mor.errors import InputError, Problem
     from mor.report.results import covariance as report
 
@@ -69,10 +69,10 @@ def command(
         raise InputError([Problem("this file exists; --force replaces it", str(output))])
     if (blocks or relative) and output.suffix != ".csv":
         raise InputError([Problem("--blocks and --relative are written as .csv", str(output))])
-    opened = open_results(results)
-    if output.resolve() in {path.resolve() for path in inputs(opened)}:
+    reopened = reopen(results)
+    if output.resolve() in {path.resolve() for path in reopened.inputs}:
         raise InputError([Problem("the results are read from this file; choose another one", str(output))])
-    solved = in_datum(opened, target)[0] if target is not None else solve_again(opened)
+    solved = in_datum(reopened.project, target, "--to")[1] if target is not None else solve(reopened.project)
     if blocks:
         report.write_rows(output, report.POINT_BLOCK_HEADER, report.point_blocks(solved))
     elif relative:

@@ -55,7 +55,7 @@ def begin(
     texts: dict[Path, str] = {}
     seen = [t for t in measured if t.kind == "image"]
     environment = Environment(
-        loader=PackageLoader("mor.project"),
+        loader=PackageLoader("mor.project.file"),
         undefined=StrictUndefined,
         trim_blocks=True,
         autoescape=False,

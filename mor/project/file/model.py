@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Text = Annotated[str, Field(min_length=1)]
 Measure = Annotated[
@@ -15,6 +16,12 @@ Measure = Annotated[
     ),
 ]
 Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+
+
+def _delimiter(sign: str) -> str:
+    if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
+        raise ValueError(f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab")
+    return sign
 
 
 class Strict(BaseModel):
@@ -76,7 +83,7 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-forward", "opencv", "fisheye"] = "mor"
+    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = "mor"
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
@@ -129,7 +136,12 @@ class Table(Strict):
     )
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
     delimiter: (
-        Annotated[str, StringConstraints(strip_whitespace=False, min_length=1, max_length=1)] | None
+        Annotated[
+            str,
+            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
+            AfterValidator(_delimiter),
+        ]
+        | None
     ) = Field(
         default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
     )
@@ -154,10 +166,19 @@ class Points(Table):
     )
 
 
+_POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
+
+
 class Images(Table):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["height", "rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["height", "rx", "ry", "rz"]] = Field(
+        default_factory=list,
+        description="Height and eccentricity, constants without a σ, that are unknowns in this table",
+    )
 
 
 class Stations(Table):
@@ -166,13 +187,24 @@ class Stations(Table):
     level: Literal["fixed", "free"] | Measure = Field(
         default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
     )
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["height"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["height"]] = Field(
+        default_factory=list,
+        description="[height]: instrument heights, constants without a σ, are unknowns here",
+    )
 
 
 class Systems(Table):
-    """Local systems: id, x, y, z, omega, phi, kappa, scale, offsets."""
+    """Local systems: id, x, y, z, omega, phi, kappa, scale; rx, ry, rz, the local coordinates of the origin."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Offsets, constants without a σ, that are unknowns in this table"
+    )
 
 
 class Feature(Strict):
@@ -188,7 +220,9 @@ class Feature(Strict):
 class Pairs(Table):
     """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
 
-    fixed: list[Text] = Field(default_factory=list)
+    fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
 
 
 class Instrument(Strict):
@@ -213,9 +247,9 @@ class Observations(Table):
 
     type: Text
     instrument: Name | None = None
-    ppm: float = Field(default=0.0, ge=0.0, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
+    ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
     centring: Centring | None = None
-    factor: float = Field(default=1.0, gt=0.0, description="Factor on every σ of this group")
+    factor: float = Field(default=1.0, ge=1e-50, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
         description="Full covariance matrix over the observations of this group, or a CSV file with it",
@@ -260,7 +294,7 @@ class Settings(Strict):
 
     max_iterations: int = Field(default=50, ge=1)
     sigma0: float = Field(
-        default=1.0, gt=0.0, description="A-priori standard deviation of unit weight, as reported"
+        default=1.0, ge=1e-50, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
     snooping_level: float = Field(

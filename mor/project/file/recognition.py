@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mor.errors import InputError, Problem
+from mor.input_files import TABLE, read_text
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -89,17 +89,7 @@ class Found:
 
 def recognise(path: Path) -> Found:
     """Read a table and say what it is. Raises :class:`InputError` where that cannot be told."""
-    try:
-        with (
-            gzip.open(path, "rt", encoding="utf-8-sig")
-            if path.suffix == ".gz"
-            else path.open(encoding="utf-8-sig", newline="") as file
-        ):
-            lines = file.read().splitlines()
-    except FileNotFoundError:
-        raise InputError([Problem("this file does not exist", str(path))]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError([Problem(f"this table cannot be read: {error}", str(path))]) from None
+    lines = read_text(path, TABLE).split("\n")
     first = lines[0] if lines else ""
     delimiter = max(",;\t", key=first.count)
     rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)

@@ -22,6 +22,7 @@ from mor.project.file.nodes import Document
 from mor.project.network.cameras import read_cameras
 from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
+from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
 from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
@@ -124,8 +125,8 @@ def build_network(
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)
-    if not plain and not others and not problems:
-        problems.append(reading.at("observations").problem("there are no observations"))
+    if not problems:
+        check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}

@@ -14,7 +14,7 @@ from mor.project.network.entities import entities, unknown_name
 from mor.project.network.reading import Reading
 from mor.project.tables.statuses import settings
 from mor.project.tables.tables import Column, Rows
-from mor.units import NUMBER
+from mor.units import IMAGE, NUMBER, Component
 
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 """Diagonal of the format that 35 mm equivalents refer to, mm."""
@@ -32,6 +32,8 @@ def read_cameras(reading: Reading) -> None:
         except UnitError as error:
             reading.problems.append(at.problem(str(error), "image"))
             continue
+        if not _r0_is_good(reading, name, camera, scale):
+            continue
         reading.scales[name] = scale
         blocks.append(_interior(reading, name, camera, scale))
         ids.append(name)
@@ -45,6 +47,17 @@ def read_cameras(reading: Reading) -> None:
             "eccentricity": np.array(eccentricities, dtype=np.int64),
         },
     )
+
+
+def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> bool:
+    try:
+        r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
+    except UnitError as error:
+        reading.problems.append(reading.at("cameras", name).problem(f"r0: {error}", "r0"))
+        return False
+    if r0 < 0.0:
+        reading.problems.append(reading.at("cameras", name).problem("r0: expected a radius, 0 or more", "r0"))
+    return r0 >= 0.0
 
 
 def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
@@ -127,15 +140,25 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
             continue
         k = kind.names.index(component)
         try:
-            quantity = kind.components[k].quantity
-            result[k] = (
-                float("nan")
-                if text is None
-                else reading.edge.number(text, quantity, "", reading.scales[name])
-            )
+            sigma = _variant_sigma(reading, text, kind.components[k], reading.scales[name])
         except UnitError as error:
             reading.problems.append(at.problem(f"{component}: {error}"))
+            continue
+        if sigma != 0.0:  # no difference at all: every image has the component of the camera
+            result[k] = sigma
     return result
+
+
+def _variant_sigma(
+    reading: Reading, text: str | None, component: Component, scale: ImageScale
+) -> float:
+    """σ of the difference of each image from its camera, NaN where there is none. Raises :class:`UnitError`."""
+    if text is None:
+        return float("nan")
+    sigma = reading.edge.number(text, component.quantity, "", scale)
+    if sigma < 0.0:
+        raise UnitError(f"found a negative σ ({text}), expected a σ ≥ 0")
+    return sigma
 
 
 def variant_columns(reading: Reading) -> list[Column]:

@@ -40,6 +40,9 @@ def _instrument(
     store = reading.shop.store(kind)
     path: Path = ("instruments", name)
     row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    scales = [values[0, components.index("scale")] for values in (row.values, row.start) if "scale" in given]
+    if any(scale <= 0.0 for scale in scales):
+        reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
     return int(store.add([name], *row)[0])
 
 

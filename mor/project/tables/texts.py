@@ -19,6 +19,7 @@ import polars as pl
 from mor.arrays import IntArray, SmallIntArray
 from mor.counting import counted
 from mor.errors import Problem
+from mor.input_files import limit, raise_it
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Source, tell_rows
 
@@ -40,6 +41,14 @@ def our_name(table: Table, name: str) -> str | None:
     return table.columns.get(name, name) if isinstance(table.columns, dict) else name
 
 
+COLUMNS = "MOR_MAX_COLUMNS"
+
+
+def too_many_columns(found: int) -> str:
+    """Words for a table that has more columns than any table of measurements."""
+    return f"found {found} columns, expected {limit(COLUMNS)} at most; {raise_it(COLUMNS)}"
+
+
 def wrong_length(found: int, names: Sequence[str | None]) -> str:
     """Words for a row that has another number of columns than its table."""
     return f"found {counted(found, 'column')}, expected {len(names)} ({', '.join(name or '-' for name in names)})"
@@ -56,6 +65,10 @@ def from_text(
         return None
     cleaned = _cleaned(text, table.delimiter)
     del text
+    columns = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
+    if columns > limit(COLUMNS):
+        problems.append(Problem(too_many_columns(columns), file, 1))
+        return None
     header = _header(cleaned, table)
     names = [None if name.startswith("skip ") else our_name(table, name) for name in header]
     lines = cleaned.lines if isinstance(table.columns, list) else cleaned.lines[1:]
@@ -128,25 +141,45 @@ def _header(cleaned: _Text, table: Table) -> list[str]:
     """Names of the columns as the file (or its declaration) has them, each once."""
     if isinstance(table.columns, list):
         return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
+    return [cell.strip() for cell in _cells(_first_line(cleaned).decode("utf-8"), table.delimiter or ",")]
+
+
+def _first_line(cleaned: _Text) -> bytes:
     end = cleaned.content.find(b"\n")
-    first = cleaned.content[: end if end >= 0 else None].decode("utf-8")
-    return [cell.strip() for cell in next(csv.reader([first], delimiter=table.delimiter or ","), [])]
+    return cleaned.content[: end if end >= 0 else None]
+
+
+def _separators(content: bytes, separator: str) -> IntArray:
+    """Number of separators in each line."""
+    data = np.frombuffer(content, dtype=np.uint8)
+    ends = _line_ends(data)
+    starts = np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
+    return counts
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Cells of a line; a quote that is not closed reaches to its end."""
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # longer than any cell may be
+        return line.split(separator)
 
 
 def _frame(
     cleaned: _Text, table: Table, header: list[str], kinds: dict[str, type[pl.DataType]]
 ) -> pl.DataFrame | None:
     """The whole table; with texts instead of numbers where it must be. ``None`` where rows differ in length."""
-    separator = table.delimiter or ","
+    separator, headed = table.delimiter or ",", not isinstance(table.columns, list)
     count = cleaned.content.count(separator.encode())
     if count != len(cleaned.lines) * (len(header) - 1) or len(set(header)) < len(header):
         return None
     for wanted in (kinds, dict.fromkeys(kinds, pl.String)):
         try:
-            return pl.read_csv(
+            frame = pl.read_csv(
                 cleaned.content,
                 has_header=False,
-                skip_rows=0 if isinstance(table.columns, list) else 1,
+                skip_rows=int(headed),
                 schema=wanted,
                 separator=separator,
                 quote_char=None if separator == " " else '"',
@@ -154,6 +187,7 @@ def _frame(
             )
         except pl.exceptions.PolarsError:
             continue
+        return frame if frame.height == len(cleaned.lines) - int(headed) else None
     return None
 
 
@@ -164,28 +198,26 @@ def _one_by_one(
     separator = table.delimiter or ","
     headed = not isinstance(table.columns, list)
     if b'"' not in cleaned.content or separator == " ":
-        whole = pl.read_csv(
-            cleaned.content,
-            has_header=False,
-            skip_rows=int(headed),
-            schema={"line": pl.String},
-            separator="\x1f",
-            quote_char=None,
-            glob=False,
-        )["line"]
-        found = whole.str.count_matches(separator, literal=True).to_numpy() + 1
+        found = _separators(cleaned.content, separator)[int(headed) :] + 1
         source = Source([], {}, cleaned.lines[int(headed) :], file)
         tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
         if (found != len(names)).any():
             return None
-    content = cleaned.content.decode("utf-8").splitlines()[int(headed) :]
-    rows = [next(csv.reader([line], delimiter=separator)) for line in content]
+    content = cleaned.content.decode("utf-8").split("\n")[int(headed) :]
     lines = cleaned.lines[int(headed) :]
-    for row, line in zip(rows, lines, strict=True):
-        if len(row) != len(names):
-            problems.append(Problem(wrong_length(len(row), names), file, int(line)))
+    source = Source([], {}, lines, file)
+    content = content[: len(lines)]
+    open_ = np.array([line.count('"') % 2 == 1 for line in content])
+    tell_rows(problems, open_, source, "a quote that opens in this line is not closed in it")
+    if open_.any():
+        return None
+    rows = [_cells(line, separator) for line in content]
+    found = np.array([len(row) for row in rows])
+    tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
+    if (found != len(names)).any():
+        return None
     columns = {
-        name: pl.Series(name, [row[k] if k < len(row) else None for row in rows], dtype=pl.String)
+        name: pl.Series(name, [row[k] for row in rows], dtype=pl.String)
         for k, name in enumerate(names)
         if name
     }

@@ -78,7 +78,7 @@ def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions
     rays, columns = chunk.rays, lane.columns[chunk.points]
     own, through = (np.ascontiguousarray(array[columns]) for array in extra)
     reduced = extra.through[plan.kept]
-    if compilation.available:
+    if compilation.wanted():
         of_frames = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)
         of_frames = np.ascontiguousarray(np.swapaxes(of_frames, 1, 2))
         arrays = rays.by_point, rays.by_others, rays.frame, rays.point_pointers

@@ -114,7 +114,7 @@ def _fill_rays(
         place = np.flatnonzero(chunk.group == number)
         one = quality[number]
         rows = chunk.row[place]
-        if compilation.available:
+        if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
             compiled_rays.fill(rows, place, chunk.weight, white, carries, CONTROLLED, *arrays)
         else:

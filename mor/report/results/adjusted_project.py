@@ -16,12 +16,13 @@ import numpy as np
 import polars as pl
 import yaml
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values
-from mor.parameters.kinds import BASE, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
+from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE, BlockKind
 from mor.project.file.nodes import Document
 from mor.project.network.build import Network
+from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
 
 
@@ -58,7 +59,7 @@ def adjusted_project(
             data[section] = entries
     for section in ("observations", "checks"):
         if section in data:
-            data[section] = [_moved(entry, source, target) for entry in data[section] or []]
+            data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if "cameras" in data:
         data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
@@ -79,11 +80,18 @@ def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, An
     }
 
 
-def _moved(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
-    """An entry whose files are found from the new folder."""
+def _moved(
+    entry: dict[str, Any], document: Document, source: Path, target: Path, tables: dict[str, pl.DataFrame]
+) -> dict[str, Any]:
+    """An entry whose files are found from the new folder; a data frame without a file becomes one of ``tables``."""
     moved = dict(entry)
     for key in ("file", "covariance"):
-        if isinstance(moved.get(key), str):
+        frame = document.frame(str(moved.get(key)))
+        if frame is not None:
+            words = "".join(c if c.isalnum() else " " for c in str(moved[key])).split()
+            moved[key] = f"given_{'_'.join(words)}.csv"
+            tables[moved[key]] = frame
+        elif isinstance(moved.get(key), str):
             moved[key] = Path(os.path.relpath(source / moved[key], target)).as_posix()
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
@@ -144,12 +152,37 @@ def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -
     return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
 
 
-def _heights(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
-    columns = _plain(placed, "height", numbers, HEIGHT.names)
-    none = numbers == 0
+def _set_ups(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and the names they share them by."""
+    columns: dict[str, Any] = dict(_plain(placed, kind.key, numbers, kind.names))
     for column in columns.values():
-        column[none] = np.nan
-    return {key: column for key, column in columns.items() if not np.isnan(column).all()}
+        column[~own] = np.nan
+    columns = {key: column for key, column in columns.items() if not np.isnan(column).all()}
+    shared = placed.network.things.get(shared_column(kind))
+    if shared is not None and shared.ids:
+        names = dict(zip(shared.parts[kind.key].tolist(), shared.ids, strict=True))
+        columns[shared_column(kind)] = [names.get(int(number), "") for number in numbers]
+    return columns
+
+
+def _unknown(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> list[tuple[str, ...]]:
+    """Of each frame (n,) the components that are unknowns without a σ."""
+    free = placed.network.blocks[kind.key].free[numbers]
+    loose = free & np.isnan(placed.network.sigma[kind.key][numbers]) & own[:, None]
+    return [tuple(name for name, there in zip(kind.names, row, strict=True) if there) for row in loose]
+
+
+def _by_freedom(
+    ids: Sequence[str], columns: dict[str, Any], unknown: Sequence[tuple[str, ...]], keys: dict[str, Any]
+) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    """A table for each run of frames that have the same unknowns among the constants of their set-up."""
+    ends = [i + 1 for i in range(len(ids)) if i + 1 == len(ids) or unknown[i] != unknown[i + 1]]
+    tables = []
+    for first, end in zip([0, *ends], ends, strict=False):
+        frame = _frame(ids[first:end], {key: column[first:end] for key, column in columns.items()})
+        free = list(unknown[first])
+        tables.append((frame, keys | ({"free": free} if free else {})))
+    return tables
 
 
 def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
@@ -200,17 +233,25 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     }
     leader_of = {int(n): things.ids[i] for i, n in enumerate(parts["rotation"]) if parts["base"][i] < 0}
     follows = parts["base"] >= 0
-    columns = {
+    of_cameras = network.things["camera"].parts["eccentricity"][parts["camera"]]
+    raised, apart = parts["height"] != 0, parts["eccentricity"] != of_cameras
+    columns: dict[str, Any] = {
         "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
         "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
         "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
         **_pose(placed, parts["position"], parts["rotation"], "position"),
-        **_heights(placed, parts["height"]),
+        **_set_ups(placed, HEIGHT, parts["height"], raised),
+        **_set_ups(placed, ECCENTRICITY, parts["eccentricity"], apart),
     }
-    for column in columns.values():
+    for key, column in columns.items():
         if isinstance(column, np.ndarray):
             column[follows] = np.nan
-    return [(_frame(things.ids, columns | _image_variant(placed)), {})]
+        elif key not in ("camera", "leader", "pair"):
+            columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
+    heights = _unknown(placed, HEIGHT, parts["height"], raised & ~follows)
+    eccentricities = _unknown(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
+    unknown = [(*a, *b) for a, b in zip(heights, eccentricities, strict=True)]
+    return _by_freedom(things.ids, columns | _image_variant(placed), unknown, {})
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
@@ -250,7 +291,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         columns = {
             "set": [set_ for _, set_ in names],
             **_pose(placed, parts["position"], parts["rotation"], "point", level=level == "fixed"),
-            **_heights(placed, parts["height"]),
+            **_set_ups(placed, HEIGHT, parts["height"], parts["height"] != 0),
         }
         _empty_places_of_sets(columns)
         idle = np.array([things.ids[i] in placed.network.unoriented for i in chosen], dtype=bool)
@@ -259,14 +300,18 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
                 column[idle] = np.nan  # no direction was observed there
         if level == "fixed":
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
-        result.append((_frame([name for name, _ in names], columns), {"level": level}))
+        of_own = (parts["height"] != 0) & np.array([not set_ for _, set_ in names], dtype=bool)
+        unknown = _unknown(placed, HEIGHT, parts["height"], of_own)
+        result += _by_freedom([name for name, _ in names], columns, unknown, {"level": level})
     return result
 
 
 def _empty_places_of_sets(columns: dict[str, Any]) -> None:
     """A further set stands where its station stands: it has no position and height of its own."""
     is_set = np.array([bool(name) for name in columns["set"]])
-    columns["point"] = ["" if s else name for s, name in zip(is_set, columns["point"], strict=True)]
+    for key in ("point", shared_column(HEIGHT)):
+        if key in columns:
+            columns[key] = ["" if s else name for s, name in zip(is_set, columns[key], strict=True)]
     for key, column in columns.items():
         if key.split("_")[-1] in (*POINT.names, *HEIGHT.names):
             column[is_set] = np.nan
@@ -280,7 +325,9 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **_pose(placed, things.parts["position"], things.parts["rotation"], "point"),
         **_plain(placed, "scale", things.parts["scale"], SCALE.names),
     }
-    return [(_frame(things.ids, columns), {})]
+    offsets = things.parts["offset"]
+    columns |= _set_ups(placed, ECCENTRICITY, offsets, offsets != 0)
+    return _by_freedom(things.ids, columns, _unknown(placed, ECCENTRICITY, offsets, offsets != 0), {})
 
 
 def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import scipy.linalg
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.project.network.entities import unknown_name
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
@@ -116,7 +116,7 @@ def _outwards(solved: Solved, kind: str, number: int) -> FloatArray:
         return np.asarray(network.edge.matrix.T)
     if kind != "rotation":
         return np.eye(len(network.blocks[kind].kind.components))
-    if partly_free(network.blocks["rotation"])[number]:
+    if moves_by_angles(network.blocks["rotation"])[number]:
         return np.eye(3) / ANGLE_UNITS[angle_unit(solved)]
     D = _turned(solved, number)
     turn: FloatArray = angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)]

@@ -25,6 +25,7 @@ RESULT_FILES = (
     "reference.csv",
     "adjusted.yaml",
     "start_*.csv",
+    "given_*.csv",
 )
 """Names (patterns) of all files an adjustment may write."""
 

@@ -219,8 +219,11 @@ class Group(Part):
     type: str
     observations: int
     redundancy: Number = None
-    omega: Number = Field(default=None, description="Its part of vᵀPv")
-    sigma0: Number = None
+    omega: Number = Field(
+        default=None,
+        description="Its part of vᵀPv; may be negative where observations are correlated across groups",
+    )
+    sigma0: Number = Field(default=None, description="√(omega/redundancy); null where there is none")
     mean_r: Number = None
     largest_w: Number = None
     excluded: int | None = None

@@ -235,7 +235,7 @@ def group_table(solved: Solved) -> pl.DataFrame:
             row |= {
                 "redundancy": r,
                 "omega": omega,
-                "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 else None,
+                "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 and omega >= 0.0 else None,
                 "mean_r": r / row["observations"] if row["observations"] else None,
                 "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),
                 "excluded": int(np.count_nonzero(group.left_out)),

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from mor import compilation
-from mor.adjustment.rays import point_elimination, point_reference
+from mor.adjustment.rays import point_reference
 from mor.adjustment.rays.compiled import point_store
 from mor.adjustment.rays.linearised import Rays
-from mor.adjustment.rays.point_elimination import accumulate, back_substitute, cofactors, empty_reduced_system
+from mor.adjustment.rays.point_elimination import accumulate, back_substitute, cofactors
+from mor.adjustment.rays.reduced_system import empty_reduced_system
 from mor.sparse.block_matrix import structure_from_cliques
 from mor.sparse.cholesky import factorise
+from mor.sparse.selected_inverse import selected_inverse
 from mor.sparse.symbolic_factorisation import analyse
 
 CAMERA = 4  # unknowns shared by all images; then one position (3) and one attitude (3) for each image
@@ -142,7 +144,7 @@ def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
     accumulate(rays, reduced)
     scale = 1.0 / np.sqrt(reduced.diagonal)
     factor = factorise(reduced.matrix.scaled(scale), analyse(structure))
-    of_points, of_rays, shares = cofactors(rays, factor.selected_inverse().scaled(scale))
+    of_points, of_rays, shares = cofactors(rays, selected_inverse(factor).scaled(scale))
     design = dense_design(rays, structure)
     n = structure.unknowns
     inverse = np.linalg.inv(design.T @ design)
@@ -196,7 +198,7 @@ def test_coordinates_the_rays_do_not_determine_are_held_and_harm_nothing():
     np.testing.assert_allclose(step, expected[:n], atol=1e-8)
     np.testing.assert_allclose(back_substitute(rays, step).ravel(), expected[n:], atol=1e-8)
     scale = 1.0 / np.sqrt(reduced.diagonal)
-    inverse = factorise(reduced.matrix.scaled(scale), analyse(structure)).selected_inverse().scaled(scale)
+    inverse = selected_inverse(factorise(reduced.matrix.scaled(scale), analyse(structure))).scaled(scale)
     of_points, of_rays, _ = cofactors(rays, inverse)
     assert not of_points[5, 2].any()
     assert not of_points[11, :, 1].any()
@@ -304,7 +306,7 @@ def test_a_pattern_without_a_pair_that_meets_is_refused():
     with pytest.raises(ValueError, match="lacks a pair"):
         accumulate(rays, empty_reduced_system(alone))
     with pytest.raises(ValueError, match="lacks a pair"):
-        cofactors(rays, point_elimination.empty_reduced_system(alone).matrix)
+        cofactors(rays, empty_reduced_system(alone).matrix)
 
 
 def test_rays_that_do_not_fit_together_are_refused():

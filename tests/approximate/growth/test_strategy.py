@@ -16,7 +16,7 @@ from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
 
-SAMPLES = Path(__file__).parents[2] / "sample_projects"
+SAMPLES = Path(__file__).parents[3] / "sample_projects"
 GAMA = (
     "acord2__input__a2diff__traverse-01-es-left",
     "azimuth-distance",

@@ -40,7 +40,7 @@ NETWORKS = {
     "local system": (local_system, THREE, FOUR),
     "everything": (free_mixed_network, THREE, FOUR),
 }
-FOLDER = Path(__file__).resolve().parents[2] / "sample_projects"
+FOLDER = Path(__file__).resolve().parents[3] / "sample_projects"
 SAMPLES = ("image_variant", "stereo_rig", "test_field")
 
 

@@ -13,8 +13,7 @@ import mor.quality
 import mor.report.text
 from mor.adjustment.datum.defect import MOVEMENTS
 from mor.parameters.kinds import KINDS
-from mor.quality.diagnosis import connected_components as parts
-from mor.quality.diagnosis import singularities as explain
+from mor.quality.diagnosis import connected_components, singularities
 from mor.report.text.layout import table
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, words_of, words_of_page
@@ -23,8 +22,8 @@ CLI = Path(mor.cli.__file__).parent
 QUALITY = Path(mor.quality.__file__).parent
 SECTIONS = [
     *sorted(Path(mor.report.text.__file__).parent.glob("*.py")),
-    *(QUALITY / f"{name}.py" for name in ("explain", "loose_frames", "say", "tilt")),
-    *(CLI / f"{name}.py" for name in ("_iterations", "_progress", "adjust")),
+    *sorted((QUALITY / "diagnosis").glob("*.py")),
+    *(CLI / f"{name}.py" for name in ("_iterations", "_progress", "commands/adjust")),
 ]
 
 
@@ -57,9 +56,14 @@ def test_every_sentence_and_heading_is_there_in_german(path: Path) -> None:
 
 
 def test_what_is_put_into_sentences_is_there_in_german() -> None:
-    names = {*MOVEMENTS, *parts._NAMED, *(f"{name}s" for name in parts._NAMED), *explain._FRAMES}
+    names = {
+        *MOVEMENTS,
+        *connected_components._NAMED,
+        *(f"{name}s" for name in connected_components._NAMED),
+        *singularities._FRAMES,
+    }
     kinds = {kind for kind in KINDS if not kind.startswith("interior/")} | {"position"}
-    assert sorted((names | kinds | set(explain._CURES.values())) - set(words_of("de").catalogue)) == []
+    assert sorted((names | kinds | set(singularities._CURES.values())) - set(words_of("de").catalogue)) == []
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Where rays meet, point after point: the same steps as :func:`mor.approximate.growth.forward_intersection.meet_plainly`."""
+"""Where rays meet, point after point: the same steps as ``meet_plainly`` of ``forward_intersection``."""
 
 from __future__ import annotations
 
