@@ -47,7 +47,7 @@ def close_range(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
 def aerial(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
     """A block of overlapping vertical images, with a few control points."""
     scene, rows, columns = Scene(), int(random.integers(2, 4)), int(random.integers(4, 7))
-    places = random.uniform([-60, -60, -20], [(columns - 1) * 80 + 60, (rows - 1) * 110 + 60, 20], (110, 3))
+    places = random.uniform([-60, -60, -20], [(columns - 1) * 70 + 60, (rows - 1) * 80 + 60, 20], (110, 3))
     seen = _seen(places, rows, columns)
     places = places[seen >= 3]
     corners = [np.argmin(np.abs(places[:, :2] - corner).sum(axis=1)) for corner in _corners(places)]
@@ -60,7 +60,7 @@ def aerial(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
     scene.add("interior/mor", "camera", [100.0, *[0.0] * 9], free=False)
     for r in range(rows):
         for c in range(columns):
-            at = np.array([c * 80.0, r * 110.0, 160.0]) + 3.0 * random.standard_normal(3)
+            at = np.array([c * 70.0, r * 80.0, 160.0]) + 3.0 * random.standard_normal(3)
             here = [
                 p for p, xyz in zip(points, places, strict=True) if np.abs(xyz[:2] - at[:2]).max() < 105.0
             ]
@@ -71,7 +71,7 @@ def aerial(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
 
 def _seen(places: FloatArray, rows: int, columns: int) -> FloatArray:
     """(n,) of how many images of an aerial block a point lies well inside."""
-    at = np.array([[80.0 * c, 110.0 * r] for r in range(rows) for c in range(columns)])
+    at = np.array([[70.0 * c, 80.0 * r] for r in range(rows) for c in range(columns)])
     inside = np.abs(places[:, None, :2] - at).max(axis=2) < 95.0
     count: FloatArray = inside.sum(axis=1).astype(float)
     return count

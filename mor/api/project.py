@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mor.adjustment.solve import Watcher
+    from mor.adjustment.state import Watcher
     from mor.api.result import Result
     from mor.project.file.nodes import Document
     from mor.project.network.build import Network

@@ -7,7 +7,7 @@ weight in the end are suspects. What the rest cannot do without stays in, howeve
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mor.adjustment.reweighting import normalised_misclosures
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
+from mor.parameters.index import Blocks, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import graduated_weights, robust_scales
 
@@ -87,9 +88,25 @@ def without_suspects(
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:
-    """The problem without the suspects; what was kept out before stays out."""
+    """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
     kept_out = (group.left_out for group in problem.groups)
-    return exclude(problem, [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)])
+    masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
+    return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
+
+
+def held(blocks: Mapping[str, Blocks], lost: Sequence[tuple[str, str]]) -> dict[str, Blocks]:
+    """Blocks with the lost ones (kind, name) fixed."""
+    result = dict(blocks)
+    for kind in {kind for kind, _ in lost}:
+        gone = lost_blocks(blocks[kind], kind, lost)
+        result[kind] = replace(blocks[kind], free=blocks[kind].free & ~gone[:, None])
+    return result
+
+
+def lost_blocks(blocks: Blocks, kind: str, lost: Sequence[tuple[str, str]]) -> BoolArray:
+    """(n,) which blocks of a kind are lost."""
+    names = {name for k, name in lost if k == kind}
+    return np.array([name in names for name in blocks.ids], dtype=bool)
 
 
 def _overall(adjustment: Adjustment) -> float:
@@ -131,8 +148,7 @@ def _without(problem: Problem, suspects: Suspects, blocks: set[tuple[str, str]])
     """The suspects with all observations that refer to these blocks."""
     masks = tuple(mask.copy() for mask in suspects.masks)
     for kind in {kind for kind, _ in blocks}:
-        ids = problem.index.blocks[kind].ids
-        gone = np.isin(np.array(ids, dtype=object), [name for k, name in blocks if k == kind])
+        gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
         for group, mask in zip(problem.groups, masks, strict=True):
             for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
                 if slot.kind == kind:
