@@ -8,7 +8,7 @@ from mor.api.project import Project, Source, read
 from mor.api.result import Result
 
 if TYPE_CHECKING:
-    from mor.adjustment.solve import Watcher
+    from mor.adjustment.state import Watcher
 
 
 def adjust(source: Source | Project, *, snoop: bool = False, watch: Watcher | None = None) -> Result:
