@@ -69,4 +69,5 @@ def can_be_at_infinity(type_: ObservationType) -> bool:
     """True for rays: two angles or image coordinates from a frame with an attitude to a point."""
     frames = any(slot.part == "rotation" for slot in type_.slots)
     lengths = any(component.quantity == LENGTH for component in type_.components)
-    return frames and len(type_.components) == 2 and not lengths
+    sighted = any(slot.kind == "point" for slot in type_.slots)
+    return frames and sighted and len(type_.components) == 2 and not lengths
