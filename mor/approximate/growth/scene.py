@@ -59,8 +59,8 @@ class Scene:
     """Frame → rotation D that is fixed or observed."""
     distances: tuple[Distances, Distances]
     """Of parts without scale, and of those that have it."""
-    shared: dict[tuple[int, int], list[int]]
-    """Position and height blocks → the frames with that centre, where there are several."""
+    shared: dict[tuple[int, float], list[int]]
+    """Position block and height above it → the frames with that centre, where there are several."""
 
 
 def scene_of(network: Network) -> Scene:
@@ -140,9 +140,9 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
     }
 
 
-def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, int], list[int]]:
-    found: dict[tuple[int, int], list[int]] = {}
+def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, float], list[int]]:
+    found: dict[tuple[int, float], list[int]] = {}
     for number, frame in enumerate(frames):
         if frame.relative is None:
-            found.setdefault((frame.position, frame.height), []).append(number)
+            found.setdefault((frame.position, float(frame.offset[0])), []).append(number)
     return {key: numbers for key, numbers in found.items() if len(numbers) > 1}
