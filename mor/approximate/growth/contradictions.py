@@ -1,0 +1,88 @@
+"""Start values that the observations contradict: frames whose rays pass by what they see."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.growth.frames import SLACKS, Frame
+from mor.approximate.growth.part import Part
+from mor.approximate.growth.scene import Scene
+from mor.approximate.growth.transfer import starting_part
+from mor.arrays import BoolArray, FloatArray
+from mor.project.network.build import Network
+
+MOST = 0.5
+"""Part of the rays of a frame that must agree with what they see."""
+FEWEST = 3
+AGREES = 3.0 * SLACKS[-1]
+"""Radians within which a ray agrees with a start value."""
+
+
+class Contradiction(NamedTuple):
+    """A frame whose given pose does not agree with its rays."""
+
+    frame: int
+    name: str
+    off: float
+    """Median angle (radians) by which its rays pass by."""
+
+    def __str__(self) -> str:
+        return f"{self.name}: its rays pass by what they see by {1e3 * self.off:.3g} mrad"
+
+
+def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
+    """Frames with a start value for their pose most of whose rays pass by the points they see, as far as these are known."""
+    given = starting_part(network, scene.frames).poses
+    found = []
+    for number in given:
+        frame = scene.frames[number]
+        if _only_started(network, frame):
+            off = _misses(system, frame, *given[number])
+            if len(off) >= FEWEST and np.mean(off < AGREES) < MOST:
+                found.append(Contradiction(number, frame.name, float(np.median(off))))
+    return found
+
+
+def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:
+    """Angles (n,) by which the rays of a frame pass by the known points they go to."""
+    known = system.known(frame.points)
+    star = (system.points[frame.points[known]] + _lifted(frame.heights[known]) - centre) @ D.T
+    star /= np.linalg.norm(star, axis=1, keepdims=True)
+    return np.linalg.norm(star - frame.rays[known], axis=1).astype(np.float64)
+
+
+def _lifted(heights: FloatArray) -> FloatArray:
+    return np.column_stack([np.zeros((len(heights), 2)), heights])
+
+
+def _only_started(network: Network, frame: Frame) -> bool:
+    """True where the attitude of a frame is a start value and no more."""
+    return frame.relative is None and bool(_loose(network, "rotation", frame.rotation)[2])
+
+
+def _loose(network: Network, kind: str, block: int) -> BoolArray:
+    """Components that are free and not observed."""
+    return np.asarray(network.blocks[kind].free[block] & np.isnan(network.sigma[kind][block]))
+
+
+def put_back(
+    network: Network, scene: Scene, start: dict[str, FloatArray], frames: list[Contradiction]
+) -> None:
+    """Give some frames the poses of the project again."""
+    for one in frames:
+        frame = scene.frames[one.frame]
+        start["rotation"][frame.rotation] = network.start["rotation"][frame.rotation]
+        start["point"][frame.position] = network.start["point"][frame.position]
+
+
+def without_poses(network: Network, scene: Scene, frames: list[Contradiction]) -> dict[str, FloatArray]:
+    """Start values without those of the poses of some frames; what is fixed or observed stays."""
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    for one in frames:
+        frame = scene.frames[one.frame]
+        if np.isnan(network.sigma["rotation"][frame.rotation]).all():
+            start["rotation"][frame.rotation] = np.nan
+        start["point"][frame.position, _loose(network, "point", frame.position)] = np.nan
+    return start
