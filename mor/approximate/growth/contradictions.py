@@ -29,19 +29,28 @@ class Contradiction(NamedTuple):
     """Median angle (radians) by which its rays pass by."""
 
     def __str__(self) -> str:
-        return f"{self.name}: its rays pass by what they see by {1e3 * self.off:.3g} mrad"
+        return f"{self.name}: the observations contradict it by {1e3 * self.off:.3g} mrad"
 
 
 def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
-    """Frames with a start value for their pose most of whose rays pass by the points they see, as far as these are known."""
-    given = starting_part(network, scene.frames).poses
-    found = []
-    for number in given:
-        frame = scene.frames[number]
-        if _only_started(network, frame):
+    """Frames whose start values do not agree with the rest.
+
+    Of a pose most rays pass by the points they see, as far as these are known; an attitude alone is another one than that
+    which was found.
+    """
+    given, found = starting_part(network, scene.frames).poses, []
+    for number, frame in enumerate(scene.frames):
+        if not _only_started(network, frame) or number not in system.poses:
+            continue
+        if number in given:
             off = _misses(system, frame, *given[number])
-            if len(off) >= FEWEST and np.mean(off < AGREES) < MOST:
-                found.append(Contradiction(number, frame.name, float(np.median(off))))
+            doubtful = len(off) >= FEWEST and np.mean(off < AGREES) < MOST
+        else:
+            turn = network.start["rotation"][frame.rotation] @ system.poses[number][1].T
+            off = np.linalg.norm(turn - np.eye(3), keepdims=True).ravel() / np.sqrt(2.0)
+            doubtful = off[0] > AGREES
+        if doubtful:
+            found.append(Contradiction(number, frame.name, float(np.median(off))))
     return found
 
 
@@ -50,7 +59,8 @@ def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> Fl
     known = system.known(frame.points)
     star = (system.points[frame.points[known]] + _lifted(frame.heights[known]) - centre) @ D.T
     star /= np.linalg.norm(star, axis=1, keepdims=True)
-    return np.linalg.norm(star - frame.rays[known], axis=1).astype(np.float64)
+    off: FloatArray = np.linalg.norm(star - frame.rays[known], axis=1)
+    return off
 
 
 def _lifted(heights: FloatArray) -> FloatArray:
@@ -58,8 +68,9 @@ def _lifted(heights: FloatArray) -> FloatArray:
 
 
 def _only_started(network: Network, frame: Frame) -> bool:
-    """True where the attitude of a frame is a start value and no more."""
-    return frame.relative is None and bool(_loose(network, "rotation", frame.rotation)[2])
+    """True where the attitude of a frame is given, as a start value and no more."""
+    given = np.isfinite(network.start["rotation"][frame.rotation]).all()
+    return frame.relative is None and bool(given and _loose(network, "rotation", frame.rotation)[2])
 
 
 def _loose(network: Network, kind: str, block: int) -> BoolArray:

@@ -179,7 +179,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def _arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    unknown = np.isnan(part.points[:, :2]).any(axis=1)
+    unknown = np.asarray(np.isnan(part.points[:, :2]).any(axis=1))
     for point, neighbours in distances.neighbours.items():
         if not unknown[point]:
             continue

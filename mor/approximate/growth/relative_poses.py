@@ -41,13 +41,13 @@ def _follow(part: Part, frames: Sequence[Frame], pair: StereoPair) -> bool:
     turn, base = known
     for leader, follower in lacking:
         if leader in part.poses:
-            O, D = part.poses[leader]
-            part.poses[follower] = (O + D.T @ base, turn @ D)
+            centre, D = part.poses[leader]
+            part.poses[follower] = (centre + D.T @ base, turn @ D)
             part.how[frames[follower].name] = f"follows {frames[leader].name}"
         else:
-            O, D = part.poses[follower]
+            centre, D = part.poses[follower]
             D = turn.T @ D
-            part.poses[leader] = (O - D.T @ base, D)
+            part.poses[leader] = (centre - D.T @ base, D)
             part.how[frames[leader].name] = f"leads {frames[follower].name}"
     return True
 

@@ -132,7 +132,7 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
         return {}
     blocks, start = network.blocks["rotation"], network.start["rotation"]
     held = ~blocks.free | np.isfinite(network.sigma["rotation"])
-    known = held.all(axis=1) & np.isfinite(start).all(axis=(1, 2))
+    known = np.asarray(held.all(axis=1) & np.isfinite(start).all(axis=(1, 2)))
     return {
         n: start[frame.rotation]
         for n, frame in enumerate(frames)
