@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 FIRST_RUN = "first run on this machine: compiling, some 20 seconds, this once"
-PLAIN = "the Python package numba is missing: same results, but much slower (pip install numba)"
+PLAIN = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 
 
 def compiler_announced(say: Callable[[str], None]) -> AbstractContextManager[None]:

@@ -38,7 +38,7 @@ def style() -> AbstractContextManager[None]:
     try:
         from matplotlib import rc_context
     except ImportError:
-        words = "pictures need the Python package matplotlib: pip install 'mor[plot]'"
+        words = "pictures need the Python package matplotlib: pip install 'mor-adjustment[plot]'"
         raise InputError([Problem(words)]) from None
     return rc_context(cast("Any", _STYLE))
 
