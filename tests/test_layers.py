@@ -14,7 +14,7 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("errors", "units", "compilation", "counting", "arrays"),
+    ("errors", "units", "compilation", "kernel_cache", "counting", "arrays"),
     ("sparse",),
     ("geometry", "input_files"),
     ("parameters",),

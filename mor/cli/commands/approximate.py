@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -50,7 +51,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
         network = read_network(document, project.parent)
-        with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
+        with compiler_announced(partial(_note, quiet)):
             approximation = approximate(network)
         click.echo(protocol(network, approximation), nl=False)
         if approximation.missing:
@@ -59,3 +60,8 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     if not quiet:
         click.echo(f"project with start values in {folder}", err=True)
     return ExitCode.DONE
+
+
+def _note(quiet: bool, words: str, /, **values: object) -> None:
+    if not quiet:
+        click.echo(f"note: {words.format(**values)}", err=True)
