@@ -33,6 +33,7 @@ from mor.project.network.stations import read_stations, read_systems
 from mor.project.observations.correlations import Correlation, correlations
 from mor.project.observations.direction_sets import check_direction_sets
 from mor.project.observations.groups import read_groups
+from mor.project.observations.observation_rows import Group
 from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
 from mor.project.observations.undeclared_points import check_undeclared
@@ -120,11 +121,10 @@ def build_network(
         if len(problems) > before:
             reading.broken.add(space)
     read_in = read_groups(reading)
-    plain = [group.group for group in read_in]
-    parameters = parameter_groups(reading)
-    drop_unused_orientations(reading, [*plain, *parameters])
+    parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
+    plain, where = _in_order(read_in, parameters)
+    drop_unused_orientations(reading, plain)
     others = [
-        *parameters,
         *feature_groups(reading),
         *level_groups(reading),
         *variant_groups(reading, reading.variants),
@@ -134,6 +134,7 @@ def build_network(
     check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
+    correlated = tuple(replace(c, groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
     if not problems:
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
@@ -167,6 +168,16 @@ def build_network(
             for name in reading.table_ids.get(("stations", number), [])
         },
     )
+
+
+def _in_order(
+    read_in: list[Group], parameters: list[tuple[int, ObservationGroup]]
+) -> tuple[list[ObservationGroup], IntArray]:
+    """All groups in the order of their entries, and where (n,) each of those ``read_in`` has come to stand."""
+    entries = [*((group.entry, group.group) for group in read_in), *parameters]
+    order = sorted(range(len(entries)), key=lambda k: entries[k][0])
+    where = np.argsort(np.array(order, dtype=np.int64), kind="stable")
+    return [entries[k][1] for k in order], where
 
 
 def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:

@@ -23,6 +23,7 @@ def read_points(reading: Reading) -> None:
     numbers: list[IntArray] = []
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.points):
+        reading.begin("points", k, table)
         found = _read_points_table(reading, table, reading.at("points", k), seen)
         reading.watch(table.file)
         if found is None:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from mor.errors import Problem
 from mor.project.edge import Edge, ImageScale
-from mor.project.file.model import Project
+from mor.project.file.model import Project, Table
 from mor.project.file.nodes import Document
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
@@ -51,6 +51,10 @@ class Reading:
     """Points that only observations name, with file and line where they come first."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
+
+    def begin(self, section: str, number: int, table: Table) -> None:
+        """Blocks that are added from now on come from this table of a section."""
+        self.shop.begin(table.name or table.file or f"{section} {number + 1}")
 
     def at(self, *path: str | int) -> Place:
         """The place of a part of the project file."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
+from mor.report.results.summary import summary
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.tables.worst import component_of
 from mor.report.text.layout import DIGITS, fixed, heading, short, table
@@ -23,7 +24,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         heading(words("Gross errors")),
         words(
             "Tests of single observations with alpha0 = {alpha}, beta0 = {beta} (delta0 squared = {delta}).",
-            alpha=f"{data['alpha0']:.3g}",
+            alpha=f"{summary(solved)['snooping_level']:.3g}",
             beta=f"{data['beta0']:.3g}",
             delta=f"{data['noncentrality']:.4f}",
         ),
