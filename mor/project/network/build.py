@@ -28,7 +28,7 @@ from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
 from mor.project.network.points import read_points
 from mor.project.network.prior_knowledge import level_groups, prior_groups, variant_groups
-from mor.project.network.reading import Reading, TableWatcher, ignore_table
+from mor.project.network.reading import Reading, TableWatcher, ignore_table, table_label
 from mor.project.network.stations import read_stations, read_systems
 from mor.project.observations.correlations import Correlation, correlations
 from mor.project.observations.direction_sets import check_direction_sets
@@ -82,6 +82,10 @@ class Network:
     """Station and set behind the names of further sets at declared stations."""
     unoriented: frozenset[str]
     """Stations at which no direction was observed."""
+    tables: Mapping[str, tuple[tuple[str, int], ...]]
+    """Tables of points, images, pairs, systems in their order, with the number of things of each; "" is none."""
+    station_tables: Mapping[str, str]
+    """Table of each declared station and of its sets."""
     station_levels: Mapping[str, str]
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
@@ -162,6 +166,12 @@ def build_network(
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
         notes=(*document.notes, *reading.notes),
+        tables={space: tuple(tables) for space, tables in reading.tables.items()},
+        station_tables={
+            name: table_label("stations", number, table)
+            for number, table in enumerate(project.stations)
+            for name in reading.table_ids.get(("stations", number), [])
+        },
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)

@@ -103,6 +103,7 @@ def _read_images_table(
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
+    reading.end("image", len(names))
 
 
 def _own_poses(

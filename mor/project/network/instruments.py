@@ -76,6 +76,7 @@ def read_pairs(reading: Reading) -> None:
             )
         )
         ids += names
+        reading.end("pair", len(names))
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["pair"] = entities(
         ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}

@@ -10,7 +10,7 @@ from mor.observations.names import names_of, one_name
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import UnitError
 from mor.project.network.entities import BlockStore, said_thing
-from mor.project.network.reading import Reading
+from mor.project.network.reading import Reading, table_label
 from mor.units import ANGLE
 
 
@@ -68,7 +68,7 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
         rows = np.array([stations.part(name, "rotation") for name in names], dtype=np.int64)
         groups.append(
             ObservationGroup(
-                name=table.name or table.file or f"stations {number + 1}",
+                name=table_label("stations", number, table),
                 type=PLAIN_TYPES["level"],
                 blocks=(rows,),
                 observed=np.zeros((len(rows), 2)),

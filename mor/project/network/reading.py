@@ -21,6 +21,11 @@ def ignore_table(file: str | None) -> None:
     """Nobody watches."""
 
 
+def table_label(section: str, number: int, table: Table) -> str:
+    """Name of a table in reports."""
+    return table.name or table.file or f"{section} {number + 1}"
+
+
 @dataclass
 class Reading:
     """What the steps of reading share: the project, where it stands, what was found wrong."""
@@ -47,6 +52,8 @@ class Reading:
     """Names read from a table, by section and number of the table."""
     section: str = "observations"
     """Section that observation groups are read from: ``observations``, or ``checks``."""
+    tables: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
+    """Tables that the things of a namespace come from, in their order, and how many things each has."""
     undeclared: dict[str, tuple[str, int]] = field(default_factory=dict)
     """Points that only observations name, with file and line where they come first."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
@@ -54,7 +61,11 @@ class Reading:
 
     def begin(self, section: str, number: int, table: Table) -> None:
         """Blocks that are added from now on come from this table of a section."""
-        self.shop.begin(table.name or table.file or f"{section} {number + 1}")
+        self.shop.begin(table_label(section, number, table))
+
+    def end(self, space: str, count: int) -> None:
+        """So many things of a namespace were read from the table that was begun last."""
+        self.tables.setdefault(space, []).append((self.shop.sources[-1][0], count))
 
     def at(self, *path: str | int) -> Place:
         """The place of a part of the project file."""

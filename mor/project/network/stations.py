@@ -153,3 +153,4 @@ def _read_systems_table(
     none = np.zeros(len(names), dtype=np.int64)
     collected["offset"].append(eccentricities(reading, rows, labels, table.fixed, table.free, none))
     ids += names
+    reading.end("system", len(names))
