@@ -47,8 +47,11 @@ class RayPoints(NamedTuple):
 
     def parallel(self, critical: float) -> BoolArray:
         """(k,) true where the rays do not meet significantly; ``critical`` is the quantile of the test."""
-        with np.errstate(invalid="ignore"):
-            return ~(self.inverse > critical * self.sigma) | ~np.isfinite(self.sigma)
+        return ~self.from_one_place() & (self.inverse <= critical * self.sigma)
+
+    def from_one_place(self) -> BoolArray:
+        """(k,) true where all rays come from one place: the point is anywhere along them."""
+        return np.isinf(self.sigma)
 
     def coordinates(self) -> FloatArray:
         """(k, 3) where the rays meet."""

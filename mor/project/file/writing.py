@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mor.project.file.yaml_text import yaml_text
+from mor.project.tables.guarded import any_unsafe, guarded
 
 LONGEST = 20
 """Rows that stay in the project file."""
@@ -49,7 +50,9 @@ def _entry(
 def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
     chosen = [k for k, name in enumerate(columns) if name is not None]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    cells = [["" if k >= len(row) else row[k] or "" for k in chosen] for row in rows]
+    unsafe = any_unsafe(cell for row in cells for cell in row)
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if unsafe else csv.QUOTE_MINIMAL)
     writer.writerow([columns[k] for k in chosen])
-    writer.writerows([["" if k >= len(row) or row[k] is None else row[k] for k in chosen] for row in rows])
+    writer.writerows([[guarded(cell) for cell in row] for row in cells])
     return text.getvalue()

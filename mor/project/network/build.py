@@ -99,6 +99,11 @@ class Network:
     directions: Mapping[int, int] = field(default_factory=dict)
     """Rotation block of the direction of each point block that is at infinity."""
 
+    @property
+    def observations(self) -> int:
+        """Number of observations, checks left out: what decides whether compiling is worth it."""
+        return sum(int(np.count_nonzero(group.mask)) for group in self.groups)
+
 
 _READERS = {
     "camera": read_cameras,

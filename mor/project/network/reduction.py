@@ -36,6 +36,16 @@ def touches(group: ObservationGroup, marked: Marked) -> BoolArray:
     return touched
 
 
+def rows_of_points(network: Network) -> IntArray:
+    """(points,) rows of observations that refer to each point block."""
+    rows = np.zeros(len(network.blocks["point"].ids), dtype=np.int64)
+    for group in network.groups:
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point":
+                rows += np.bincount(numbers, minlength=len(rows))
+    return rows
+
+
 def without_blocks(network: Network, marked: Marked, things: Sequence[Undeterminable]) -> Network:
     """The network without some blocks and all observations that refer to them; ``things`` says what they are."""
     kept = [~touches(group, marked) for group in network.groups]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -21,10 +20,16 @@ from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
-from mor.project.network.reduction import nothing_marked, with_points_at_infinity, without_blocks
+from mor.project.network.reduction import (
+    nothing_marked,
+    rows_of_points,
+    with_points_at_infinity,
+    without_blocks,
+)
 from mor.quality.diagnosis.loose_things import without_loose, without_moved
 from mor.quality.diagnosis.misfit import misfit
 
+ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
 OPEN = "unknowns are not determined by the observations"
 """Reason of an outcome."""
@@ -80,9 +85,10 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     Loose things make the outcome singular, unless the project has ``undetermined: leave_out``; points at infinity do not.
     """
     values, failed = start, np.zeros(0, dtype=np.int64)
-    far = _parallel(network, start, means)[1]
+    found, far = _parallel(network, start, means)
     for _ in range(ROUNDS):
-        reduced, adjustment = _adjusted(network, values, far, means)
+        blind = found.points[found.from_one_place()]
+        reduced, adjustment = _adjusted(network, values, far, blind, means)
         there = _values_of(network, adjustment.values, far.points)
         found, now = _parallel(network, there, means)
         if not adjustment.outcome.is_solution:
@@ -108,11 +114,17 @@ def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints
     return found, found.take(found.parallel(means.critical * misfit(network, values, found.points)))
 
 
-def _adjusted(network: Network, start: Values, far: RayPoints, means: Means) -> tuple[Network, Adjustment]:
-    """One adjustment with some points at infinity, and without what is loose where that is to be left out."""
+def _adjusted(
+    network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means
+) -> tuple[Network, Adjustment]:
+    """One adjustment with some points at infinity, and without what is loose where that is to be left out.
+
+    ``blind`` are the points all of whose rays come from one place.
+    """
     leave = network.project.settings.undetermined == "leave_out"
     whole, begun = _without_far(network, start, far, leave)
-    reduced, loose = without_loose(whole, begun, means.make)
+    reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
+    loose = reduced.undeterminable[len(whole.undeterminable) :]
     if loose and not leave and len(loose) <= EXPLAINED:
         loose = tuple(thing._replace(treatment="") for thing in loose)
         return replace(whole, undeterminable=(*whole.undeterminable, *loose)), means.solve(whole, begun)
@@ -123,7 +135,7 @@ def _adjusted(network: Network, start: Values, far: RayPoints, means: Means) -> 
         further = without_moved(reduced, adjustment)
         if further is None:
             break
-        reduced, _ = without_loose(further, begun, means.make)
+        reduced = without_loose(further, begun, means.make)
         adjustment = means.solve(reduced, begun)
     return reduced, adjustment
 
@@ -135,16 +147,27 @@ def _without_far(
     if len(far.points) == 0:
         return network, dict(start)
     ids = network.blocks["point"].ids
-    treatment: Literal["left out", "at infinity"] = "left out" if leave else "at infinity"
-    things = [Undeterminable("point", ids[p], PARALLEL, treatment) for p in far.points.tolist()]
     placed = start["point"].copy()
     placed[far.points] = far.centres
     begun = {**start, "point": placed}
     if leave:
-        marked = nothing_marked(network)
-        marked["point"][far.points] = True
-        return without_blocks(network, marked, things), begun
+        return without_points(network, far.points, PARALLEL), begun
+    rays = rows_of_points(network)
+    things = [
+        Undeterminable("point", ids[p], PARALLEL, "at infinity", int(rays[p])) for p in far.points.tolist()
+    ]
     return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
+
+
+def without_points(network: Network, points: IntArray, reason: str) -> Network:
+    """The network without some points, all for one reason."""
+    if len(points) == 0:
+        return network
+    marked, rays = nothing_marked(network), rows_of_points(network)
+    marked["point"][points] = True
+    ids = network.blocks["point"].ids
+    left = [Undeterminable("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
+    return without_blocks(network, marked, left)
 
 
 def _rotations(directions: FloatArray) -> FloatArray:

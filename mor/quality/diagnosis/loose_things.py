@@ -16,11 +16,13 @@ from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
 from mor.project.network.reduction import nothing_marked, without_blocks
+from mor.quality.diagnosis.connected_components import connected_parts
 
 NO_OBSERVATION = "no observation refers to it"
 TOO_FEW = "fewer observations refer to it than it has unknowns"
 LOOSE = "its observations leave a direction of it open"
 HANGS_ON = "it hangs on other things that are not determined"
+NOT_CONNECTED = "no observation connects it with the larger part of the network"
 MOVES_TOGETHER = "it can move together with others, and no observation changes"
 
 
@@ -62,16 +64,14 @@ def things_of(network: Network) -> Things:
     return Things([*names, *numbers], of_blocks)
 
 
-def without_loose(
-    network: Network, values: Values, make: Callable[[Network, Values], Problem]
-) -> tuple[Network, tuple[Undeterminable, ...]]:
-    """The network without things that nothing determines even where all else is known, and which these are."""
+def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
+    """The network without things that nothing determines even where all else is known; it says which these were."""
     things = things_of(network)
     reduced = network
     while True:
         defects = local_defects(make(reduced, values), values, things.of_blocks, len(things.names))
         if not defects.loose.any():
-            return reduced, reduced.undeterminable[len(network.undeterminable) :]
+            return reduced
         named = _named(things, defects, first=reduced is network)
         reduced = without_blocks(reduced, things.marked(reduced, defects.loose), named)
 
@@ -94,18 +94,32 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
         return None
     things = things_of(network)
     numbers = {thing: k for k, thing in enumerate(things.names)}
-    moved = {
-        thing_of(kind, name)
-        for direction in adjustment.defect.undetermined
-        for kind, name, _ in direction.unknowns
-    }
+    moved, reason = _apart(network), NOT_CONNECTED
+    if not moved:
+        reason = MOVES_TOGETHER
+        moved = {
+            thing_of(kind, name)
+            for direction in adjustment.defect.undetermined
+            for kind, name, _ in direction.unknowns
+        }
     chosen = np.zeros(len(things.names), dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
     marked = things.marked(network, chosen)
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [
-        Undeterminable(*things.names[k], MOVES_TOGETHER, "left out") for k in np.flatnonzero(chosen).tolist()
-    ]
+    named = [Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()]
     return without_blocks(network, marked, named)
+
+
+def _apart(network: Network) -> set[tuple[str, str]]:
+    """Things of all parts but the one that is held by fixed points, or else the largest."""
+    parts = [part for part in connected_parts(network, network.groups) if part.size > 1]
+    main = next((part for part in parts if part.held), parts[0] if parts else None)
+    return {
+        (space, name)
+        for part in parts
+        if part is not main
+        for space, names in part.names.items()
+        for name in names
+    }

@@ -40,7 +40,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
     """One line or more for everything that the observations and the datum leave open."""
     adjustment = solved.adjustment
     if adjustment.defect.undetermined:
-        parts = connected_parts(solved)
+        parts = connected_parts(solved.network, adjustment.problem.groups)
         tied = [part for part in parts if part.size > 1]
         return [
             *(
