@@ -30,8 +30,8 @@ def observed_parameter(kind: BlockKind) -> ObservationType:
         key=f"observed/{kind.key}",
         written="parameter",
         components=kind.components,
-        references=(Reference("block", (kind.key,)),),
-        slots=(Slot(kind.key, "block", "itself"),),
+        references=(Reference("of", (kind.key,)),),
+        slots=(Slot(kind.key, "of", "itself"),),
         equation=equation,
         in_object_axes=kind.key == "point",
     )
