@@ -70,10 +70,8 @@ class View:
 
 
 def is_ray(residuals: pl.DataFrame) -> pl.Series:
-    """True for image coordinates; types are looked at once each, not row by row."""
-    types = residuals["type"]
-    rays = [key for key in types.unique() if str(key).startswith(("image/", "follower/"))]
-    return types.is_in(rays)
+    """True for image coordinates."""
+    return residuals["type"] == "image"
 
 
 def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv") -> View:

@@ -27,6 +27,7 @@ def read_cameras(reading: Reading) -> None:
     ids, blocks, eccentricities, models = [], [], [], []
     for name, camera in reading.project.cameras.items():
         at = reading.at("cameras", name)
+        reading.shop.begin(f"camera {name}")
         try:
             scale = image_scale(camera, reading.project.units)
         except UnitError as error:

@@ -141,8 +141,10 @@ def _with_directions(blocks: Blocks, ids: Sequence[str]) -> Blocks:
     count, more = len(blocks.ids), len(ids)
     about = np.zeros(count, dtype=bool) if blocks.about_axes is None else blocks.about_axes
     own = np.broadcast_to(np.arange(count, count + more)[:, None], (more, 3))
+    apart = blocks.difference
     return replace(
         blocks,
+        difference=None if apart is None else np.concatenate([apart, np.zeros((more, 3))]),
         ids=(*blocks.ids, *ids),
         free=np.concatenate([blocks.free, np.broadcast_to(np.array(FREE_TURNS), (more, 3))]),
         owner=np.concatenate([blocks.owner, own]),
