@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
+from mor.escapes import escaped
+
 
 class ExitCode(IntEnum):
     """Exit codes of the command line, as documented in ``docs/exit-codes.md``."""
@@ -33,7 +35,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
-        return f"{place}{self.message}"
+        return escaped(f"{place}{self.message}")
 
 
 class Undeterminable(NamedTuple):

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Settings, Watcher, adjust
-from mor.adjustment.state import Adjustment
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Watcher
+from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
+from mor.compilation import chosen_by_size
 from mor.errors import InputError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
@@ -27,6 +29,7 @@ from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.reading import TableWatcher, ignore_table
+from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, assess
 from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
 from mor.quality.diagnosis.unsettled import with_fitting_reason
@@ -34,6 +37,7 @@ from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
+from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
@@ -65,6 +69,11 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
+    with chosen_by_size(network.observations):
+        return _solved(network, watch, assessing)
+
+
+def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
     network, start = determinable_start(network)
     network, adjustment = adjust_determinable(network, start, _means(settings, watch))
@@ -77,6 +86,21 @@ def solve_network(
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment)
+
+
+def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistake]:
+    """The observations that cannot be computed at the start values; the first ones of each group."""
+    mistakes = []
+    for group in problem.groups:
+        for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
+            names = ", ".join(
+                f"{reference.name} {names[row]!r}"
+                for reference, names in zip(group.type.references, group.references, strict=True)
+            )
+            words = f"{group.type.key}, {names}: no value or no derivative where the adjustment starts"
+            line = int(group.lines[row]) if len(group.lines) > row else 0
+            mistakes.append(Mistake(f"{words}; do two of its places coincide there?", group.file, line))
+    return mistakes or [Mistake("observations have no value or no derivative where the iteration has got to")]
 
 
 def snooped(network: Network) -> Network:
@@ -133,7 +157,10 @@ def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:
 
     def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
         problem = make_problem(network, start, start)
-        adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+        try:
+            adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+        except NotFiniteError:
+            raise InputError(_undefined(problem, start)) from None
         return _with_settled_sigma(network, adjustment, watch)
 
     return Means(

@@ -70,4 +70,5 @@ def can_be_at_infinity(type_: ObservationType) -> bool:
     positions = sum(slot.kind == "point" for slot in type_.slots)
     frames = positions == 2 and any(slot.part == "rotation" for slot in type_.slots)
     lengths = any(component.quantity == LENGTH for component in type_.components)
-    return frames and len(type_.components) == 2 and not lengths
+    sighted = any(slot.kind == "point" for slot in type_.slots)
+    return frames and sighted and len(type_.components) == 2 and not lengths

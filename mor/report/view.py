@@ -13,6 +13,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
+from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
 from mor.report.results.summary import summary
@@ -148,7 +149,8 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
     if path.suffix == ".parquet":
         return pl.read_parquet(path)
     frame = pl.read_csv(path, schema_overrides=kinds, infer_schema_length=None)
-    return frame.with_columns(pl.col(pl.String).fill_null(""))
+    texts = frame.select(pl.col(pl.String).fill_null(""))
+    return frame.with_columns(*map(plain_column, texts))
 
 
 def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:

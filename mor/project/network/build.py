@@ -35,6 +35,7 @@ from mor.project.observations.direction_sets import check_direction_sets
 from mor.project.observations.groups import read_groups
 from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
+from mor.project.observations.undeclared_points import check_undeclared
 from mor.project.tables.tables import Place
 
 
@@ -93,6 +94,11 @@ class Network:
     directions: Mapping[int, int] = field(default_factory=dict)
     """Rotation block of the direction of each point block that is at infinity."""
 
+    @property
+    def observations(self) -> int:
+        """Number of observations, checks left out: what decides whether compiling is worth it."""
+        return sum(int(np.count_nonzero(group.mask)) for group in self.groups)
+
 
 _READERS = {
     "camera": read_cameras,
@@ -130,6 +136,7 @@ def build_network(
         *prior_groups(reading),
     ]
     check_direction_sets(reading, [*plain, *others])
+    check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)

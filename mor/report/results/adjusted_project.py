@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-import yaml
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Undeterminable
@@ -23,6 +22,7 @@ from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values
 from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE, BlockKind
 from mor.project.file.nodes import Document
+from mor.project.file.yaml_text import yaml_text
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
@@ -71,8 +71,7 @@ def adjusted_project(
         data["instruments"] = {name: _instrument(placed, name, c) for name, c in data["instruments"].items()}
     if placed.snooping:
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
-    return text, tables
+    return yaml_text(data, width=1000), tables
 
 
 def remarks(things: Sequence[Undeterminable]) -> str:
@@ -169,7 +168,7 @@ def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -
 
 
 def _set_ups(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
-    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and the names they share them by."""
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
     columns: dict[str, Any] = dict(_plain(placed, kind.key, numbers, kind.names))
     for column in columns.values():
         column[~own] = np.nan

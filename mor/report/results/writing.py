@@ -16,6 +16,7 @@ from mor.quality.solved import Solved
 from mor.report.results.adjusted_project import Placed, adjusted_project, remarks
 from mor.report.results.folder import Writer, write_folder
 from mor.report.results.json import entries, results, to_json
+from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer
 from mor.report.tables.observations import SHOWN, observation_table
@@ -60,7 +61,7 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 
 
 def write_results(
-    solved: Solved, document: Document, source: Path, folder: Path, force: bool, choice: Choice | None = None
+    solved: Solved, document: Document, source: Path, place: Reservation, choice: Choice | None = None
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
@@ -70,7 +71,7 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    starts = _starts(solved, document, source, folder) if solved.quality is not None else {}
+    starts = _starts(solved, document, source, place.folder) if solved.quality is not None else {}
     starts |= _undeterminable(solved)
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
@@ -78,7 +79,7 @@ def write_results(
         long = dict(tables.values())
         writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
-            write_folder(folder, {**starts, **writers}, force)
+            write_folder(place, {**starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -108,7 +109,7 @@ def _is_alone(solved: Solved, choice: Choice) -> bool:
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
     """Writers of the adjusted project and its tables; a table that is written is gone."""
-    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
+    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder)
     text = remarks(solved.network.undeterminable) + text
     frames["reference.csv"] = reference_table(solved)
 
@@ -166,11 +167,11 @@ def _values_as_read(solved: Solved) -> Values:
     return own
 
 
-def write_project(placed: Placed, document: Document, source: Path, folder: Path, force: bool) -> None:
+def write_project(placed: Placed, document: Document, source: Path, place: Reservation) -> None:
     """Write a project with the placed values as start values, and its tables, into a folder."""
-    text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
+    text, starts = adjusted_project(placed, document, source.resolve(), place.folder)
     writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
-    write_folder(folder, {**writers, PROJECT: _text(text)}, force)
+    write_folder(place, {**writers, PROJECT: _text(text)})
 
 
 def results_text(solved: Solved) -> str:

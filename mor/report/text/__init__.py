@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mor.escapes import escaped
 from mor.quality.solved import Solved
 from mor.report.text import (
     cameras,
@@ -39,4 +40,4 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         points.section(solved, words),
         residuals.section(solved, words),
     ]
-    return "\n\n".join(section for section in sections if section) + "\n"
+    return escaped("\n\n".join(section for section in sections if section)) + "\n"
