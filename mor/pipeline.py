@@ -142,6 +142,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
 
     found = approximate(network)
     settings = network.project.settings
+    start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, found.remarks)

@@ -10,12 +10,12 @@ from typing import Literal
 
 from pydantic import Field
 
+from mor.report.results.model_failure import Failure, Undeterminable
 from mor.report.results.model_parts import (
     Axes,
     Camera,
     Check,
     Direction,
-    Failure,
     Feature,
     FixedPoint,
     GlobalTest,
@@ -32,7 +32,6 @@ from mor.report.results.model_parts import (
     Station,
     Step,
     System,
-    Undeterminable,
     Units,
     VarianceComponents,
 )

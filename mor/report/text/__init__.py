@@ -16,7 +16,6 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
-    undeterminable,
     undetermined,
     unsettled,
 )
@@ -28,7 +27,7 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     sections = [
         head.section(solved, words),
         undetermined.section(solved, words),
-        undeterminable.section(solved, words),
+        undetermined.listed(solved, words),
         unsettled.section(solved, words),
         checks.section(solved, words),
         reliability.section(solved, words),

@@ -8,7 +8,7 @@ from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
-from mor.report.text.undeterminable import sentences
+from mor.report.text.undetermined import sentences
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
