@@ -121,6 +121,8 @@ class _Reader:
         self.anchored: dict[str, list[yaml.Event]] = {}
         """Events behind each anchor; none as long as its node is not complete."""
         self.values, self.most = 0, limit(_VALUES)
+        self.unfolding = 0
+        """Line of the alias that is being unfolded, 0 for none."""
 
     def read(self, events: Iterator[yaml.Event]) -> Document:
         """The only document of a text."""
@@ -141,18 +143,27 @@ class _Reader:
         self.values += 1
         if self.values > self.most:
             words = f"found more than {self.most} values, with all that is repeated by aliases; put long tables into"
-            raise self._error(f"{words} files of their own, or {raise_it(_VALUES)}", _line(event))
+            raise self._error(
+                f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event)
+            )
         if len(path) > _DEEPEST:
             raise self._error(_TOO_DEEP, _line(event))
         if isinstance(event, yaml.AliasEvent):
-            again = iter(self._behind(event))
-            return self._node(next(again), again, path)
+            return self._unfolded(event, path)
         if event.anchor is None:
             return self._content(event, events, path)
         self.anchored[event.anchor] = []
         recorded = [event]
         content = self._content(event, _recording(events, recorded), path)
         self.anchored[event.anchor] = recorded
+        return content
+
+    def _unfolded(self, alias: yaml.AliasEvent, path: Path) -> Any:
+        outer = self.unfolding
+        self.unfolding = outer or _line(alias)
+        again = iter(self._behind(alias))
+        content = self._node(next(again), again, path)
+        self.unfolding = outer
         return content
 
     def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
