@@ -80,10 +80,11 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
     """The view of an adjustment that converged, with its table of residuals, and the file that has it."""
     images = image_table(solved)
     centres = projection_centres(solved)
+    images = images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz")))
     return View(
         summary=summary(solved),
-        points=point_table(solved),
-        images=images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz"))),
+        points=_placed(point_table(solved)),
+        images=_placed(images.with_columns(pl.col("x", "y", "z").fill_nan(None))),
         stations=station_table(solved),
         groups=group_table(solved),
         cameras=interior_rows(solved),
@@ -105,8 +106,8 @@ def view_of_folder(folder: Path) -> View:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
     return View(
         summary=data,
-        points=_table(data, "points", folder),
-        images=_table(data, "images", folder),
+        points=_placed(_table(data, "points", folder)),
+        images=_placed(_table(data, "images", folder)),
         stations=_frame(data["stations"]),
         groups=_frame(data["groups"]),
         cameras=data["cameras"],
@@ -114,6 +115,13 @@ def view_of_folder(folder: Path) -> View:
         gross_errors=data["gross_errors"],
         residuals=_residuals(data, folder),
     )
+
+
+def _placed(frame: pl.DataFrame) -> pl.DataFrame:
+    """Rows with coordinates: what was left out or is at infinity has no place in a picture."""
+    if "x" not in frame.columns or not frame["x"].null_count():
+        return frame
+    return frame.filter(pl.col("x").is_not_null())
 
 
 def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:

@@ -9,7 +9,9 @@ import click
 
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
-@click.option("-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them.")
+@click.option(
+    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(project: Path, everything: bool, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.

@@ -309,7 +309,16 @@ class Settings(Strict):
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
+    undeclared_points: Literal["mistake", "free"] = Field(
+        default="mistake",
+        description="Points that observations name and no table of points has: a mistake, or free points",
+    )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    undetermined: Literal["refuse", "leave_out"] = Field(
+        default="refuse",
+        description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
+        "Points at infinity take part with their direction, or are left out as well",
+    )
     snooping_level: float = Field(
         default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
     )

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-import yaml
+from mor.project.file.yaml_text import yaml_text
 
 from mor.project.tables.guarded import any_unsafe, guarded
 
@@ -29,8 +29,7 @@ def project_files(data: dict[str, Any], source: Path, target: Path) -> dict[Path
             table = target.with_name(f"{target.stem}_{section}_{number}.csv")
             entries.append(_entry(dict(entry), source, target, table, texts))
         written[section] = entries
-    body = yaml.dump(written, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
-    return {target: body, **texts}
+    return {target: yaml_text(written, width=120), **texts}
 
 
 def _entry(
@@ -58,13 +57,3 @@ def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
     writer.writerow([columns[k] for k in chosen])
     writer.writerows([[guarded(cell) for cell in row] for row in cells])
     return text.getvalue()
-
-
-class _Dumper(yaml.SafeDumper):
-    """Short lists and mappings without lists stand in one line, as a person writes them."""
-
-    def represent_sequence(
-        self, tag: str, sequence: Any, flow_style: bool | None = None
-    ) -> yaml.SequenceNode:
-        simple = all(not isinstance(item, list | dict) for item in sequence)
-        return super().represent_sequence(tag, sequence, flow_style=simple)

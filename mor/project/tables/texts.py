@@ -21,8 +21,8 @@ from mor.counting import counted
 from mor.errors import Problem
 from mor.input_files import limit, raise_it
 from mor.project.file.model import Table
-from mor.project.tables.guarded import plain_column
 from mor.project.tables.columns import Column, Source, tell_rows
+from mor.project.tables.guarded import plain_column
 
 _PART = 1 << 24
 """Bytes of a file that are looked at together."""

@@ -16,7 +16,9 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
+    undeterminable,
     undetermined,
+    unsettled,
 )
 from mor.report.words.language import ENGLISH, Words
 
@@ -26,6 +28,8 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     sections = [
         head.section(solved, words),
         undetermined.section(solved, words),
+        undeterminable.section(solved, words),
+        unsettled.section(solved, words),
         checks.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),

@@ -90,7 +90,9 @@ def _points(solved: Solved, words: Words) -> list[str]:
     frame = point_table(solved)
     if frame.height == 0:
         return []
-    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"] != "fixed")
+    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(
+        frame["status"].is_in(["free", "partly fixed"])
+    )
     if free.height == 0:
         return []
     unit = solved.network.project.units.length
