@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
@@ -57,6 +58,15 @@ class MorError(Exception):
     """Base of every failure that is the user's to mend; never shown with a traceback."""
 
     exit_code = ExitCode.INTERNAL
+
+
+@contextmanager
+def mistakes_in(file: str) -> Iterator[None]:
+    """Mistakes that belong to no single place get the file of the project they are found in."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(replace(p, file=p.file or file) for p in error.problems) from None
 
 
 class InputError(MorError):

@@ -69,7 +69,7 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    with chosen_by_size(network.observations):
+    with chosen_by_size(network.observations), mistakes_in(network.file):
         return _solved(network, watch, assessing)
 
 

@@ -31,7 +31,14 @@ def main() -> int:
     wanted = parser.parse_args()
     from .pool import run_pool
 
+    from .material import all_material
+
     numbers = wanted.only or list(range(wanted.first, wanted.first + wanted.count))
+    if not wanted.only:
+        originals = range(-len(all_material()), 0)
+        for result in run_pool(wanted.seed, list(originals), 1, None):
+            told = [fault for fault in result.faults if not fault.startswith("slow")]
+            print("".join(f"{result.material}, not mutated: {fault}\n" for fault in told), end="", flush=True)
     keep = wanted.keep.resolve() if wanted.keep else None
     began, codes, kinds, seconds, peak = time.monotonic(), Counter[int](), Counter[str](), [], 0.0
     for result in run_pool(wanted.seed, numbers, wanted.jobs, keep):

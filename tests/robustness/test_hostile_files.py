@@ -29,21 +29,26 @@ def table(folder: Path, content: bytes, name: str = "points.csv") -> Path:
 
 def test_aliases_that_unfold(tmp_path: Path) -> None:
     levels = "".join(  # 10⁹ texts
-        f"{name}: &{name} [{', '.join([f'*{inner}'] * 10)}]\n" for inner, name in zip("abcdefgh", "bcdefghi", strict=True)
+        f"{name}: &{name} [{', '.join([f'*{inner}'] * 10)}]\n"
+        for inner, name in zip("abcdefgh", "bcdefghi", strict=True)
     )
     said = refused(write(tmp_path, f"mor: 1\na: &a [x, x, x, x, x, x, x, x, x, x]\n{levels}"))
     assert "project.yaml:7: found more than 1000000 values" in said
     assert "MOR_MAX_VALUES" in said
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 100_000, "- " * 100_000, "mor: 1\ntitle: " + "[" * 100_000])
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "{a: " * 100_000, "- " * 100_000, "mor: 1\ntitle: " + "[" * 100_000]
+)
 def test_very_many_levels(tmp_path: Path, text: str) -> None:
     assert "project.yaml:" in refused(write(tmp_path, text))
 
 
 @pytest.mark.parametrize("text", ["a: &a [*a]", "a: &a {b: *a}", "a: &a [&b [*a, *b]]"])
 def test_what_refers_to_itself(tmp_path: Path, text: str) -> None:
-    assert refused(write(tmp_path, f"mor: 1\n{text}\n")).endswith("this is nested too deeply, or refers to itself")
+    assert refused(write(tmp_path, f"mor: 1\n{text}\n")).endswith(
+        "this is nested too deeply, or refers to itself"
+    )
 
 
 def test_aliases_are_what_they_stand_for(tmp_path: Path) -> None:
@@ -79,7 +84,9 @@ def test_more_than_the_limit_of_a_file(tmp_path: Path, name: str, monkeypatch: p
     project = table(tmp_path, gzip.compress(content) if name.endswith("gz") else content, name)
     monkeypatch.setenv("MOR_MAX_FILE_MB", "1")
     said = refused(project)
-    assert said.endswith(f"{name}: found more than 1 MB; a larger MOR_MAX_FILE_MB in the environment allows more")
+    assert said.endswith(
+        f"{name}: found more than 1 MB; a larger MOR_MAX_FILE_MB in the environment allows more"
+    )
     monkeypatch.setenv("MOR_MAX_FILE_MB", "2")
     assert mor("adjust", project, "--no-html").code == 0
 
@@ -111,12 +118,21 @@ def test_a_quote_that_never_closes(tmp_path: Path, rows: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "cell", ["1" + " " * 100_000 + "x", " " * 100_000 + "!", "1-" + "1" * 100_000 + "-x", "1" * 100_000 + "e", "9" * 100_000]
+    "cell",
+    [
+        "1" + " " * 100_000 + "x",
+        " " * 100_000 + "!",
+        "1-" + "1" * 100_000 + "-x",
+        "1" * 100_000 + "e",
+        "9" * 100_000,
+    ],
 )
 @pytest.mark.parametrize("unit", ["gon", "dms"])
 def test_numbers_that_are_very_long(tmp_path: Path, cell: str, unit: str) -> None:
     rows = f'[[A, B, "{cell}", 0.001]]'
-    text = LEVELLING.replace("units: {length: m}", f"units: {{angle: {unit}}}").replace("height_difference", "zenith_angle")
+    text = LEVELLING.replace("units: {length: m}", f"units: {{angle: {unit}}}").replace(
+        "height_difference", "zenith_angle"
+    )
     text = text.replace("dz, sigma", "zenith_angle, sigma")
     start = text.index("rows: [[A, B, 1.001")
     said = refused(write(tmp_path, f"{text[:start]}rows: {rows}\n"))
@@ -138,5 +154,12 @@ def test_a_screenful_of_mistakes_and_all_of_them(tmp_path: Path) -> None:
 def test_what_is_no_delimiter(tmp_path: Path, delimiter: str) -> None:
     import json
 
-    said = refused(write(tmp_path, WITH_TABLE.replace("{file: points.csv", f"{{file: points.csv, delimiter: {json.dumps(delimiter)}")))
+    said = refused(
+        write(
+            tmp_path,
+            WITH_TABLE.replace(
+                "{file: points.csv", f"{{file: points.csv, delimiter: {json.dumps(delimiter)}"
+            ),
+        )
+    )
     assert "delimiter" in said

@@ -85,6 +85,8 @@ class Network:
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
     """What was assumed on reading, to be said to the user."""
+    file: str = ""
+    """The project file, for mistakes that belong to no single place in it."""
     undeterminable: tuple[Undeterminable, ...] = ()
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
@@ -166,6 +168,7 @@ def build_network(
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
         notes=(*document.notes, *reading.notes),
+        file=document.file,
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)
