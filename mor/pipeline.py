@@ -17,7 +17,7 @@ from mor.adjustment.state import Adjustment
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
-from mor.errors import InputError, NoStartValuesError
+from mor.errors import InputError, NoStartValuesError, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
