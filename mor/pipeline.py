@@ -75,8 +75,9 @@ def solve_network(
 
 def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
-    network, start = determinable_start(network)
-    network, adjustment = adjust_determinable(network, start, _means(settings, watch))
+    with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
+        network, start = determinable_start(network)
+        network, adjustment = adjust_determinable(network, start, _means(settings, watch))
     if not adjustment.outcome.is_solution:
         return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)

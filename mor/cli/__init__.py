@@ -125,7 +125,9 @@ def _tell(error: MorError) -> None:
     lines = [shortened(line) for line in str(error).splitlines()]
     more = len(lines) - MOST_TOLD
     if more > 0:
-        words = f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+        words = (
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+        )
         lines = [*lines[: MOST_TOLD - 1], words, lines[-1]]
     for line in lines:
         click.echo(line, err=True)
