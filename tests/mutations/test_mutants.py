@@ -1,4 +1,4 @@
-"""A few hundred mutants of all projects; ``python -m tests.mutations --count 50000`` runs more, and looks at time, too."""
+"""A few hundred mutants of all projects; ``python -m tests.mutations`` runs more of them and looks at time, too."""
 
 from __future__ import annotations
 

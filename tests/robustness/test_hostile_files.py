@@ -1,4 +1,4 @@
-"""Input that would take all memory, all time or the process itself is refused with its place, and limits can be raised."""
+"""Input that would take all memory, all time or the process itself is refused with its place; limits can be raised."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input that is well-formed and cannot be computed with: refused with its line, never an internal error, never a number."""
+"""Input that is well-formed and cannot be computed with: refused with its line, no internal error and no number."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ observations:
   - {type: distance, columns: [from, to, distance, sigma], rows: [[A, C, 94.36, 0.002], [B, C, 94.35, 0.002]]}
   - {type: zenith_angle, columns: [from, to, zenith_angle, sigma], rows: [[A, C, 98.65, 1 mgon], [B, C, 99.3, 1 mgon]]}
 """
+DISTANCE = "{type: distance,"
+OF_C = "{columns: [id, x, y, z], rows: [[C, 50, 80, 12]]}"
 INTERIOR = "{interior: {c: 20}}"
 
 
@@ -37,16 +39,16 @@ def refused(project: Path, line: int) -> str:
         ("[C, 50", "[C, 1e999", 4, "x: found '1e999', expected a finite number"),
         ("94.36,", "1e60,", 6, "distance: found '1e60', expected a number up to 1e+50"),
         ("94.36, 0.002", "94.36, 1e-160", 6, "distance 1: found σ = 1e-160, expected one from 1e-50 to 1e+50"),
-        ("{type: distance,", "{type: distance, factor: 1e-60,", 6, "distance 1: found σ = 2e-63, expected one from 1e-50"),
-        ("{type: distance,", "{type: distance, ppm: 1e300,", 6, "observations → 1 → ppm: found '1e300', expected 1e+50 or less"),
+        (DISTANCE, f"{DISTANCE} factor: 1e-60,", 6, "distance 1: found σ = 2e-63, expected one from 1e-50"),
+        (DISTANCE, f"{DISTANCE} ppm: 1e300,", 6, "observations → 1 → ppm: found '1e300', expected 1e+50 or less"),
         ("94.36,", "-94.36,", 6, "found a negative distance, expected one above 0"),
         ("[[C, 50, 80, 12]]", "[[C, 50, 80, 12]], fixed: [x, y, z]", 2, "there is nothing to adjust"),
-        ("mor: 1", "mor: 1\nsettings: {sigma0: 1e999}", 2, "settings → sigma0: found '1e999', expected a finite number"),
+        ("mor: 1", "mor: 1\nsettings: {sigma0: 1e999}", 2, "settings → sigma0: found '1e999', expected a finite"),
         ("mor: 1", "mor: 1\ndatum: {free: []}", 2, "datum: names no coordinates"),
         ("mor: 1", "mor: 1\ndatum: {free: all, components: []}", 2, "datum: names no coordinates"),
         ("mor: 1", "mor: 1\ndatum: {minimal: {}}", 2, "datum: names no coordinates"),
-        ("{columns: [id, x, y, z], rows: [[C, 50, 80, 12]]}", '{file: "a\\0b.csv"}', 4, "points → 2 → file: found 'a\\x00b.csv'"),
-        ("{type: distance,", '{type: distance, covariance: "a\\0b",', 6, "observations → 1 → covariance: found 'a\\x00b'"),
+        (OF_C, '{file: "a\\0b.csv"}', 4, "points → 2 → file: found 'a\\x00b.csv'"),
+        (DISTANCE, f'{DISTANCE} covariance: "a\\0b",', 6, "observations → 1 → covariance: found 'a\\x00b'"),
     ],
 )  # fmt: skip
 def test_numbers_and_names(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:

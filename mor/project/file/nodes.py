@@ -138,7 +138,7 @@ class _Reader:
             raise self._error(words, _line(after))
         return Document(data, self.lines, self.file, problems=tuple(self.problems))
 
-    def _node(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Any:
+    def _node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
         self.lines[path] = _line(event)
         self.values += 1
         if self.values > self.most:
@@ -167,7 +167,7 @@ class _Reader:
         return content
 
     def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
-        found = self.anchored.get(alias.anchor)
+        found = self.anchored.get(str(alias.anchor))
         if found is None:
             words = "this is not valid YAML: texts that begin with * need quotes"
             raise self._error(words, _line(alias))
@@ -175,7 +175,7 @@ class _Reader:
             raise self._error(_TOO_DEEP, _line(alias))
         return found
 
-    def _content(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Any:
+    def _content(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
         if isinstance(event, yaml.MappingStartEvent):
             return self._mapping(events, path)
         if isinstance(event, yaml.SequenceStartEvent):
@@ -212,8 +212,7 @@ class _Reader:
 
 
 def _line(event: yaml.Event) -> int:
-    line: int = event.start_mark.line + 1
-    return line
+    return event.start_mark.line + 1 if event.start_mark else 0
 
 
 def _recording(events: Iterator[yaml.Event], recorded: list[yaml.Event]) -> Iterator[yaml.Event]:

@@ -66,9 +66,9 @@ def from_text(
         return None
     cleaned = _cleaned(text, table.delimiter)
     del text
-    columns = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
-    if columns > limit(COLUMNS):
-        problems.append(Problem(too_many_columns(columns), file, 1))
+    width = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
+    if width > limit(COLUMNS):
+        problems.append(Problem(too_many_columns(width), file, 1))
         return None
     header = _header(cleaned, table)
     names = [None if name.startswith("skip ") else our_name(table, name) for name in header]
