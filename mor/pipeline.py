@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Settings, Watcher, adjust
-from mor.adjustment.state import Adjustment
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Watcher
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size

@@ -7,7 +7,6 @@ its own σ (σ0 = 1), so that noise-free data converge too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.state import A_WEAK_TURN, Adjustment, Iteration, Outcome, Stride
+from mor.adjustment.state import A_WEAK_TURN, Adjustment, Iteration, Outcome, Stride, Watcher
 from mor.adjustment.step_control import Taken, accept
 from mor.arrays import FloatArray
 from mor.parameters.index import Values, move
@@ -41,9 +40,6 @@ class Settings:
     """What the user may set of the solver."""
 
     max_iterations: int = 50
-
-
-Watcher = Callable[[Iteration], None]
 
 
 def adjust(

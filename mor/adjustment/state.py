@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -97,3 +97,7 @@ class Adjustment:
     constraint: Constraint
     iterations: tuple[Iteration, ...]
     stride: Stride
+
+
+Watcher = Callable[[Iteration], None]
+"""Is told of every iteration."""

@@ -87,7 +87,7 @@ def _damped(state: Adjustment) -> Taken | None:
     """The least damped step that makes the objective smaller."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
     while damping < 1e6:
-        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
+        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping).step)
         if objective(state.plan, values) < state.normals.objective:
             return Taken(values, damping, 1.0)
         damping *= 10.0
