@@ -17,7 +17,7 @@ from mor.adjustment.state import Adjustment, Watcher
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
-from mor.errors import InputError, NoStartValuesError
+from mor.errors import InputError, NoStartValuesError, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
@@ -69,14 +69,15 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    with chosen_by_size(network.observations):
+    with chosen_by_size(network.observations), mistakes_in(network.file):
         return _solved(network, watch, assessing)
 
 
 def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
-    network, start = determinable_start(network)
-    network, adjustment = adjust_determinable(network, start, _means(settings, watch))
+    with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
+        network, start = determinable_start(network)
+        network, adjustment = adjust_determinable(network, start, _means(settings, watch))
     if not adjustment.outcome.is_solution:
         return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)

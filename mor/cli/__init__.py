@@ -116,12 +116,15 @@ def _tell(error: MorError) -> None:
     """What is wrong, on one screen at most, and how to see the rest."""
     from mor.escapes import shortened
 
-    lines = str(error).splitlines()
-    for line in lines[:MOST_TOLD]:
-        click.echo(shortened(line), err=True)
-    if len(lines) > MOST_TOLD:
-        words = f"{len(lines) - MOST_TOLD} more mistakes; mor check --all tells all of them"
-        click.echo(f"… and {words}", err=True)
+    lines = [shortened(line) for line in str(error).splitlines()]
+    more = len(lines) - MOST_TOLD
+    if more > 0:
+        words = (
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+        )
+        lines = [*lines[: MOST_TOLD - 1], words, lines[-1]]
+    for line in lines:
+        click.echo(line, err=True)
 
 
 def _code_of_signal(error: BaseException) -> int:

@@ -100,8 +100,18 @@ def view_of_folder(folder: Path) -> View:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
-    if data.get("global_test") is None:
+    except (ValueError, RecursionError):
+        raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+    if not isinstance(data, dict) or data.get("global_test") is None:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
+    try:
+        return _view(data, folder)
+    except (KeyError, TypeError, pl.exceptions.PolarsError):
+        words = "these results are not complete, or of another version of mor"
+        raise InputError([Problem(words, str(path))]) from None
+
+
+def _view(data: dict[str, Any], folder: Path) -> View:
     return View(
         summary=data,
         points=_placed(_table(data, "points", folder)),
