@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from mor.api.adjust import adjust as adjust
     from mor.api.project import Project as Project
-    from mor.api.project import adjust as adjust
     from mor.api.project import read as read
     from mor.api.result import Result as Result
     from mor.api.table import Table as Table
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Project": "mor.api.project",
-    "adjust": "mor.api.project",
+    "adjust": "mor.api.adjust",
     "read": "mor.api.project",
     "Result": "mor.api.result",
     "Table": "mor.api.table",

@@ -6,6 +6,9 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal, NamedTuple
+
+from mor.escapes import escaped
 
 
 class ExitCode(IntEnum):
@@ -32,7 +35,22 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
-        return f"{place}{self.message}"
+        return escaped(f"{place}{self.message}")
+
+
+class Undeterminable(NamedTuple):
+    """A thing of the network that nothing determines: what it is, why, and what was done about it."""
+
+    kind: str
+    """point, image, station, system …"""
+    name: str
+    reason: str
+    treatment: Literal["", "left out", "at infinity"] = ""
+    observations: int = 0
+    """Rows of observations that refer to it."""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.reason}"
 
 
 class MorError(Exception):
@@ -55,6 +73,15 @@ class NoSolutionError(MorError):
     """What was asked for needs a solution, and the adjustment has none: it says why."""
 
     exit_code = ExitCode.NOT_CONVERGED
+
+
+class NoStartValuesError(InputError):
+    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
+
+    def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
+        self.things = tuple(things)
+        advice = "settings: {undetermined: leave_out} adjusts the rest without them"
+        super().__init__([Problem(words) for words in (*remarks, *map(str, self.things), advice)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

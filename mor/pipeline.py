@@ -14,8 +14,10 @@ import numpy as np
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Watcher
+from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
-from mor.errors import InputError
+from mor.compilation import chosen_by_size
+from mor.errors import InputError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
@@ -27,10 +29,15 @@ from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.reading import TableWatcher, ignore_table
+from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, assess
+from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
+from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.solved import Solved
+from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
+from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
@@ -62,12 +69,16 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    start = start_values(network)
+    with chosen_by_size(network.observations):
+        return _solved(network, watch, assessing)
+
+
+def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
-    adjustment = adjust(make_problem(network, start, start), start, Settings(settings.max_iterations), watch)
-    adjustment = _with_settled_sigma(network, adjustment, watch)
+    network, start = determinable_start(network)
+    network, adjustment = adjust_determinable(network, start, _means(settings, watch))
     if not adjustment.outcome.is_solution:
-        return Solved(network, adjustment, None)
+        return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
@@ -75,6 +86,21 @@ def solve_network(
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment)
+
+
+def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistake]:
+    """The observations that cannot be computed at the start values; the first ones of each group."""
+    mistakes = []
+    for group in problem.groups:
+        for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
+            names = ", ".join(
+                f"{reference.name} {names[row]!r}"
+                for reference, names in zip(group.type.references, group.references, strict=True)
+            )
+            words = f"{group.type.key}, {names}: no value or no derivative where the adjustment starts"
+            line = int(group.lines[row]) if len(group.lines) > row else 0
+            mistakes.append(Mistake(f"{words}; do two of its places coincide there?", group.file, line))
+    return mistakes or [Mistake("observations have no value or no derivative where the iteration has got to")]
 
 
 def snooped(network: Network) -> Network:
@@ -103,20 +129,44 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
         raise InputError([Mistake(f"{words} ({movements})")])
 
 
-def start_values(network: Network) -> Mapping[str, FloatArray]:
-    """Start values of all blocks, worked out where none are given.
+def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArray]]:
+    """The network and start values of all blocks, worked out where none are given.
 
-    Raises :class:`InputError` where some stay missing.
+    Points at infinity stay without coordinates. What nobody could start is left out where the project wants that;
+    otherwise it raises :class:`NoStartValuesError`.
     """
     if all_known(network.start):
-        return network.start
+        return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
 
-    approximation = approximate(network)
-    if approximation.missing:
-        raise InputError([Mistake(words) for words in approximation.missing])
-    return with_shared_components(network.blocks, approximation.start)
+    found = approximate(network)
+    settings = network.project.settings
+    start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
+    if missing and settings.undetermined == "refuse":
+        raise NoStartValuesError(missing, found.remarks)
+    if missing:
+        network = without_unknown(network, start, missing)
+        start = network.start
+    return network, with_shared_components(network.blocks, start)
+
+
+def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:
+    """How networks with these settings become problems and are solved."""
+
+    def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
+        problem = make_problem(network, start, start)
+        try:
+            adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+        except NotFiniteError:
+            raise InputError(_undefined(problem, start)) from None
+        return _with_settled_sigma(network, adjustment, watch)
+
+    return Means(
+        lambda network, start: make_problem(network, start, start),
+        solve,
+        critical_value(settings.snooping_level),
+    )
 
 
 def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:

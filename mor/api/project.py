@@ -1,4 +1,4 @@
-"""Projects: read from a file, or built of dictionaries and data frames; adjusted."""
+"""Projects: read from a file, or built of dictionaries and data frames."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mor.adjustment.state import Watcher
-    from mor.api.result import Result
     from mor.project.file.nodes import Document
     from mor.project.network.build import Network
 
@@ -40,10 +38,6 @@ class Project:
     def notes(self) -> tuple[str, ...]:
         """What was assumed on reading."""
         return tuple(str(note) for note in self.network.notes)
-
-    def adjust(self, *, snoop: bool = False, watch: Watcher | None = None) -> Result:
-        """Adjust; see :func:`adjust`."""
-        return adjust(self, snoop=snoop, watch=watch)
 
     def __str__(self) -> str:
         from mor.report.results.contents import contents
@@ -75,23 +69,3 @@ def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
         path = Path(source)
         document, place = read_document(path), path.parent
     return Project(document, read_network(document, place), place)
-
-
-def adjust(source: Source | Project, *, snoop: bool = False, watch: Watcher | None = None) -> Result:
-    """Adjust a project and assess the outcome; start values that are missing are worked out.
-
-    Args:
-        source: a :class:`Project`, or what :func:`read` takes.
-        snoop: take flagged observations out one by one until the rest is clean (data snooping).
-        watch: called after every iteration.
-
-    Raises:
-        InputError: the project has mistakes, or start values cannot be found. That an adjustment does not converge, or
-            that the network is singular, is no error: the result says so.
-    """
-    from mor.api.result import Result
-    from mor.pipeline import snooped, solve_network
-
-    project = source if isinstance(source, Project) else read(source)
-    network = snooped(project.network) if snoop else project.network
-    return Result(project, solve_network(network, watch))

@@ -140,10 +140,12 @@ class Result:
         Labelled with names and units, in the datum of the result and with its σ0. Raises :class:`mor.InputError` for
         unknown names, :class:`mor.NoSolutionError`.
         """
+        from mor.compilation import chosen_by_size
         from mor.report.results.covariance import covariance_of_everything, covariance_of_points
 
         solved = self._solution
-        return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
+        with chosen_by_size(solved.network.observations):
+            return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
 
     def cofactor(self, *points: str) -> Labelled:
         """The same for σ0 = 1: the matrix of cofactors Q."""
@@ -190,11 +192,13 @@ class Result:
 
         Raises :class:`mor.InputError` where results are there already and ``force`` was not said.
         """
+        from mor.report.results.reservation import reserve
         from mor.report.results.writing import Choice, write_results
 
         choice = Choice(tables=tables, kind=table_format, html=html, language=language)
         project = self.project
-        write_results(self.solved, project.document, project.folder, Path(folder), force, choice)
+        with reserve(Path(folder), force) as place:
+            write_results(self.solved, project.document, project.folder, place, choice)
 
     def __str__(self) -> str:
         from mor.report.text.screen import screen

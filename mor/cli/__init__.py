@@ -101,7 +101,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo("interrupted; no file was left incomplete", err=True)
         return INTERRUPTED
     except MorError as error:
-        click.echo(str(error), err=True)
+        _tell(error)
         return error.exit_code
     except (SystemExit, BrokenPipeError):  # click leaves so where a pipe is closed, and only there
         return ExitCode.DONE
@@ -112,6 +112,22 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _internal(error)
     return int(result) if isinstance(result, int) else ExitCode.DONE
+
+
+MOST_TOLD = 20
+"""Mistakes that fill a screen."""
+
+
+def _tell(error: MorError) -> None:
+    """What is wrong, on one screen at most, and how to see the rest."""
+    from mor.escapes import shortened
+
+    lines = str(error).splitlines()
+    for line in lines[:MOST_TOLD]:
+        click.echo(shortened(line), err=True)
+    if len(lines) > MOST_TOLD:
+        words = f"{len(lines) - MOST_TOLD} more mistakes; mor check --all tells all of them"
+        click.echo(f"… and {words}", err=True)
 
 
 def _internal(error: Exception) -> int:

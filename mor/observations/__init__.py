@@ -1,6 +1,7 @@
 """Observation types: one file each, every one a value of :class:`ObservationType`."""
 
 from mor.observations._contract import (
+    PERFECT_SET_UP,
     Computed,
     External,
     ObservationGroup,
@@ -70,6 +71,7 @@ __all__ = [
     "IMAGE_TYPES",
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
+    "PERFECT_SET_UP",
     "PLAIN_TYPES",
     "PROJECTION_CENTRE_TYPES",
     "Computed",

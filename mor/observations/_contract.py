@@ -67,6 +67,8 @@ class ObservationType:
     """Face (1 or 2) that the reading (n,) of the last component tells, for types with a constant ``face``."""
     in_object_axes: bool = False
     """True where the components are coordinates in the axes of the object system."""
+    between_marks: bool = False
+    """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
 
     @property
     def wraps(self) -> BoolArray:

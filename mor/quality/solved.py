@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from mor.adjustment.state import Adjustment
+from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.treatment import Treatment
 
@@ -21,6 +22,13 @@ class Solved:
     quality: Quality | None
     treatment: Treatment | None = None
     """What was done about gross errors and weights; ``None`` where there was no solution."""
+
+    @cached_property
+    def movements(self) -> Movements | None:
+        """What does not come to rest, where there is no solution; worked out once for all reports."""
+        if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
+            return last_movements(self.adjustment)
+        return None
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
 from mor.parameters.index import moves_by_angles
@@ -48,7 +48,7 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
     covariance = _covariance(solved, "point", numbers)
     if covariance is not None:
         covariance = M.T @ covariance @ M
-    return Estimate(values, _sigma(covariance, values.shape), covariance)
+    return _present(solved, "point", numbers, Estimate(values, _sigma(covariance, values.shape), covariance))
 
 
 def rotations(solved: Solved, numbers: IntArray) -> Estimate:
@@ -64,7 +64,24 @@ def rotations(solved: Solved, numbers: IntArray) -> Estimate:
     if covariance is not None:
         covariance = angle_cofactors(covariance, turned, by_angles) / per_unit**2
     values = angles_from_rotation(turned) / per_unit
-    return Estimate(values, _sigma(covariance, values.shape), covariance)
+    estimate = Estimate(values, _sigma(covariance, values.shape), covariance)
+    return _present(solved, "rotation", numbers, estimate)
+
+
+def _present(solved: Solved, kind: str, numbers: IntArray, estimate: Estimate) -> Estimate:
+    """The estimate with no values for what was left out or is at infinity."""
+    if kind not in solved.network.absent:
+        return estimate
+    absent = _absent_among(solved, kind, numbers)[:, None]
+    values, sigma = (np.where(absent, np.nan, array) for array in (estimate.values, estimate.sigma))
+    return Estimate(values, sigma, estimate.covariance)
+
+
+def _absent_among(solved: Solved, kind: str, numbers: IntArray) -> BoolArray:
+    absent = np.zeros(len(solved.network.blocks[kind].ids), dtype=bool)
+    known = solved.network.absent[kind]
+    absent[: len(known)] = known
+    return absent[numbers]
 
 
 def _covariance(solved: Solved, kind: str, numbers: IntArray) -> FloatArray | None:

@@ -13,6 +13,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
+from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
 from mor.report.results.summary import summary
@@ -79,10 +80,11 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
     """The view of an adjustment that converged, with its table of residuals, and the file that has it."""
     images = image_table(solved)
     centres = projection_centres(solved)
+    images = images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz")))
     return View(
         summary=summary(solved),
-        points=point_table(solved),
-        images=images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz"))),
+        points=_placed(point_table(solved)),
+        images=_placed(images.with_columns(pl.col("x", "y", "z").fill_nan(None))),
         stations=station_table(solved),
         groups=group_table(solved),
         cameras=interior_rows(solved),
@@ -104,8 +106,8 @@ def view_of_folder(folder: Path) -> View:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
     return View(
         summary=data,
-        points=_table(data, "points", folder),
-        images=_table(data, "images", folder),
+        points=_placed(_table(data, "points", folder)),
+        images=_placed(_table(data, "images", folder)),
         stations=_frame(data["stations"]),
         groups=_frame(data["groups"]),
         cameras=data["cameras"],
@@ -113,6 +115,13 @@ def view_of_folder(folder: Path) -> View:
         gross_errors=data["gross_errors"],
         residuals=_residuals(data, folder),
     )
+
+
+def _placed(frame: pl.DataFrame) -> pl.DataFrame:
+    """Rows with coordinates: what was left out or is at infinity has no place in a picture."""
+    if "x" not in frame.columns or not frame["x"].null_count():
+        return frame
+    return frame.filter(pl.col("x").is_not_null())
 
 
 def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
@@ -140,7 +149,8 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
     if path.suffix == ".parquet":
         return pl.read_parquet(path)
     frame = pl.read_csv(path, schema_overrides=kinds, infer_schema_length=None)
-    return frame.with_columns(pl.col(pl.String).fill_null(""))
+    texts = frame.select(pl.col(pl.String).fill_null(""))
+    return frame.with_columns(*map(plain_column, texts))
 
 
 def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:

@@ -163,7 +163,7 @@ def test_another_datum_is_that_of_a_direct_adjustment() -> None:
     data = {**project.document.data, "datum": {"free": names}}
     direct = mor.adjust(data | {"mor": 1}) if not project.document.table_files() else None
     if direct is None:
-        direct = mor.read(data, path.parent).adjust()
+        direct = mor.adjust(mor.read(data, path.parent))
     for name in "xyz":
         np.testing.assert_allclose(carried.points[name], direct.points[name], rtol=0.0, atol=1e-9)
         np.testing.assert_allclose(

@@ -42,8 +42,13 @@ def _document(world: World, given: bool) -> str:
         "observations": _observations(world),
         "datum": "free" if world.free else "fixed",
     }
-    used = {key: [t for t in value if t] if isinstance(value, list) else value for key, value in sections.items()}
-    return "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in used.items() if value) + "\n"
+    used = {
+        key: [t for t in value if t] if isinstance(value, list) else value for key, value in sections.items()
+    }
+    return (
+        "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in used.items() if value)
+        + "\n"
+    )
 
 
 def _size(size: float) -> str:
@@ -81,7 +86,9 @@ def _images(world: World, given: bool) -> dict[str, Any]:
     rows = []
     for name, image in world.images.items():
         own = not image.leader and not image.over
-        noise = np.random.default_rng(world.seed + 11 * len(rows)).standard_normal(3) * (image.observed or 0.0)
+        noise = np.random.default_rng(world.seed + 11 * len(rows)).standard_normal(3) * (
+            image.observed or 0.0
+        )
         place = [_number(v) if own and (given or image.observed) else "" for v in image.centre + noise]
         sigma = [_number(image.observed) if own else ""] * 3
         angles = _angles(image.D) if given and not image.leader else [""] * 3
@@ -137,12 +144,15 @@ def _observations(world: World) -> list[dict[str, Any]]:
     if world.rays:
         tables.append({"type": "image", "file": "rays.csv", "values": {"sigma": "0.002"}})
     rows = [
-        [s, p, _number(GON * h, 9), _number(GON * z, 9), _number(above)] for s, p, h, z, above in world.directions
+        [s, p, _number(GON * h, 9), _number(GON * z, 9), _number(above)]
+        for s, p, h, z, above in world.directions
     ]
     columns = ["station", "to", "horizontal", "zenith", "to_height"]
     tables.append(_table(columns, rows, type="zenith_directions", values={"sigma": angle}))
     rows = [[a, b, _number(d), _number(above)] for a, b, d, above in world.distances]
-    tables.append(_table(["from", "to", "distance", "to_height"], rows, type="distance", values={"sigma": length}))
+    tables.append(
+        _table(["from", "to", "distance", "to_height"], rows, type="distance", values={"sigma": length})
+    )
     rows = [[a, b, _number(dz)] for a, b, dz in world.level_lines]
     tables.append(_table(["from", "to", "dz"], rows, type="height_difference", values={"sigma": length}))
     rows = [[a, b, *map(_number, d)] for a, b, *d in world.vectors]

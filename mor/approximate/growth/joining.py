@@ -75,7 +75,9 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     # Two levelled parts that have no height in common: the plan joins them, and the heights stay unknown.
     source.points[:, 2] = np.nan
     source.poses.clear()
-    return Movement(found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives)
+    return Movement(
+        found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives
+    )
 
 
 def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, FloatArray]:
@@ -98,7 +100,12 @@ def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArra
         if number in target.poses:
             centres.append(centre)
             places.append(target.poses[number][0])
-        elif frame.offset[0] != 0.0 and target.levelled and target.scaled and not (source.levelled and source.scaled):
+        elif (
+            frame.offset[0] != 0.0
+            and target.levelled
+            and target.scaled
+            and not (source.levelled and source.scaled)
+        ):
             centres.append(centre)
             places.append(place)
     return np.array(centres).reshape(-1, 3), np.array(places).reshape(-1, 3)
@@ -123,7 +130,9 @@ def _likelier(found: Movement, source: Part) -> Similarity:
         return found.similarity
     centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
     seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
-    return max((found.similarity, *found.alternatives), key=lambda one: float((one.rotation @ (centres - seen))[2]))
+    return max(
+        (found.similarity, *found.alternatives), key=lambda one: float((one.rotation @ (centres - seen))[2])
+    )
 
 
 def _inverse_scale(scale: float) -> Similarity:
@@ -197,5 +206,3 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
 def _place(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:
     place: FloatArray = centre - np.array([0.0, 0.0, frame.offset[0]]) + rotation.T @ frame.offset[1:]
     return place
-
-

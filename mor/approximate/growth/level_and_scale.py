@@ -85,6 +85,26 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
     return True
 
 
+def level_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part so that the height differences inside it fit as well as they can, though they leave the vertical open."""
+    difference, dz = _between_known(part, scene.level_lines)
+    if part.levelled or len(dz) == 0:
+        return
+    k = np.arange(400) + 0.5
+    z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
+    up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
+    rise = up @ difference.T
+    factor = np.ones(len(up))
+    if not part.scaled:
+        factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
+    best = up[int(np.argmin(np.sum((factor[:, None] * rise - dz) ** 2, axis=1)))]
+    for _ in range(20 if part.scaled else 0):
+        across = difference - np.outer(difference @ best, best)
+        best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
+        best = best / np.linalg.norm(best)
+    make_upright(part, best)
+
+
 def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:
     """Differences (n, 3) of known points and of their heights (n,), along lines of levelling of any length."""
     known = np.isfinite(part.points).all(axis=1)
@@ -143,4 +163,3 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
 
 def _movement(scale: float, rotation: FloatArray) -> Similarity:
     return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, np.zeros(3), np.zeros((0, 3)), 0.0)
-

@@ -35,7 +35,9 @@ def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
             np.isnan(network.start["point"][one.points]).any()
         )
         known = np.isfinite(start["point"][one.points]).all(axis=1)
-        lacking = np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
+        lacking = (
+            np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
+        )
         if (lacking or anew) and np.isfinite(one.local[known]).any():
             one = one._replace(points=one.points[known], local=one.local[known])
             _fill(network, start, one, anew)

@@ -186,8 +186,13 @@ def _closed_forms(ties: _Normalised, turn: Turn, scaled: bool) -> list[FloatArra
     if len(full) < axes:
         return []
     draw = np.random.default_rng(1)
-    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0))]
-    fitted = congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
+    samples = [
+        full,
+        *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0)),
+    ]
+    fitted = (
+        congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
+    )
     found = []
     for chosen in samples:
         one = fitted(ties.source[chosen, :axes], ties.target[chosen, :axes])
@@ -238,7 +243,9 @@ def _refined(ties: _Normalised, R: FloatArray, turn: Turn, scaled: bool) -> _Fit
         size = 1e-9 + lift if step < 3 else 1e-9
         A = np.concatenate([rows * root[:, None], size * np.eye(rows.shape[1])])
         change = np.zeros(7)
-        change[moves] = -np.linalg.lstsq(A, np.concatenate([root * residuals, np.zeros(rows.shape[1])]), rcond=None)[0]
+        change[moves] = -np.linalg.lstsq(
+            A, np.concatenate([root * residuals, np.zeros(rows.shape[1])]), rcond=None
+        )[0]
         if not np.isfinite(change).all():
             return None
         R = exponential(np.clip(change[3:6], -0.5, 0.5)[None])[0] @ R
@@ -250,7 +257,9 @@ def _refined(ties: _Normalised, R: FloatArray, turn: Turn, scaled: bool) -> _Fit
     return _judged(s, R, t, rows[:, moves], weight, cost)
 
 
-def _judged(s: float, R: FloatArray, t: FloatArray, rows: FloatArray, weight: FloatArray, cost: float) -> _Fit:
+def _judged(
+    s: float, R: FloatArray, t: FloatArray, rows: FloatArray, weight: FloatArray, cost: float
+) -> _Fit:
     redundancy = len(rows) - rows.shape[1]
     values = np.linalg.svd(rows * np.sqrt(weight)[:, None], compute_uv=False)
     values = np.append(values, np.zeros(max(rows.shape[1] - len(values), 0)))
@@ -269,7 +278,11 @@ def _scale(ties: _Normalised, R: FloatArray) -> float:
 
 def _moves(turn: Turn, scaled: bool) -> BoolArray:
     """(7,) movements that are free: shift, turn, logarithm of the scale."""
-    turns = {Turn.ANY: (True, True, True), Turn.VERTICAL: (False, False, True), Turn.NONE: (False, False, False)}
+    turns = {
+        Turn.ANY: (True, True, True),
+        Turn.VERTICAL: (False, False, True),
+        Turn.NONE: (False, False, False),
+    }
     return np.array([True, True, True, *turns[turn], not scaled])
 
 

@@ -117,7 +117,9 @@ def _systems(network: Network) -> tuple[LocalSystem, ...]:
                 unit = 1.0 if free else float(network.start["scale"][block, 0])
                 name = network.blocks["rotation"].ids[system]
                 coordinates = group.observed[rows] / unit
-                systems.append(LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free))
+                systems.append(
+                    LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free)
+                )
     return tuple(systems)
 
 
@@ -128,7 +130,9 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
     held = ~blocks.free | np.isfinite(network.sigma["rotation"])
     known = held.all(axis=1) & np.isfinite(start).all(axis=(1, 2))
     return {
-        n: start[frame.rotation] for n, frame in enumerate(frames) if frame.relative is None and known[frame.rotation]
+        n: start[frame.rotation]
+        for n, frame in enumerate(frames)
+        if frame.relative is None and known[frame.rotation]
     }
 
 

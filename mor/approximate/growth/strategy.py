@@ -16,7 +16,8 @@ import numpy as np
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
 from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.growth.level_and_scale import level_and_scale
+from mor.approximate.growth.level_and_scale import level_and_scale, level_roughly
+from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.part import Part
 from mor.approximate.growth.relative_poses import grow_relative
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
@@ -26,6 +27,7 @@ from mor.approximate.growth.seed_levelled import seed_levelled
 from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import BoolArray, FloatArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
@@ -41,8 +43,10 @@ class Approximation:
     start: Mapping[str, FloatArray]
     how: Mapping[str, str]
     """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[str, ...]
+    missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
+    remarks: tuple[str, ...] = ()
+    """Why frames could not begin a part of their own, where something is missing."""
 
 
 @dataclass
@@ -53,8 +57,8 @@ class _Assembly:
     parts: list[Part]
     fewest: int = ENOUGH
     tried_stations: set[int] = field(default_factory=set)
-    given_up: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Frames of which no two can be oriented relative to each other."""
+    given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
+    """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
     reasons: list[str] = field(default_factory=list)
 
@@ -69,7 +73,7 @@ def approximate(network: Network) -> Approximation:
     assembly = _Assembly(scene, parts)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
-        assembly.given_up, assembly.tried_stations = np.zeros(len(scene.frames), dtype=bool), set()
+        assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
         for part in parts:
             _grow(part, scene, fewest)
         _assemble(assembly)
@@ -77,7 +81,7 @@ def approximate(network: Network) -> Approximation:
     system = parts[0]
     intersect_the_rest(system, scene.seen)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
-    return Approximation(start, how, (*assembly.reasons, *missing) if missing else ())
+    return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
 
 def _assemble(assembly: _Assembly) -> None:
@@ -103,6 +107,7 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
+        grown |= grow_mixed(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True
@@ -143,16 +148,32 @@ def _next_seed(assembly: _Assembly) -> Part | None:
     scene, measured = assembly.scene, assembly.scene.terrestrial
     unknown, tried = _unknown_stations(assembly), assembly.tried_stations
     part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
+    if part is not None:
+        return part
     free = _free_frames(assembly)
-    if part is None and np.count_nonzero(free & ~assembly.given_up) > 1:
-        assembly.pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
-        among = free & ~assembly.given_up
-        part, reason = seed_bundles(scene.frames, among, assembly.pairs, scene.points)
-        assembly.given_up |= among if part is None else False
-        assembly.reasons += [reason] if reason else []
-    if part is None:
-        part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
+    for chained in (False, True):
+        part = _seed_of_frames(assembly, free, chained)
+        if part is not None:
+            return part
+    part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
     return part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+
+
+def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
+    """A part of two frames that no part has; or, ``chained``, of one and a neighbour that ties it to its part."""
+    scene, given_up = assembly.scene, assembly.given_up[int(chained)]
+    open_ = free & ~given_up
+    if np.count_nonzero(open_) < (1 if chained else 2):
+        return None
+    assembly.pairs = pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
+    if chained:
+        among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
+    else:
+        among = open_[pairs.first] & open_[pairs.second]
+    part, reason = seed_bundles(scene.frames, np.flatnonzero(among), pairs, scene.points)
+    given_up |= open_ if part is None else False
+    assembly.reasons += [reason] if reason and not chained else []
+    return part
 
 
 def _unknown_stations(assembly: _Assembly) -> set[int]:
@@ -212,6 +233,7 @@ def _place_the_rest(assembly: _Assembly) -> None:
     while len(parts) > 1:
         source = max(parts[1:], key=_size)
         parts.remove(source)
+        level_roughly(source, scene)
         found = tie(parts[0], source, scene)
         carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
         _grow(parts[0], scene, assembly.fewest)

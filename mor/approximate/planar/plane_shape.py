@@ -186,7 +186,9 @@ def _with_points(rays: _Rays, state: PlaneState, off: BoolArray) -> PlaneState:
 
 def _shape(rays: _Rays, adjusted: AdjustedPlane, off: BoolArray, limit: float) -> PlaneShape:
     state = adjusted.state
-    covariance = covariance_in(adjusted, inner_constraints(adjusted, rays.in_plane & np.any(rays.seen, axis=0)))
+    covariance = covariance_in(
+        adjusted, inner_constraints(adjusted, rays.in_plane & np.any(rays.seen, axis=0))
+    )
     known = np.any(rays.seen, axis=0) & (rays.in_plane | off)
     points = np.where(known[:, None], state.points, np.nan)
     sigma = np.sqrt(np.diag(covariance)[6 * len(state.positions) :].reshape(-1, 3)[:, :2])

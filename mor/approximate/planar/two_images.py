@@ -40,7 +40,9 @@ class PlaneOutcome(Enum):
     INVALID = "a ray is zero or not a number"
     COLLINEAR = "three of four points, or all, lie in one line"
     WEAK = "one solution is visible, but the shape is hardly determined: a longer base, more points, or a further image"
-    NO_BASE = "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
+    NO_BASE = (
+        "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
+    )
     BASE_ALONG_NORMAL = (
         "dangerous locus: both projection centres lie on one normal of the plane, or the measurements cannot tell; "
         "the two solutions coincide and errors of the image coordinates enter with their square root"

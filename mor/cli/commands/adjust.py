@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
@@ -101,21 +102,22 @@ def command(
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.pipeline import read_document, read_network, snooped, solve_network
-    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.folder import check_inputs
     from mor.report.results.json import entries
+    from mor.report.results.reservation import reserve
     from mor.report.results.writing import Choice, is_large, results_text, tables_by_size, write_results
     from mor.report.text.screen import screen
     from mor.report.words.language import words_of
 
     writes = output is not None or not as_json
     words = words_of(lang)
-    with progress(quiet, verbose, events, words) as say, compiler_announced(say.note):
+    with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
         document = read_document(project)
         folder = output or project.with_suffix(".results")
         if writes:
-            check_free(folder, force)
             check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
+        place = held.enter_context(reserve(folder, force)) if writes else None
         network = read_network(document, project.parent, say.table_counter(document, project.parent))
         say.notes(network.notes)
         network = snooped(network) if snoop else network
@@ -125,7 +127,7 @@ def command(
         )
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
-        if writes:
+        if place is not None:
             say.notes(left_out(solved, tables, html))
             page = html if html is not None else not is_large(solved)
             choice = Choice(
@@ -135,7 +137,7 @@ def command(
                 language=lang,
                 done=say.counter(entries(solved)),
             )
-            write_results(solved, document, project.parent, folder, force, choice)
+            write_results(solved, document, project.parent, place, choice)
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)

@@ -40,7 +40,8 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.reopened import in_datum, reopen
-    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.folder import check_inputs
+    from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import Choice, tables_by_size, write_results
     from mor.report.tables.estimates import point_table
     from mor.report.words.language import words_of
@@ -58,7 +59,10 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
         click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)
-        write_results(solved, project.document, project.folder, output, force, choice)
+        with reserve(output, force) as place:
+            write_results(solved, project.document, project.folder, place, choice)
         click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:
-        click.echo(point_table(solved).write_csv(), nl=False)
+        from mor.project.tables.guarded import csv_lines
+
+        click.echo(bytes(csv_lines(point_table(solved))).decode(), nl=False)

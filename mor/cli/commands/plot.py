@@ -67,7 +67,7 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
 
 def view_of_source(source: Path) -> View:
     """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
-    from mor.api.project import adjust
+    from mor.api.adjust import adjust
     from mor.errors import InputError, Problem
     from mor.report.tables.observations import observation_table
     from mor.report.view import view_of, view_of_folder

@@ -7,7 +7,14 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-Text = Annotated[str, Field(min_length=1)]
+
+def _one_line(text: str) -> str:
+    if any(sign in text for sign in "\n\r\0"):
+        raise ValueError(f"found {text!r}, expected a text without line breaks")
+    return text
+
+
+Text = Annotated[str, Field(min_length=1), AfterValidator(_one_line)]
 Measure = Annotated[
     str,
     Field(
@@ -15,12 +22,18 @@ Measure = Annotated[
         description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon; an angle in dms: 12-34-56.7",
     ),
 ]
-Name = Annotated[str, Field(min_length=1, description="An identifier; always text, whatever it looks like")]
+Name = Annotated[
+    str,
+    Field(min_length=1, description="An identifier; always text, whatever it looks like"),
+    AfterValidator(_one_line),
+]
 
 
 def _delimiter(sign: str) -> str:
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
-        raise ValueError(f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab")
+        raise ValueError(
+            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+        )
     return sign
 
 
@@ -249,7 +262,7 @@ class Observations(Table):
     instrument: Name | None = None
     ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
     centring: Centring | None = None
-    factor: float = Field(default=1.0, ge=1e-50, le=1e50, description="Factor on every σ of this group")
+    factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
         description="Full covariance matrix over the observations of this group, or a CSV file with it",
@@ -294,9 +307,18 @@ class Settings(Strict):
 
     max_iterations: int = Field(default=50, ge=1)
     sigma0: float = Field(
-        default=1.0, ge=1e-50, le=1e50, description="A-priori standard deviation of unit weight, as reported"
+        default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
+    )
+    undeclared_points: Literal["mistake", "free"] = Field(
+        default="mistake",
+        description="Points that observations name and no table of points has: a mistake, or free points",
     )
     dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    undetermined: Literal["refuse", "leave_out"] = Field(
+        default="refuse",
+        description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
+        "Points at infinity take part with their direction, or are left out as well",
+    )
     snooping_level: float = Field(
         default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
     )

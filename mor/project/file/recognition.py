@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mor.errors import InputError, Problem
 from mor.input_files import TABLE, read_text
+from mor.project.tables.guarded import plain
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -79,7 +80,7 @@ class Found:
         if name not in self.columns:
             return []
         place = self.header.index(self.columns[name])
-        return [row[place].strip() for row in self.rows if len(row) > place]
+        return [plain(row[place].strip()) for row in self.rows if len(row) > place]
 
     @property
     def has_sigma(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.counting import counted
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Problem, Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
@@ -35,6 +35,7 @@ from mor.project.observations.direction_sets import check_direction_sets
 from mor.project.observations.groups import read_groups
 from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
+from mor.project.observations.undeclared_points import check_undeclared
 from mor.project.tables.tables import Place
 
 
@@ -84,6 +85,19 @@ class Network:
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
     """What was assumed on reading, to be said to the user."""
+    undeterminable: tuple[Undeterminable, ...] = ()
+    """Things that nothing determines, and what was done about them."""
+    original: Network | None = None
+    """The network as it was read, where something was left out of it or put at infinity."""
+    absent: Mapping[str, BoolArray] = field(default_factory=dict)
+    """(n,) blocks of a kind that have no value: left out, or at infinity."""
+    directions: Mapping[int, int] = field(default_factory=dict)
+    """Rotation block of the direction of each point block that is at infinity."""
+
+    @property
+    def observations(self) -> int:
+        """Number of observations, checks left out: what decides whether compiling is worth it."""
+        return sum(int(np.count_nonzero(group.mask)) for group in self.groups)
 
 
 _READERS = {
@@ -122,6 +136,7 @@ def build_network(
         *prior_groups(reading),
     ]
     check_direction_sets(reading, [*plain, *others])
+    check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
     datum = _datum(reading)

@@ -65,9 +65,10 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     path: Path = ("cameras", name, "interior")
     place = reading.at(*path)
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
+    before = len(reading.problems)
     statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
     values = statuses.values
-    if values[0, 0] <= 0.0 and model.components[0].name in given:
+    if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
         reading.problems.append(
             place.problem(
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
@@ -149,9 +150,7 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
     return result
 
 
-def _variant_sigma(
-    reading: Reading, text: str | None, component: Component, scale: ImageScale
-) -> float:
+def _variant_sigma(reading: Reading, text: str | None, component: Component, scale: ImageScale) -> float:
     """σ of the difference of each image from its camera, NaN where there is none. Raises :class:`UnitError`."""
     if text is None:
         return float("nan")

@@ -167,6 +167,16 @@ def workshop() -> Workshop:
     return Workshop(stores, {})
 
 
+FRAMES = ("image", "station", "system", "pair")
+"""Namespaces whose things have blocks that are called after them: ``image 1``."""
+
+
+def thing_of(kind: str, block: str) -> tuple[str, str]:
+    """Namespace and name of the thing that a block belongs to: image 1 for the position called ``image 1``."""
+    space, _, name = block.partition(" ")
+    return (space, name) if space in FRAMES and name else (kind, block)
+
+
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     """Words for a name that nothing has."""
     return f"{what} {name!r} does not exist{nearest(name, known)}"

@@ -47,6 +47,8 @@ class Reading:
     """Names read from a table, by section and number of the table."""
     section: str = "observations"
     """Section that observation groups are read from: ``observations``, or ``checks``."""
+    undeclared: dict[str, tuple[str, int]] = field(default_factory=dict)
+    """Points that only observations name, with file and line where they come first."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
 

@@ -22,6 +22,7 @@ from mor.errors import Problem
 from mor.input_files import limit, raise_it
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Source, tell_rows
+from mor.project.tables.guarded import plain_column
 
 _PART = 1 << 24
 """Bytes of a file that are looked at together."""
@@ -83,7 +84,16 @@ def from_text(
     if frame is None:
         return _one_by_one(cleaned, names, table, file, problems)
     columns = {ours: frame[name] for name, ours in zip(header, names, strict=True) if ours is not None}
-    return Source([name for name in names if name], columns, lines, file)
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+
+
+def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
+    """Columns without the apostrophes that guard names."""
+    if b"'" not in cleaned.content:
+        return columns
+    return {
+        name: plain_column(cells) if cells.dtype == pl.String else cells for name, cells in columns.items()
+    }
 
 
 def _first_undecodable_line(text: bytes) -> int:
@@ -101,7 +111,7 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in text:
-        text = _without_comments(text)
+        text = _without_comments(text, quotes=delimiter != " ")
     if delimiter == " ":
         text = re.sub(rb"[ \t]+", b" ", text).replace(b" \n", b"\n").replace(b"\n ", b"\n").strip(b" ")
     data = np.frombuffer(text, dtype=np.uint8)
@@ -123,10 +133,11 @@ def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
-def _without_comments(text: bytes) -> bytes:
+def _without_comments(text: bytes, quotes: bool) -> bytes:
     parts, start, place = [], 0, text.find(b"#")
     while place >= 0:
-        if place == 0 or text[place - 1 : place].isspace():
+        opened = place == 0 or text[place - 1 : place].isspace()
+        if opened and not (quotes and text.count(b'"', text.rfind(b"\n", 0, place) + 1, place) % 2):
             end = text.find(b"\n", place)
             end = len(text) if end < 0 else end
             parts.append(text[start:place])
@@ -153,7 +164,9 @@ def _separators(content: bytes, separator: str) -> IntArray:
     """Number of separators in each line."""
     data = np.frombuffer(content, dtype=np.uint8)
     ends = _line_ends(data)
-    starts = np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    starts = (
+        np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    )
     counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
     return counts
 
@@ -221,4 +234,4 @@ def _one_by_one(
         for k, name in enumerate(names)
         if name
     }
-    return Source([name for name in names if name], columns, lines, file)
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)

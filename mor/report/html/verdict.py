@@ -200,7 +200,7 @@ def _checks(data: PageData) -> Statement | None:
 
 
 def _points(data: PageData) -> Statement | None:
-    points, say = data.points.filter(pl.col("status") != "fixed"), data.words
+    points, say = data.points.filter(pl.col("status").is_in(["free", "partly fixed"])), data.words
     if points.height == 0:
         return None
     sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]

@@ -6,6 +6,7 @@ the same result. Tables of observations are referred to where they stand.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,16 +15,20 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-import yaml
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values
 from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE, BlockKind
 from mor.project.file.nodes import Document
+from mor.project.file.yaml_text import yaml_text
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
+
+_REMARKED = 50
+"""Things that nothing determines that are named in the adjusted project."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,18 @@ def adjusted_project(
         data["instruments"] = {name: _instrument(placed, name, c) for name, c in data["instruments"].items()}
     if placed.snooping:
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
-    return text, tables
+    return yaml_text(data, width=1000), tables
+
+
+def remarks(things: Sequence[Undeterminable]) -> str:
+    """Comments that say what did not take part, or only with its direction."""
+    lines = [
+        f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"
+        for thing in things[:_REMARKED]
+    ]
+    if len(things) > _REMARKED:
+        lines.append(f"# and {len(things) - _REMARKED} more: undetermined.csv has all of them")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
@@ -153,7 +168,7 @@ def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -
 
 
 def _set_ups(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
-    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and the names they share them by."""
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
     columns: dict[str, Any] = dict(_plain(placed, kind.key, numbers, kind.names))
     for column in columns.values():
         column[~own] = np.nan

@@ -25,7 +25,10 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.unsettled import moving_rows, worst_misfits
 
+WORST_MISFITS = 100
+"""Observations that are told where there is no solution."""
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
 
@@ -51,8 +54,21 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "gross_errors": gross_errors(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
+        "failure": failure(solved),
         "tables": tables,
         "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
+    }
+
+
+def failure(solved: Solved) -> dict[str, Any] | None:
+    """What does not come to rest and what fits worst, where there is no solution."""
+    if solved.quality is not None:
+        return None
+    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
+    return {
+        "notice": "NOT A SOLUTION: all values are those of the last iteration",
+        "moving": moving_rows(solved),
+        "worst": worst,
     }
 
 

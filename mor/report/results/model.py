@@ -15,6 +15,7 @@ from mor.report.results.model_parts import (
     Camera,
     Check,
     Direction,
+    Failure,
     Feature,
     FixedPoint,
     GlobalTest,
@@ -31,6 +32,7 @@ from mor.report.results.model_parts import (
     Station,
     Step,
     System,
+    Undeterminable,
     Units,
     VarianceComponents,
 )
@@ -47,12 +49,16 @@ class Results(Part):
     axes: Axes
     outcome: Literal["converged", "not converged", "diverged", "singular"]
     reason: str
+    solution: bool = Field(default=True, description="false: all values are those of the last iteration")
     iterations: int
     observations: int
     unknowns: int
     defect: int
     movements: list[str]
     undetermined: list[Direction]
+    undeterminable: list[Undeterminable] = Field(
+        default_factory=list, description="Things that nothing determines, and what was done about them"
+    )
     hardly_determined: list[str] = Field(default_factory=list)
     datum: str
     redundancy: int | None
@@ -77,6 +83,9 @@ class Results(Part):
     gross_errors: GrossErrors
     fixed_points: list[FixedPoint]
     checks: list[Check]
+    failure: Failure | None = Field(
+        default=None, description="Where there is no solution: what does not come to rest, what fits worst"
+    )
     tables: dict[str, str] = Field(description="Names of the tables beside results.json")
     residuals: list[Residual] | None = Field(description="null beyond 10 000: read the table")
 

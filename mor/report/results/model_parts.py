@@ -39,6 +39,20 @@ class Direction(Part):
     amounts: list[float]
 
 
+class Undeterminable(Part):
+    """A row of undetermined.csv: a thing that nothing determines."""
+
+    kind: str = Field(description="point, image, station, system, pair")
+    id: str
+    reason: str
+    treatment: Literal["", "left out", "at infinity"]
+    observations: int = Field(description="Rows of observations that refer to it")
+    dx: Number = Field(description="Unit vector to a point at infinity, project axes")
+    dy: Number
+    dz: Number
+    sigma: Number = Field(description="Its standard deviation across, the larger one, an angle")
+
+
 class Sigma0(Part):
     """Standard deviation of unit weight."""
 
@@ -93,7 +107,7 @@ class Point(Position):
     others: int
     mean_r: Number
     largest_w: Number
-    status: Literal["free", "partly fixed", "fixed"]
+    status: Literal["free", "partly fixed", "fixed", "left out", "at infinity"]
 
 
 class Posed(Position):
@@ -340,6 +354,18 @@ class Check(Part):
     exceeding: int
 
 
+class Moving(Part):
+    """An unknown that does not come to rest."""
+
+    kind: str
+    of: str
+    id: str
+    component: str
+    unit: str
+    steps: list[Number] = Field(description="Its last steps, or the one that could not be taken")
+    way: Literal["to and fro", "away", "wanted"]
+
+
 class Residual(Part):
     """A row of residuals.csv."""
 
@@ -372,3 +398,17 @@ class Residual(Part):
     joint_freedom: Number
     p_joint: Number
     flag: Literal["", "gross", "uncontrolled", "excluded", "check"]
+
+
+class Misfit(Residual):
+    """A residual at the last values, where there is no solution."""
+
+    misfit: Number = Field(description="abs(v) / sigma")
+
+
+class Failure(Part):
+    """What is known where there is no solution."""
+
+    notice: str
+    moving: list[Moving]
+    worst: list[Misfit]

@@ -14,6 +14,7 @@ from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import normalised_residuals
 from mor.report.edge import angle_unit
+from mor.report.tables.undeterminable import undeterminable_rows
 
 SCHEMA = "mor-results"
 SCHEMA_VERSION = 1
@@ -31,12 +32,14 @@ def summary(solved: Solved) -> dict[str, Any]:
         "axes": project.axes.model_dump(),
         "outcome": adjustment.outcome.value,
         "reason": adjustment.reason,
+        "solution": solved.quality is not None,
         "iterations": len(adjustment.iterations),
         "observations": adjustment.problem.observations,
         "unknowns": adjustment.problem.index.count,
         "defect": int(adjustment.defect.datum.shape[1]),
         "movements": list(adjustment.defect.movements),
         "undetermined": _undetermined(solved),
+        "undeterminable": undeterminable_rows(solved),
         "datum": adjustment.problem.datum.name,
         **_statistics(solved),
         "iteration_log": [

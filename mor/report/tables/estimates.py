@@ -26,7 +26,7 @@ from mor.units import ANGLE_UNITS
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
-STATUSES = ("fixed", "partly fixed", "free")
+STATUSES = ("fixed", "partly fixed", "free", "left out", "at infinity")
 
 
 @once
@@ -52,6 +52,9 @@ def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
         for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
             columns[f"ellipsoid_{name}"] = axis
         columns |= _correlations_of_axes(estimate)
+        absent = np.isnan(estimate.values).all(axis=1)
+        if absent.any():
+            columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
         parts.append({name: np.array(column) for name, column in columns.items()})
     return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
 
@@ -355,9 +358,13 @@ def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
 
 
 def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:
-    """Free, partly fixed or fixed: blocks (n,)."""
-    free = solved.network.blocks[kind].free[numbers]
+    """Free, partly fixed, fixed, or what was done about what nothing determines: blocks (n,)."""
+    network = solved.network
+    free = network.blocks[kind].free[numbers]
     status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
+    if kind in network.absent:
+        status = np.where(network.absent[kind][numbers], 3, status)
+        status = np.where(np.isin(numbers, list(network.directions)), 4, status)
     return pl.Series(STATUSES).gather(status)
 
 

@@ -8,6 +8,7 @@ from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
+from mor.report.text.undeterminable import sentences
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -89,6 +90,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
+    lines += sentences(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
 
@@ -141,6 +143,15 @@ def _advice(solved: Solved, words: Words) -> list[str]:
         return [
             words(
                 "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
+            )
+        ]
+    things = solved.network.undeterminable
+    if any(not thing.treatment for thing in things):
+        return [
+            words(
+                "settings: {{undetermined: leave_out}} adjusts the rest without what nothing determines "
+                "({count:thing|things}, in undetermined.csv).",
+                count=len(things),
             )
         ]
     return []

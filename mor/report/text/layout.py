@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mor.escapes import escaped
 from mor.report.words.language import ENGLISH, Words
 
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
@@ -39,7 +40,7 @@ def table(
 def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
     """Columns as wide as their widest cell and at least two wider than their header, a line under the headers."""
     widths = [len(header) + 2 for header in headers]
-    cells = [[cell.strip() for cell in row] for row in (headers, *rows)]
+    cells = [[escaped(cell.strip()) for cell in row] for row in (headers, *rows)]
     for row in cells:
         widths = [max(width, len(cell)) for width, cell in zip(widths, row, strict=True)]
     lines = [

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mor.escapes import escaped
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -24,6 +25,11 @@ WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
 
 
 def screen(solved: Solved, words: Words = ENGLISH) -> str:
+    """What the terminal is told of an outcome; names with control characters are spelled out."""
+    return escaped(_screen(solved, words))
+
+
+def _screen(solved: Solved, words: Words) -> str:
     """At most 24 lines, of 100 columns but for the verdict; without a solution what the report says of the reason."""
     if solved.quality is None:
         return "\n".join(part for part in (*verdict(solved, words), undetermined(solved, words)) if part)
@@ -84,7 +90,9 @@ def _points(solved: Solved, words: Words) -> list[str]:
     frame = point_table(solved)
     if frame.height == 0:
         return []
-    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"] != "fixed")
+    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(
+        frame["status"].is_in(["free", "partly fixed"])
+    )
     if free.height == 0:
         return []
     unit = solved.network.project.units.length
