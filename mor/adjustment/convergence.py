@@ -26,7 +26,7 @@ from mor.adjustment.normals import Normals
 from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import ray_chunks
 from mor.adjustment.rays.linearised import Rays
-from mor.adjustment.state import Adjustment
+from mor.adjustment.state import Adjustment, Iteration
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 
@@ -37,6 +37,10 @@ ACCURACY = 1e-8
 points by 2e-9 of themselves."""
 _RATE_KNOWN_TO = 4.0
 """Margin for a rate of convergence that is taken from two steps."""
+_STANDING = 5
+"""Iterations that are compared with as many before them."""
+_STANDS = 1e-3
+"""Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
 _EPS = float(np.finfo(float).eps)
 
 
@@ -47,6 +51,18 @@ def is_over(state: Adjustment, change: float, weak: FloatArray) -> bool:
     if change > 1.0 or not state.iterations or change < 0.5 * state.iterations[-1].largest_change:
         return False
     return change <= round_off(state.plan, state.values, state.normals, weak)
+
+
+def stands_still(iterations: tuple[Iteration, ...]) -> bool:
+    """True where the last iterations neither made vᵀPv smaller, nor their steps: nothing is to be expected of more."""
+    if len(iterations) < 2 * _STANDING:
+        return False
+    earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
+    if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
+        return False
+    shortest = (min(iteration.largest_change for iteration in part) for part in (earlier, later))
+    before, now = shortest
+    return now > 0.5 * before
 
 
 def left_after(state: Adjustment, change: float) -> float:
@@ -64,8 +80,8 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, change: 
     """True where the network has stopped moving as a whole.
 
     That is where the ``shift`` (u,) into the datum is nothing beside the accuracy of the coordinates: that of the
-    ``step`` (u,), which moves them by some of their σ for every unit of ``change``, and that of their last digits, through the
-    condition of the constraint.
+    ``step`` (u,), which moves them by some of their σ for every unit of ``change``, and that of their last digits,
+    through the condition of the constraint.
     """
     mask = state.constraint.mask
     moving = float(np.abs(shift[mask]).max(initial=0.0))

@@ -98,7 +98,7 @@ def _advance(state: Adjustment) -> Adjustment:
     if over and change <= ACCURACY:
         iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
-    taken = accept(state, regular, stride.weak + shift)
+    taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from mor.project.file.yaml_text import yaml_text
-
 from mor.project.tables.guarded import any_unsafe, guarded
 
 LONGEST = 20

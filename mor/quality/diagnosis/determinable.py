@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Outcome
+from mor.adjustment.state import Adjustment, Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable

@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.adjustment.datum.local_defects import LocalDefects, local_defects
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Outcome
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, IntArray
 from mor.errors import Undeterminable
 from mor.parameters.index import Values

@@ -12,7 +12,8 @@ import numpy as np
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Outcome, Settings, adjust
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Index, Values, move
 from mor.quality.diagnosis.determinable import OPEN

@@ -25,6 +25,7 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.suspects import suspects
 from mor.report.tables.unsettled import moving_rows, worst_misfits
 
 WORST_MISFITS = 100
@@ -52,6 +53,7 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "groups": group_table(solved).to_dicts(),
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
+        "suspects": suspects(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),

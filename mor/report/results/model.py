@@ -31,6 +31,7 @@ from mor.report.results.model_parts import (
     Sigma0,
     Station,
     Step,
+    Suspects,
     System,
     Undeterminable,
     Units,
@@ -81,6 +82,9 @@ class Results(Part):
     groups: list[Group]
     variance_components: VarianceComponents | None = None
     gross_errors: GrossErrors
+    suspects: Suspects | None = Field(
+        default=None, description="What was left out because all observations together have no solution"
+    )
     fixed_points: list[FixedPoint]
     checks: list[Check]
     failure: Failure | None = Field(
