@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
 SMALLEST_ANGLE = 0.02

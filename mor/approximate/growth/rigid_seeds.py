@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
 

@@ -13,19 +13,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mor.approximate.growth.contradictions import Contradiction, contradicting_frames, put_back, without_poses
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
-from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.growth.level_and_scale import direct_roughly, level_and_scale, level_roughly
 from mor.approximate.growth.mixed_intersection import grow_mixed
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.relative_poses import grow_relative
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
-from mor.approximate.growth.scene import Scene, scene_of
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
-from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
+from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
+from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
+from mor.approximate.parts.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.relative_poses import grow_relative
+from mor.approximate.parts.scene import Scene, scene_of
+from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Undeterminable

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.relative_poses import known_bases
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.relative_poses import known_bases
+from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.approximate.terrestrial.clusters import Cluster
 from mor.approximate.terrestrial.polar import bearing

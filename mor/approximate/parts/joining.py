@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.level_and_scale import make_upright
-from mor.approximate.growth.movement import Movement, Ties, Turn, movement
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.level_and_scale import make_upright
+from mor.approximate.parts.movement import Movement, Ties, Turn, movement
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame, image_frames, theodolite_frames
-from mor.approximate.growth.grow_levelled import Distances
-from mor.approximate.growth.sightings import Sightings, sightings
+from mor.approximate.parts.distances import Distances
+from mor.approximate.parts.frames import Frame, image_frames, theodolite_frames
+from mor.approximate.parts.sightings import Sightings, sightings
 from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
 from mor.arrays import FloatArray, IntArray

@@ -7,9 +7,9 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene, StereoPair
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene, StereoPair
 from mor.arrays import FloatArray
 
 AGREE = 0.02

@@ -180,7 +180,7 @@ def _towards(axis: FloatArray) -> FloatArray:
 
 
 def _closed_forms(ties: _Normalised, turn: Turn, scaled: bool) -> list[FloatArray]:
-    """Rotations from points known in all components of use: from all, and from triples, of which some have no errors."""
+    """Rotations from points known in all components of use: from all of them and, against errors, from triples."""
     axes = 2 if turn is Turn.VERTICAL else 3
     full = np.flatnonzero(ties.known[:, :axes].all(axis=1))
     if len(full) < axes:

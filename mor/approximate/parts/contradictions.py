@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.growth.frames import SLACKS, Frame
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene
-from mor.approximate.growth.transfer import starting_part
+from mor.approximate.parts.frames import SLACKS, Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene
+from mor.approximate.parts.transfer import starting_part
 from mor.arrays import BoolArray, FloatArray
 from mor.project.network.build import Network
 
@@ -35,8 +35,8 @@ class Contradiction(NamedTuple):
 def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
     """Frames whose start values do not agree with the rest.
 
-    Of a pose most rays pass by the points they see, as far as these are known; an attitude alone is another one than that
-    which was found.
+    Of a pose most rays pass by the points they see, as far as these are known; an attitude alone is another one than
+    that which was found.
     """
     given, found = starting_part(network, scene.frames).poses, []
     for number, frame in enumerate(scene.frames):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mor.approximate.growth.movement import Ties, Turn, movement
+from mor.approximate.parts.movement import Ties, Turn, movement
 from mor.geometry.rotations import rotation_from_angles
 
 NONE = np.zeros((0, 3))
