@@ -47,7 +47,7 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
             doubtful = len(off) >= FEWEST and np.mean(off < AGREES) < MOST
         else:
             turn = network.start["rotation"][frame.rotation] @ system.poses[number][1].T
-            off = np.linalg.norm(turn - np.eye(3), keepdims=True).ravel() / np.sqrt(2.0)
+            off = np.array([float(np.linalg.norm(turn - np.eye(3))) / np.sqrt(2.0)])
             doubtful = off[0] > AGREES
         if doubtful:
             found.append(Contradiction(number, frame.name, float(np.median(off))))
