@@ -28,8 +28,9 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
       mor approximate project.yaml
       mor approximate project.yaml -o started --force
 
-    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
-    missing for it. mor adjust does the same by itself where values are missing.
+    Given values stay as they are; attitudes and poses that are start values and no more are replaced where the
+    observations contradict them. The protocol on standard output says how each value was obtained, what was replaced,
+    or what is missing. mor adjust does the same by itself where values are missing.
 
     \b
     Exit codes: 0 done; 2 input, or values stay missing.
