@@ -13,7 +13,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome
+from mor.adjustment.state import A_WEAK_TURN, Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Index, Values, move
 from mor.quality.diagnosis.determinable import OPEN
@@ -60,7 +60,9 @@ def last_movements(adjustment: Adjustment) -> Movements:
 
 def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
-    if adjustment.outcome is not Outcome.SINGULAR or not adjustment.plan.problem.index.count:
+    if adjustment.reason == A_WEAK_TURN or adjustment.outcome is not Outcome.SINGULAR:
+        return adjustment
+    if not adjustment.plan.problem.index.count:
         return adjustment
     begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
     if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
