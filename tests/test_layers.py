@@ -15,7 +15,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
     ("escapes",),
-    ("errors", "units", "compilation", "counting", "arrays"),
+    ("errors", "units", "compilation", "kernel_cache", "counting", "arrays"),
     ("sparse",),
     ("geometry", "input_files"),
     ("parameters",),

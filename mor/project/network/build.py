@@ -90,6 +90,8 @@ class Network:
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
     """What was assumed on reading, to be said to the user."""
+    file: str = ""
+    """The project file, for mistakes that belong to no single place in it."""
     undeterminable: tuple[Undeterminable, ...] = ()
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
@@ -177,6 +179,7 @@ def build_network(
             for number, table in enumerate(project.stations)
             for name in reading.table_ids.get(("stations", number), [])
         },
+        file=document.file,
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)

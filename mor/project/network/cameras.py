@@ -183,6 +183,8 @@ def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
         shared = int(shop.things["camera"].parts["interior"][number])
         row = slice(shared, shared + 1)
         variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        if not variant:
+            continue
         values = np.repeat(store.all_values()[row], len(mine), axis=0)
         free = np.repeat(store.all_free()[row], len(mine), axis=0)
         free[:, list(variant)] = True

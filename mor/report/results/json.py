@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from mor.quality.solved import Solved
+from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
@@ -26,10 +27,8 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
-from mor.report.tables.unsettled import moving_rows, worst_misfits
+from mor.report.tables.suspects import suspects
 
-WORST_MISFITS = 100
-"""Observations that are told where there is no solution."""
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
 
@@ -53,23 +52,12 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "groups": group_table(solved).to_dicts(),
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
+        "suspects": suspects(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),
         "tables": tables,
         "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
-    }
-
-
-def failure(solved: Solved) -> dict[str, Any] | None:
-    """What does not come to rest and what fits worst, where there is no solution."""
-    if solved.quality is not None:
-        return None
-    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
-    return {
-        "notice": "NOT A SOLUTION: all values are those of the last iteration",
-        "moving": moving_rows(solved),
-        "worst": worst,
     }
 
 

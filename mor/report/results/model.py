@@ -10,12 +10,12 @@ from typing import Literal
 
 from pydantic import Field
 
+from mor.report.results.model_failure import Failure, Undeterminable
 from mor.report.results.model_parts import (
     Axes,
     Camera,
     Check,
     Direction,
-    Failure,
     Feature,
     FixedPoint,
     GlobalTest,
@@ -31,8 +31,8 @@ from mor.report.results.model_parts import (
     Sigma0,
     Station,
     Step,
+    Suspects,
     System,
-    Undeterminable,
     Units,
     VarianceComponents,
 )
@@ -87,6 +87,9 @@ class Results(Part):
         default=None, description="How the factors of the σ of the groups were estimated"
     )
     gross_errors: GrossErrors = Field(description="Tests of single observations")
+    suspects: Suspects | None = Field(
+        default=None, description="What was left out because all observations together have no solution"
+    )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     checks: list[Check] = Field(description="Observations kept out to check by")
     failure: Failure | None = Field(

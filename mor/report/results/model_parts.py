@@ -43,22 +43,6 @@ class Direction(Part):
     amounts: list[float] = Field(description="How far each of them moves, the largest 1")
 
 
-class Undeterminable(Part):
-    """A row of undetermined.csv: a thing that nothing determines."""
-
-    kind: str = Field(description="point, image, station, system, pair")
-    id: str = Field(description="Its name")
-    reason: str = Field(description="Why it is not determined")
-    treatment: Literal["", "left out", "at infinity"] = Field(
-        description="What was done about it; empty: nothing"
-    )
-    observations: int = Field(description="Rows of observations that refer to it")
-    dx: Number = Field(description="Unit vector to a point at infinity, project axes")
-    dy: Number = Field(description="y of the same")
-    dz: Number = Field(description="z of the same")
-    sigma: Number = Field(description="Its standard deviation across, the larger one, an angle")
-
-
 class Sigma0(Part):
     """Standard deviation of unit weight."""
 
@@ -348,6 +332,24 @@ class GrossErrors(Part):
     robust: Robust | None = Field(default=None, description="Robust solution, where it was asked for")
 
 
+class Suspect(Place):
+    """An observation that was left out."""
+
+    misfit: float = Field(description="|v|/σ against the robust solution")
+
+
+class Suspects(Part):
+    """Observations left out so that the rest has a solution."""
+
+    outcome: Literal["converged", "not converged", "diverged"] = Field(
+        description="How the adjustment of all observations ended; converged: at a place that fits hardly any of them"
+    )
+    iterations: int
+    sigma0_ratio: Number
+    count: int
+    observations: list[Suspect] = Field(description="The worst first, at most 10 000")
+
+
 class FixedPoint(Part):
     """Test of the coordinates a point is held at."""
 
@@ -372,20 +374,6 @@ class Check(Part):
     rms: float = Field(description="Root mean square deviation")
     largest: float = Field(description="Largest deviation, with its sign")
     exceeding: int = Field(description="Number of deviations beyond the critical value")
-
-
-class Moving(Part):
-    """An unknown that does not come to rest."""
-
-    kind: str = Field(description="Kind of its block")
-    of: str = Field(description="What kind of thing it belongs to")
-    id: str = Field(description="Name of that thing")
-    component: str = Field(description="Which component")
-    unit: str = Field(description="Unit of the steps")
-    steps: list[Number] = Field(description="Its last steps, or the one that could not be taken")
-    way: Literal["to and fro", "away", "wanted"] = Field(
-        description="to and fro, away, or wanted: the step that the last values call for"
-    )
 
 
 class Residual(Part):
@@ -422,17 +410,3 @@ class Residual(Part):
     flag: Literal["", "gross", "uncontrolled", "excluded", "check"] = Field(
         description="gross: beyond the limit; uncontrolled: no test is possible; excluded, check: kept out"
     )
-
-
-class Misfit(Residual):
-    """A residual at the last values, where there is no solution."""
-
-    misfit: Number = Field(description="abs(v) / sigma")
-
-
-class Failure(Part):
-    """What is known where there is no solution."""
-
-    notice: str = Field(description="What the values of such results are worth")
-    moving: list[Moving] = Field(description="Unknowns that do not come to rest")
-    worst: list[Misfit] = Field(description="Observations that fit worst at the last values")

@@ -16,7 +16,7 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
-    undeterminable,
+    suspects,
     undetermined,
     unsettled,
 )
@@ -28,8 +28,9 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     sections = [
         head.section(solved, words),
         undetermined.section(solved, words),
-        undeterminable.section(solved, words),
+        undetermined.listed(solved, words),
         unsettled.section(solved, words),
+        suspects.section(solved, words),
         checks.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),
