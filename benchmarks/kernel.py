@@ -13,7 +13,8 @@ from problems import as_problem
 
 from mor.adjustment.normals import build_normals
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality, assess
 from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors

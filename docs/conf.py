@@ -35,7 +35,14 @@ CHAPTERS = {
     ),
     "Projects": ("project-file", "observation-types", "camera-models", "conventions", "start-values"),
     "Results": ("reports", "results", "statistics", "reliability"),
-    "Scripts and developers": ("commands", "exit-codes", "adding-an-observation-type", "benchmarks"),
+    "Scripts and developers": (
+        "python",
+        "commands",
+        "exit-codes",
+        "architecture",
+        "adding-an-observation-type",
+        "benchmarks",
+    ),
 }
 """The pages in the order of reading, as index.md has them."""
 

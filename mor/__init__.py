@@ -1,3 +1,60 @@
-"""mor: one least-squares adjustment for everything measured around an object."""
+"""mor: one least-squares adjustment for everything measured around an object.
+
+    import mor
+
+    result = mor.adjust("project.yaml")
+    print(result)
+    result.points.frame
+
+What stands in ``__all__`` is kept stable; everything below it may move. Nothing is loaded until it is used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from mor.api.adjust import adjust as adjust
+    from mor.api.project import Project as Project
+    from mor.api.project import read as read
+    from mor.api.result import Result as Result
+    from mor.api.table import Table as Table
+    from mor.errors import InputError as InputError
+    from mor.errors import MorError as MorError
+    from mor.errors import NoSolutionError as NoSolutionError
+
+_PLACES = {
+    "Project": "mor.api.project",
+    "adjust": "mor.api.adjust",
+    "read": "mor.api.project",
+    "Result": "mor.api.result",
+    "Table": "mor.api.table",
+    "InputError": "mor.errors",
+    "MorError": "mor.errors",
+    "NoSolutionError": "mor.errors",
+}
+
+__all__ = [
+    "InputError",
+    "MorError",
+    "NoSolutionError",
+    "Project",
+    "Result",
+    "Table",
+    "__version__",
+    "adjust",
+    "read",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'mor' has no attribute {name!r}")
+    return getattr(import_module(_PLACES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_PLACES]

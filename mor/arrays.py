@@ -16,3 +16,9 @@ AnyIntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 """Numbers that are only looked up: of ten million rows they are kept as small as they go."""
 SmallestIntArray: TypeAlias = NDArray[np.int8]
 """Numbers of components of a row."""
+
+
+def ranges(starts: IntArray, lengths: IntArray) -> IntArray:
+    """Concatenation of ``arange(starts[i], starts[i] + lengths[i])``."""
+    before = np.cumsum(lengths) - lengths
+    return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)

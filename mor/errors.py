@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Literal, NamedTuple
+
+from mor.escapes import escaped
 
 
 class ExitCode(IntEnum):
@@ -32,7 +36,22 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
-        return f"{place}{self.message}"
+        return escaped(f"{place}{self.message}")
+
+
+class Undeterminable(NamedTuple):
+    """A thing of the network that nothing determines: what it is, why, and what was done about it."""
+
+    kind: str
+    """point, image, station, system …"""
+    name: str
+    reason: str
+    treatment: Literal["", "left out", "at infinity"] = ""
+    observations: int = 0
+    """Rows of observations that refer to it."""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.reason}"
 
 
 class MorError(Exception):
@@ -45,14 +64,48 @@ class InputError(MorError):
     """The input is wrong. Carries *all* problems found, not only the first one."""
 
     exit_code = ExitCode.INPUT
+    told_by = "mor check --all"
+    """The command that tells all problems, where they are more than a screen holds."""
 
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+
+class NoSolutionError(MorError):
+    """What was asked for needs a solution, and the adjustment has none: it says why."""
+
+    exit_code = ExitCode.NOT_CONVERGED
+
+
+@contextmanager
+def mistakes_in(file: str) -> Iterator[None]:
+    """Mistakes that belong to no single place get the file of the project they are found in."""
+    try:
+        yield
+    except InputError as error:
+        error.problems = tuple(replace(p, file=p.file or file) for p in error.problems)
+        raise
+
+
+class NoStartValuesError(InputError):
+    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
+
+    told_by = "mor approximate"
+
+    def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
+        self.things = tuple(things)
+        advice = "settings: {undetermined: leave_out} adjusts the rest without them"
+        super().__init__([Problem(words) for words in (*remarks, *map(str, self.things), advice)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
+    if len(name) > _LONGEST_NAME:
+        return ""
     names = list(known)
     if len(names) > MANY_NAMES:
         names = _alike(name, names)
@@ -60,6 +113,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
+_LONGEST_NAME = 200
+"""Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 

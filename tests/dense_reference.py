@@ -10,7 +10,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray
 from mor.geometry.rotations import angles_from_rotation, tangent_of_angles
 from mor.observations import wrap
-from mor.parameters.index import Values, partly_free
+from mor.parameters.index import Values, moves_by_angles
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def dense_system(problem: Problem, values: Values) -> Dense:
             for slot, b, jacobian in zip(group.type.slots, group.blocks, computed.jacobians, strict=True):
                 part = jacobian[0]
                 table = index.blocks[slot.kind]
-                if table.kind.is_rotation and partly_free(table)[b[i]]:
+                if table.kind.is_rotation and moves_by_angles(table)[b[i]]:
                     part = part @ tangent_of_angles(angles_from_rotation(values[slot.kind][b[i]]))
                 for component, column in enumerate(index.columns[slot.kind][b[i]]):
                     if column >= 0:

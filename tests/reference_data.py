@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mor.geometry.rotations import angles_from_rotation
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.pipeline import Solved
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate
@@ -99,7 +99,7 @@ def image_results(solved: Solved) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     pose = np.concatenate(
         [values["point"][position], angles_from_rotation(values["rotation"][rotation])], axis=1
     )
-    by_angles = partly_free(solved.network.blocks["rotation"])
+    by_angles = moves_by_angles(solved.network.blocks["rotation"])
     cofactors = solved.quality.cofactors
     angles = angle_cofactors(cofactors["rotation"], values["rotation"], by_angles)
     blocks = (cofactors["point"][position], angles[rotation])

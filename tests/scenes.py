@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Adjustment, Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import FloatArray
 from mor.geometry.rotations import (
     angles_from_rotation,
@@ -21,7 +22,7 @@ from mor.geometry.rotations import (
 )
 from mor.observations import ALL_TYPES, ObservationGroup
 from mor.observations.names import one_name
-from mor.parameters.index import Blocks, index_unknowns, partly_free
+from mor.parameters.index import Blocks, index_unknowns, moves_by_angles
 from mor.parameters.kinds import KINDS
 
 GON = np.pi / 200.0
@@ -184,7 +185,7 @@ class Scene:
             shift = amount * random.standard_normal(blocks.free.shape) * blocks.free
             own = np.take_along_axis(shift, blocks.owner, axis=0)
             if kind == "rotation":
-                partly = partly_free(blocks)
+                partly = moves_by_angles(blocks)
                 whole = rotate(values[kind], own)
                 by_angles = rotation_from_angles(angles_from_rotation(values[kind]) + own)
                 values[kind] = np.where(partly[:, None, None], by_angles, whole)

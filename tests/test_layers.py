@@ -14,9 +14,10 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
+    ("escapes", "kernel_cache"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
-    ("geometry",),
+    ("geometry", "input_files"),
     ("parameters",),
     ("observations",),
     ("project",),
@@ -24,18 +25,28 @@ LAYERS = (
     ("quality",),
     ("report", "formats"),
     ("pipeline",),
+    ("api",),
     ("cli",),
 )
 """Bottom to top; what stands in one layer does not know each other."""
 LEVEL = {name: level for level, layer in enumerate(LAYERS) for name in layer}
 FORBIDDEN = {("adjustment", "project")}
 """Downwards, and still not allowed: the solver works without a project file."""
+FRONT = {"api", "errors"}
+"""What ``import mor`` offers, and loads when it is asked for."""
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
 LONGEST = 400
+LONGEST_FUNCTION = 60
+"""Lines below the head of a function, docstring included."""
+MOST_IN_A_FOLDER = 16
+NAMES = {
+    ".".join(("mor", *m.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__"): m
+    for m in MODULES
+}
 
 
 def _part(module: Path) -> str:
-    """``adjustment`` for mor/adjustment/solve.py, ``pipeline`` for mor/pipeline.py; mor/__init__.py imports nothing."""
+    """``adjustment`` for mor/adjustment/solve.py, ``pipeline`` for mor/pipeline.py."""
     return module.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
@@ -61,6 +72,8 @@ def _offence(importer: str, imported: str) -> str | None:
         return None if imported.startswith("__") else f"{imported} belongs to no layer"
     if importer == imported or importer == "__main__":
         return None
+    if importer == "__init__":
+        return None if imported in FRONT else f"mor itself must not import {imported}"
     if importer not in LEVEL:
         return f"{importer} belongs to no layer"
     if LEVEL[imported] >= LEVEL[importer]:
@@ -121,6 +134,51 @@ def test_what_is_allowed(importer, imported, allowed):
 
 def test_every_part_of_the_program_belongs_to_a_layer():
     assert {_part(module) for module in MODULES} - {"__init__", "__main__"} <= set(LEVEL)
+
+
+def _imported_modules(module: Path) -> set[str]:
+    """Modules below mor that a module imports where it is loaded, or later; mor itself imports nothing at once."""
+    found = set()
+    for node in ast.walk(ast.parse(module.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "mor":
+            within = {f"{node.module}.{alias.name}" for alias in node.names} & NAMES.keys()
+            found |= within or {node.module}
+    return (found & NAMES.keys()) - {"mor"}
+
+
+def test_there_is_no_circle_of_imports():
+    open_, done = [], set()
+
+    def circle_from(name: str) -> list[str]:
+        if name in open_:
+            return [*open_[open_.index(name) :], name]
+        if name in done:
+            return []
+        open_.append(name)
+        found = next((c for other in sorted(_imported_modules(NAMES[name])) if (c := circle_from(other))), [])
+        open_.pop()
+        done.add(name)
+        return found
+
+    assert next((c for name in NAMES if name != "mor" and (c := circle_from(name))), []) == []
+
+
+def test_no_folder_is_a_corridor():
+    folders = {m.parent for m in MODULES}
+    long = {
+        str(f.relative_to(ROOT)): n for f in folders if (n := len([*f.glob("[!_]*.py")])) > MOST_IN_A_FOLDER
+    }
+    assert long == {}
+
+
+def test_no_function_is_long():
+    long = [
+        f"{module.relative_to(ROOT)}: {node.name}"
+        for module in MODULES
+        for node in ast.walk(ast.parse(module.read_text()))
+        if isinstance(node, ast.FunctionDef) and node.end_lineno - node.body[0].lineno + 1 > LONGEST_FUNCTION
+    ]
+    assert long == []
 
 
 def test_no_module_is_long():

@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Problem
 from mor.adjustment.rays.plan import RayPlan, plan_rays
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray, ranges
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index
 from mor.sparse.block_matrix import BlockStructure, structure_from_cliques
@@ -174,12 +174,6 @@ def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
     first = np.ones(len(order), dtype=bool)
     first[1:] = (np.diff(table[:, order], axis=1) != 0).any(axis=0)
     return np.sort(order[first])
-
-
-def ranges(starts: IntArray, lengths: IntArray) -> IntArray:
-    """Concatenation of ``arange(starts[i], starts[i] + lengths[i])``."""
-    before = np.cumsum(lengths) - lengths
-    return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)
 
 
 def reduced_blocks(index: Index, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:

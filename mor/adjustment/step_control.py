@@ -10,22 +10,20 @@ the network turns as it is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.adjustment.inverse import damped_step, invert
 from mor.adjustment.normals import Normals, build_normals, objective
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
 from mor.parameters.index import move
 
-if TYPE_CHECKING:
-    from mor.adjustment.solve import Adjustment
-
 _CORRECTIONS = 3
 """Regular steps that lead back to the solution at most."""
-_SHORTEST = 0.02
-"""Part of a step along weak directions that is taken at least."""
+_EXPECTED = 0.25
+"""Part of the gain a step promises that it must keep."""
 _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
@@ -39,43 +37,34 @@ class Taken(NamedTuple):
     normals: Normals | None = None
 
 
-class Stride(NamedTuple):
-    """The last step along weak directions, and what was taken of it: how far the next one may go.
+def accept(state: Adjustment, regular: FloatArray, along: FloatArray, change: float) -> Taken | None:
+    """The first of the steps that makes the objective so much smaller as can be expected; ``None`` where there is none.
 
-    Gauss-Newton takes a residual for small and may overshoot on a curve: with ρ the ratio of the true curvature to the
-    one it sees, a share s of a step leaves 1 − sρ of it for the next one. From that ρ is known, and s = 1/ρ hits.
+    The whole step nearly always does, so the system is built there at once. The whole step is expected to gain
+    ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it gains the part
+    ρ = 2 − κ of that: where residuals are large, κ may exceed 2, and steps go to and fro. The part 1/κ = 1/(2 − ρ) of
+    the step then hits.
     """
-
-    whole: FloatArray
-    """(u,) the Gauss-Newton step along weak directions."""
-    share: float = 1.0
-
-    @property
-    def weak(self) -> FloatArray:
-        """(u,) the part of it to take."""
-        return self.share * self.whole
-
-    def next(self, whole: FloatArray) -> Stride:
-        """The stride after this one, for the Gauss-Newton step (u,) there."""
-        size = float(self.whole @ self.whole) if len(self.whole) == len(whole) else 0.0
-        if size == 0.0 or self.share == 0.0:
-            return Stride(whole)
-        ratio = (1.0 - float(self.whole @ whole) / size) / self.share
-        return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
-
-
-def accept(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:
-    """The first of the steps that does not make the objective larger; ``None`` where there is none.
-
-    The whole step nearly always does, so the system is built there at once.
-    """
-    values = move(state.problem.index, state.values, regular + along)
+    whole = regular + along
+    values = move(state.problem.index, state.values, whole)
     normals = build_normals(state.plan, values)
-    if normals.objective <= _limit(state):
-        return Taken(values, 0.0, 1.0, normals)
-    if along.any() and (taken := _along(state, regular, along)) is not None:
+    full = Taken(values, 0.0, 1.0, normals) if normals.objective <= _limit(state) else None
+    gained = state.normals.objective - normals.objective
+    curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
+    if full is not None and not (curved and change > 1.0):
+        return full
+    if full is None and along.any() and (taken := _along(state, regular, along)) is not None:
         return taken
-    return _damped(state)
+    if curved:
+        share = 1.0 / (2.0 - _share_of(gained, change))
+        values = move(state.problem.index, state.values, share * whole)
+        if objective(state.plan, values) < min(state.normals.objective, normals.objective):
+            return Taken(values, 1.0 / share - 1.0, share)
+    return full or _damped(state)
+
+
+def _share_of(gained: float, change: float) -> float:
+    return gained / change**2 if change > 0.0 and np.isfinite(gained) else -np.inf
 
 
 def _limit(state: Adjustment) -> float:
@@ -113,11 +102,16 @@ def _first_share(state: Adjustment, along: FloatArray) -> float:
 
 
 def _damped(state: Adjustment) -> Taken | None:
-    """The least damped step that makes the objective smaller."""
+    """The least damped step that makes the objective smaller, and by no mere fraction of what it promises."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
+    fallback = None
     while damping < 1e6:
-        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
-        if objective(state.plan, values) < state.normals.objective:
+        tried = damped_step(state.plan, state.values, damping)
+        values = move(state.problem.index, state.values, tried.step)
+        gained = tried.objective - objective(state.plan, values)
+        if gained > _EXPECTED * tried.gain:
             return Taken(values, damping, 1.0)
+        if gained > 0.0 and fallback is None:
+            fallback = Taken(values, damping, 1.0)
         damping *= 10.0
-    return None
+    return fallback

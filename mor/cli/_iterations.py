@@ -10,7 +10,7 @@ from mor.report.words.language import ENGLISH, Words
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from mor.adjustment.solve import Iteration
+    from mor.adjustment.state import Iteration
 
 MOST = 8
 """Iterations a table shows unless all are asked for: the result has to stay on one screen with them."""

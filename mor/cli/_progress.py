@@ -20,7 +20,7 @@ from mor.report.words.language import ENGLISH, Words
 if TYPE_CHECKING:
     from rich.status import Status
 
-    from mor.adjustment.solve import Iteration
+    from mor.adjustment.state import Iteration
     from mor.errors import Problem
     from mor.project.file.nodes import Document
 
@@ -93,11 +93,11 @@ class Progress:
                 said = replace(note, message=self.words.listed(note.message))
                 click.echo(self.words("note: {text}", text=said), err=True)
 
-    def note(self, words: str) -> None:
-        """Something the user should know."""
-        self.event("note", message=words, file="", line=0)
+    def note(self, words: str, /, **values: object) -> None:
+        """Something the user should know, with values for the places in braces."""
+        self.event("note", message=words.format(**values), file="", line=0)
         if not self.quiet:
-            click.echo(self.words("note: {text}", text=self.words.listed(words)), err=True)
+            click.echo(self.words("note: {text}", text=self.words(words, **values)), err=True)
 
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""

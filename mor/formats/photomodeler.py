@@ -11,6 +11,7 @@ from typing import Any
 
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
+from mor.input_files import read_text
 from mor.project.file.nodes import Document
 
 _PHOTO_LINES = 6
@@ -20,7 +21,7 @@ _DISTORTION = ("K1", "K2", "K3", "P1", "P2")
 def read_photomodeler(path: Path) -> Document:
     """The project of a PhotoModeler text export. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    lines = read_text(path, errors="replace").split("\n")
     if len(lines) < 5:
         raise InputError(
             [Problem("this is no PhotoModeler text export: found fewer than 5 lines", draft.file)]

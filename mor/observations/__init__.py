@@ -1,6 +1,14 @@
 """Observation types: one file each, every one a value of :class:`ObservationType`."""
 
+from mor.observations._at_infinity import (
+    AT_INFINITY,
+    FREE_TURNS,
+    at_infinity,
+    can_be_at_infinity,
+    target_slot,
+)
 from mor.observations._contract import (
+    PERFECT_SET_UP,
     Computed,
     External,
     ObservationGroup,
@@ -22,6 +30,8 @@ from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.observations.projection_centre import takes_positions, to_projection_centres
+from mor.observations.spatial_angle import SPATIAL_ANGLE
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
@@ -35,6 +45,7 @@ PLAIN_TYPES = {
         VERTICAL_DIRECTION,
         ZENITH_ANGLE,
         ANGLE_TYPE,
+        SPATIAL_ANGLE,
         VECTOR,
         HEIGHT_DIFFERENCE,
         COORDINATES,
@@ -44,12 +55,18 @@ PLAIN_TYPES = {
 }
 """Types a project names directly; image coordinates are chosen by the model of the camera."""
 
+PROJECTION_CENTRE_TYPES = {
+    kind.key: to_projection_centres(kind) for kind in PLAIN_TYPES.values() if takes_positions(kind)
+}
+"""Twins, by the key of the type, that take projection centres for positions."""
+
 ALL_TYPES = {
     kind.key: kind
     for kind in (
         *IMAGE_TYPES.values(),
         *FOLLOWER_TYPES.values(),
         *PLAIN_TYPES.values(),
+        *PROJECTION_CENTRE_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
         *OBSERVED_DIFFERENCES.values(),
     )
@@ -57,11 +74,15 @@ ALL_TYPES = {
 
 __all__ = [
     "ALL_TYPES",
+    "AT_INFINITY",
     "FOLLOWER_TYPES",
+    "FREE_TURNS",
     "IMAGE_TYPES",
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
+    "PERFECT_SET_UP",
     "PLAIN_TYPES",
+    "PROJECTION_CENTRE_TYPES",
     "Computed",
     "External",
     "ObservationGroup",
@@ -69,7 +90,10 @@ __all__ = [
     "Reference",
     "SetUp",
     "Slot",
+    "at_infinity",
+    "can_be_at_infinity",
     "some_rows",
+    "target_slot",
     "without",
     "wrap",
 ]

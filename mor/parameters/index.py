@@ -33,6 +33,8 @@ class Blocks:
     """(n, size) the block whose component this one is: itself, or another one it shares the component with."""
     about_axes: BoolArray | None = None
     """(n,) rotations whose free and fixed components are turns about the axes of the frame, not ω, φ, κ."""
+    difference: FloatArray | None = None
+    """(n, size) by which a shared component differs from that of its owner; ``None``: by nothing."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +93,51 @@ def index_unknowns(blocks: Mapping[str, Blocks]) -> Index:
     )
 
 
-def partly_free(blocks: Blocks) -> BoolArray:
-    """(n,) rotations of which some angles are free and others fixed: they move by angles, not by vectors."""
+def moves_by_angles(blocks: Blocks) -> BoolArray:
+    """(n,) rotations that move by ω, φ, κ, not by vectors: some of the angles are fixed, or shared one by one."""
     partly = blocks.free.any(axis=1) & ~blocks.free.all(axis=1)
-    return np.asarray(partly if blocks.about_axes is None else partly & ~blocks.about_axes)
+    if blocks.about_axes is not None:
+        partly &= ~blocks.about_axes
+    return np.asarray(partly | _share_angles(blocks))
+
+
+def _share_angles(blocks: Blocks) -> BoolArray:
+    """(n,) true for rotations tied to others in some angles, or with differences; equal attitudes turn as one."""
+    foreign = blocks.owner != np.arange(len(blocks.owner))[:, None]
+    tied = foreign.any(axis=1)
+    equal = foreign.all(axis=1) & (blocks.owner == blocks.owner[:, :1]).all(axis=1)
+    if blocks.difference is not None:
+        equal &= (blocks.difference == 0.0).all(axis=1)
+    share = tied & ~equal
+    share[blocks.owner[share].ravel()] = True
+    share[equal] |= share[blocks.owner[equal, 0]]
+    return np.asarray(share)
+
+
+def with_shared_components(blocks: Mapping[str, Blocks], values: Values) -> dict[str, FloatArray]:
+    """Values in which every shared component is that of its owner, plus the difference between the two.
+
+    An owner whose value is missing (NaN) takes it from one that shares it.
+    """
+    result = dict(values)
+    for key, table in blocks.items():
+        place, component = np.nonzero(table.owner != np.arange(len(table.ids))[:, None])
+        if len(place) == 0:
+            continue
+        whole = angles_from_rotation(values[key]) if table.kind.is_rotation else values[key].copy()
+        owner = table.owner[place, component]
+        apart = 0.0 if table.difference is None else table.difference[place, component]
+        told = whole[place, component] - apart
+        take = np.isnan(whole[owner, component]) & np.isfinite(told)
+        whole[owner[take], component[take]] = told[take]
+        whole[place, component] = whole[owner, component] + apart
+        if table.kind.is_rotation:
+            turned = np.unique(np.concatenate([place, owner]))
+            result[key] = values[key].copy()
+            result[key][turned] = rotation_from_angles(whole[turned])
+        else:
+            result[key] = whole
+    return result
 
 
 def move(index: Index, values: Values, step: FloatArray) -> dict[str, FloatArray]:
@@ -111,7 +154,7 @@ def move(index: Index, values: Values, step: FloatArray) -> dict[str, FloatArray
 
 
 def _move_rotations(blocks: Blocks, D: FloatArray, delta: FloatArray) -> FloatArray:
-    by_angles = partly_free(blocks)
+    by_angles = moves_by_angles(blocks)
     moved = D.copy()
     turned = (delta != 0.0).any(axis=1)
     whole = turned & ~by_angles
@@ -123,7 +166,7 @@ def _move_rotations(blocks: Blocks, D: FloatArray, delta: FloatArray) -> FloatAr
 
 def tangents(blocks: Blocks, D: FloatArray) -> FloatArray | None:
     """dδ/d(columns) (n, 3, 3) of rotations, or ``None`` where every rotation moves by its vector."""
-    by_angles = partly_free(blocks)
+    by_angles = moves_by_angles(blocks)
     if not by_angles.any():
         return None
     result = np.broadcast_to(np.eye(3), D.shape).copy()

@@ -15,8 +15,8 @@ from mor.arrays import FloatArray
 from mor.project.file.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
-_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?\s*$")
-_SEXAGESIMAL = re.compile(r"^\s*[-+−]?\d+\s*[-°:\s]\s*\d")
+_NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?$")
+_SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
@@ -77,6 +77,9 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
         return ImageScale(camera.unit, float("nan"), (float("nan"), float("nan")), False)
     width, height = (_plain(text, PIXEL) for text in (camera.image.width, camera.image.height))
     number, unit = split(camera.image.pixel)
+    for name, value in (("width", width), ("height", height), ("pixel", number)):
+        if value <= 0.0:
+            raise UnitError(f"{name}: found {value:g}, expected a number above 0")
     unit = unit or "mm"
     if unit not in LENGTH_UNITS:
         raise UnitError(f"unit {unit!r} does not fit a pixel size")
@@ -89,10 +92,24 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
 
 def split(text: str) -> tuple[float, str]:
     """Number and unit (or an empty text). Raises :class:`UnitError`."""
-    match = _NUMBER.match(text)
+    match = _NUMBER.match(text.strip())
     if match is None:
         raise UnitError(f"found {text!r}, expected a number, with or without a unit")
-    return float(match[1]), match[2] or ""
+    value = float(match[1])
+    if not abs(value) <= LARGEST:
+        raise UnitError(beyond(text, value))
+    return value, match[2] or ""
+
+
+LARGEST, SMALLEST_SIGMA = 1e50, 1e-50
+"""Numbers that are read, and σ of observations. (v/σ)² of the worst of them is 1e200, and leaves room for sums and
+products of derivatives; nothing that is measured, in whatever unit, comes near."""
+
+
+def beyond(text: str, value: float) -> str:
+    """Words for a number that is too large to be computed with."""
+    expected = f"a number up to {LARGEST:g}" if np.isfinite(value) else "a finite number"
+    return f"found {text!r}, expected {expected}"
 
 
 def _plain(text: str, expected: str) -> float:
@@ -132,7 +149,7 @@ class Edge:
 
     def number(self, text: str, quantity: Quantity, unit: str = "", image: ImageScale | None = None) -> float:
         """Internal value of a text; a unit in the text goes before ``unit``. Raises :class:`UnitError`."""
-        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text):
+        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text.strip()):
             try:
                 return parse_dms(text) * ANGLE_UNITS["dms"]
             except ValueError as error:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mor.adjustment.datum.s_transformation import STransformation
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
 from mor.quality.effort import Done, of_operations
 from mor.quality.in_chunks import in_pieces

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.sparse.selected_inverse import operations
 
 Done: TypeAlias = Callable[[int], None]

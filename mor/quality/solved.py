@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.unsettled import Movements, last_movements
+from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.treatment import Treatment
 
@@ -21,6 +23,15 @@ class Solved:
     quality: Quality | None
     treatment: Treatment | None = None
     """What was done about gross errors and weights; ``None`` where there was no solution."""
+    suspects: Suspects | None = None
+    """What was left out because all observations together have no solution."""
+
+    @cached_property
+    def movements(self) -> Movements | None:
+        """What does not come to rest, where there is no solution; worked out once for all reports."""
+        if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
+            return last_movements(self.adjustment)
+        return None
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:

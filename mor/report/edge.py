@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.parameters.kinds import KINDS
 from mor.quality.precision.cofactors import angle_cofactors
 from mor.quality.solved import Solved
@@ -48,7 +48,7 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
     covariance = _covariance(solved, "point", numbers)
     if covariance is not None:
         covariance = M.T @ covariance @ M
-    return Estimate(values, _sigma(covariance, values.shape), covariance)
+    return _present(solved, "point", numbers, Estimate(values, _sigma(covariance, values.shape), covariance))
 
 
 def rotations(solved: Solved, numbers: IntArray) -> Estimate:
@@ -57,14 +57,31 @@ def rotations(solved: Solved, numbers: IntArray) -> Estimate:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
     edge = solved.network.edge
     D = solved.adjustment.values["rotation"][numbers]
-    by_angles = partly_free(solved.network.blocks["rotation"])[numbers]
+    by_angles = moves_by_angles(solved.network.blocks["rotation"])[numbers]
     turned = D @ edge.matrix if edge.right_handed else D
     per_unit = ANGLE_UNITS[angle_unit(solved)]
     covariance = _covariance(solved, "rotation", numbers)
     if covariance is not None:
         covariance = angle_cofactors(covariance, turned, by_angles) / per_unit**2
     values = angles_from_rotation(turned) / per_unit
-    return Estimate(values, _sigma(covariance, values.shape), covariance)
+    estimate = Estimate(values, _sigma(covariance, values.shape), covariance)
+    return _present(solved, "rotation", numbers, estimate)
+
+
+def _present(solved: Solved, kind: str, numbers: IntArray, estimate: Estimate) -> Estimate:
+    """The estimate with no values for what was left out or is at infinity."""
+    if kind not in solved.network.absent:
+        return estimate
+    absent = _absent_among(solved, kind, numbers)[:, None]
+    values, sigma = (np.where(absent, np.nan, array) for array in (estimate.values, estimate.sigma))
+    return Estimate(values, sigma, estimate.covariance)
+
+
+def _absent_among(solved: Solved, kind: str, numbers: IntArray) -> BoolArray:
+    absent = np.zeros(len(solved.network.blocks[kind].ids), dtype=bool)
+    known = solved.network.absent[kind]
+    absent[: len(known)] = known
+    return absent[numbers]
 
 
 def _covariance(solved: Solved, kind: str, numbers: IntArray) -> FloatArray | None:

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from mor import compilation
 from mor.arrays import FloatArray, IntArray
@@ -103,7 +102,7 @@ class BlockMatrix:
 
     def scaled(self, factors: FloatArray) -> BlockMatrix:
         """Return D N D with D = diag(factors), factors (n,)."""
-        if compilation.available:
+        if compilation.wanted():
             s = self.structure
             return BlockMatrix(s, patterns.scale_blocks(s.offsets, s.indptr, s.indices, self.values, factors))
         values = np.empty_like(self.values)
@@ -139,7 +138,7 @@ def structure_from_cliques(
     block_sizes = np.asarray(sizes, dtype=np.int64)
     pointers = np.asarray(clique_pointers, dtype=np.int64)
     members = np.asarray(clique_blocks, dtype=np.int64)
-    if compilation.available:
+    if compilation.wanted():
         indptr, indices = patterns.union_of_cliques(block_sizes.size, pointers, members)
         indices = ascending(indptr, indices)
     else:
@@ -179,7 +178,7 @@ def find_blocks(structure: BlockStructure, rows: npt.ArrayLike, columns: npt.Arr
     """
     one, other = np.broadcast_arrays(np.asarray(rows, dtype=np.int64), np.asarray(columns, dtype=np.int64))
     low, high = np.minimum(one, other).ravel(), np.maximum(one, other).ravel()
-    if compilation.available:
+    if compilation.wanted():
         numbers = patterns.find_blocks(structure.indptr, structure.indices, high, low)
     else:
         numbers = find_blocks_by_keys(structure, high, low)
@@ -196,6 +195,10 @@ def find_blocks_by_keys(structure: BlockStructure, rows: IntArray, columns: IntA
 
 def ascending(pointers: IntArray, numbers: IntArray) -> IntArray:
     """Return the numbers with each part ``numbers[pointers[i]:pointers[i+1]]`` sorted."""
+    if numbers.size == 0:
+        return numbers
+    import scipy.sparse  # loads longer than a small system is solved, which is one dense front: nothing to sort
+
     shape = (pointers.size - 1, int(numbers.max(initial=0)) + 1)
     rows = scipy.sparse.csr_array((np.empty(numbers.size, dtype=np.int8), numbers, pointers), shape=shape)
     rows.sort_indices()

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
-from mor import compilation
 from mor.arrays import FloatArray, IntArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
-from mor.sparse.compiled import fronts
+from mor.sparse.compiled.fronts import factor_setting_aside
+from mor.sparse.fronts import assemble, extend_add
 from mor.sparse.symbolic_factorisation import Elimination
 
 # A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
@@ -28,6 +28,10 @@ TOLERANCE = 1e-10
 # Below this order vanishing pivots are looked for column by column; above it the matrix is halved first.
 _HALVE_ABOVE = 64
 _NONE = np.empty(0, dtype=np.int64)
+
+
+class NotFiniteError(ValueError):
+    """A matrix contains infinities or not-a-numbers."""
 
 
 @dataclass(frozen=True)
@@ -99,12 +103,12 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
         tolerance: pivots below it, negative ones included, are set aside.
 
     Raises:
-        ValueError: the matrix contains infinities or not-a-numbers.
+        NotFiniteError: the matrix contains infinities or not-a-numbers.
     """
     if not np.isfinite(
         matrix.values.sum()
     ):  # whatever is not finite shows in the sum, and it is five times as fast
-        raise ValueError("the normal matrix contains values that are not finite")
+        raise NotFiniteError("the normal matrix contains values that are not finite")
     updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
     pivots, below = _room_for(elimination)
     set_aside = [np.empty(0, dtype=np.int64)]
@@ -169,9 +173,9 @@ def _assembled_front(
     """
     r = below.shape[0]
     rest = np.zeros((r, r), order="F")
-    _assemble(values, *plan.entries.of_front(f), pivots, below)
+    assemble(values, plan.entries.of_front(f), pivots, below)
     for update, places in updates:
-        _extend_add(update, places, pivots, below, rest)
+        extend_add(update, places, pivots, below, rest)
     return pivots, below, rest
 
 
@@ -204,7 +208,7 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
     size = matrix.shape[0]
     if size <= _HALVE_ABOVE:
         vanished = np.zeros(size, dtype=bool)
-        fronts.factor_setting_aside(factor, tolerance, vanished)
+        factor_setting_aside(factor, tolerance, vanished)
         return factor, np.flatnonzero(vanished)
     half = size // 2
     rest = factor[half:, half:].copy(order="F")
@@ -214,20 +218,3 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
     lower[after] = 0.0
     factor[:half, :half], factor[half:, :half], factor[half:, half:] = upper, lower, remainder
     return factor, np.concatenate((before, after + half))
-
-
-def extend_add_by_numpy(
-    update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
-) -> None:
-    """Add a child's update to its parent: the form that needs no compiler."""
-    k = pivots.shape[0]
-    split = int(np.searchsorted(places, k))
-    inside, beyond = places[:split], places[split:] - k
-    lower = np.tril(update)
-    pivots[np.ix_(inside, inside)] += lower[:split, :split]
-    below[np.ix_(beyond, inside)] += lower[split:, :split]
-    rest[np.ix_(beyond, beyond)] += lower[split:, split:]
-
-
-_assemble = fronts.assemble
-_extend_add = fronts.extend_add if compilation.available else extend_add_by_numpy

@@ -40,7 +40,7 @@ def accumulate_rows(
     ``jacobian`` (n, m, K) and ``misclosure`` (n, m) are whitened; ``columns`` (n, K), −1 where fixed.
     """
     structure = into.structure
-    if compilation.available:
+    if compilation.wanted():
         kernels.accumulate_rows(
             np.ascontiguousarray(jacobian),
             np.ascontiguousarray(misclosure),
@@ -84,7 +84,7 @@ def row_cofactors(
     """J Q Jᵀ (n, m, m) of observations with Jacobians (n, m, K), from the selected inverse Q."""
     structure = cofactors.structure
     result = np.zeros((len(jacobian), jacobian.shape[1], jacobian.shape[1]))
-    if compilation.available:
+    if compilation.wanted():
         kernels.row_cofactors(
             np.ascontiguousarray(jacobian),
             columns,

@@ -14,12 +14,11 @@ import numpy as np
 from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dpotri
 
-from mor import compilation
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.cholesky import Factor
-from mor.sparse.compiled import fronts
+from mor.sparse.fronts import extract, inherit, mirror
 from mor.sparse.symbolic_factorisation import Elimination
 
 Watcher = Callable[[float], None]
@@ -44,9 +43,9 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
             places = plan.row_in_parent[plan.row_pointers[f] : plan.row_pointers[f + 1]]
             rest = np.empty((places.size, places.size), order="F")
             if places.size:
-                _inherit(places, *inverses[parent], rest)
+                inherit(places, *inverses[parent], rest)
             pivots, below = _inverse_of_front(factor, f, rest)
-            fronts.extract(values, *plan.entries.of_front(f), pivots, below)
+            extract(values, plan.entries.of_front(f), pivots, below)
             if watch is not None and f in tellings:
                 watch(tellings[f])
             if waiting[f]:
@@ -83,33 +82,10 @@ def _inverse_of_front(factor: Factor, f: int, rest: FloatArray) -> tuple[FloatAr
     within = slice(*np.searchsorted(factor.set_aside_places, (first, end)))
     vanished = factor.set_aside_places[within] - first
     pivots[vanished, vanished] = 0.0
-    _mirror(pivots)
+    mirror(pivots)
     below = np.empty((0, pivots.shape[0]), order="F")
     if rest.size:
         ratio = dtrsm(1.0, factor.pivots[f], factor.below[f], side=1, lower=1)
         below = dgemm(-1.0, rest, ratio)
         pivots = dgemm(-1.0, ratio, below, beta=1.0, c=pivots, trans_a=1, overwrite_c=1)
     return pivots, below
-
-
-def mirror_by_numpy(matrix: FloatArray) -> None:
-    """Copy the lower triangle of a square matrix to its upper one: the form that needs no compiler."""
-    upper = np.triu_indices(matrix.shape[0], 1)
-    matrix[upper] = matrix.T[upper]
-
-
-def inherit_by_numpy(
-    places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray
-) -> None:
-    """Copy the (r, r) part at ``places`` out of the parent's inverse: the form that needs no compiler."""
-    k = pivots.shape[0]
-    split = int(np.searchsorted(places, k))
-    inside, beyond = places[:split], places[split:] - k
-    inherited[:split, :split] = pivots[np.ix_(inside, inside)]
-    inherited[split:, :split] = below[np.ix_(beyond, inside)]
-    inherited[:split, split:] = inherited[split:, :split].T
-    inherited[split:, split:] = rest[np.ix_(beyond, beyond)]
-
-
-_inherit = fronts.inherit if compilation.available else inherit_by_numpy
-_mirror = fronts.mirror if compilation.available else mirror_by_numpy

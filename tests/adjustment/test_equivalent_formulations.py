@@ -9,7 +9,8 @@ import pytest
 from scenes import CAMERA_STATIONS, Scene, add_image, add_object_points, coordinates, photo_block, solve
 
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import wrap
 from mor.quality.assess import assess

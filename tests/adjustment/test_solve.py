@@ -19,7 +19,8 @@ from scenes import (
     solve,
 )
 
-from mor.adjustment.solve import Outcome, Settings, adjust
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Outcome
 from mor.parameters.index import move
 
 NETWORKS = {

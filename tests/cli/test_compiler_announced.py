@@ -1,4 +1,4 @@
-"""The first run says that it compiles; a run without compiler says that it is slower."""
+"""The first run says that it compiles; a large project without compiler says that it is slower."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
 
 
 def test_compiling_is_announced_once_and_only_then():
-    numba = pytest.importorskip("numba")
-    one, other = numba.njit(lambda x: x + 1.0), numba.njit(lambda x: x - 1.0)
+    pytest.importorskip("numba")
+    one, other = (compilation.Kernel(function) for function in (lambda x: x + 1.0, lambda x: x - 1.0))
     said: list[str] = []
     with compiler_announced(said.append):
         assert said == []
@@ -25,4 +25,8 @@ def test_a_machine_without_compiler_is_told(monkeypatch):
     monkeypatch.setattr(compilation, "available", False)
     said: list[str] = []
     with compiler_announced(said.append):
-        assert said == [PLAIN]
+        with compilation.chosen_by_size(compilation.WORTH_COMPILING - 1):
+            assert said == []
+        for _ in range(2):
+            with compilation.chosen_by_size(compilation.WORTH_COMPILING):
+                assert said == [PLAIN]

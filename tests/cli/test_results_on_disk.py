@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import os
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 
 import pytest
 from small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 from mor.errors import InputError
-from mor.report.results.folder import RESULT_FILES, write_folder
+from mor.report.results import folder as folder_module
+from mor.report.results import reservation
+from mor.report.results.folder import RESULT_FILES, Writer
+from mor.report.results.reservation import reserve
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -97,11 +105,16 @@ class TestOverwriting:
         assert set(content(tmp_path / "project.results")) == {"results.json", "report.txt"}
 
 
+def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> None:
+    with reserve(folder, force) as place:
+        folder_module.write_folder(place, writers)
+
+
 class TestInterruption:
     @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
     def test_no_new_folder_is_left(self, tmp_path: Path, error: BaseException) -> None:
         with pytest.raises(type(error)):
-            write_folder(tmp_path / "out", {"a": say("a"), "b": fail(error), "c": say("c")}, force=False)
+            write_folder(tmp_path / "deep" / "out", {"a": say("a"), "b": fail(error)}, force=False)
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
@@ -113,31 +126,15 @@ class TestInterruption:
         assert content(folder) == {"a": b"old a", "b": b"old b"}
         assert list(tmp_path.iterdir()) == [folder]
 
-    def test_while_files_are_moved_into_place_every_file_is_whole(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        folder = tmp_path / "out"
-        write_folder(folder, {"a": say("old a"), "b": say("old b")}, force=False)
-        replace, moved = os.replace, []
-
-        def interrupted(source: Path, target: Path) -> None:
-            if moved:
-                raise KeyboardInterrupt
-            moved.append(target)
-            replace(source, target)
-
-        monkeypatch.setattr("mor.report.results.folder.os.replace", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            write_folder(folder, {"a": say("new a"), "b": say("new b")}, force=True)
-        assert content(folder) == {"a": b"new a", "b": b"old b"}
-        assert list(tmp_path.iterdir()) == [folder]
-
     def test_not_forced_is_checked_again_when_writing(self, tmp_path: Path) -> None:
-        (tmp_path / "out").mkdir()
-        (tmp_path / "out" / "a").write_text("mine")
+        def meanwhile(path: Path) -> None:
+            (tmp_path / "out").mkdir()
+            (tmp_path / "out" / "a").write_text("mine")
+
         with pytest.raises(InputError):
-            write_folder(tmp_path / "out", {"a": say("a")}, force=False)
+            write_folder(tmp_path / "out", {"a": meanwhile}, force=False)
         assert content(tmp_path / "out") == {"a": b"mine"}
+        assert list(tmp_path.iterdir()) == [tmp_path / "out"]
 
     def test_the_whole_command(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def interrupt(*_: object, **__: object) -> str:
@@ -183,3 +180,124 @@ def test_start_values_never_overwrite_the_project_they_are_found_for(tmp_path: P
     assert run.code == 2
     assert run.err.count("which the project is read from; choose another folder") == 2
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+AT_ONCE_OR_NOT = pytest.mark.parametrize("at_once", [True, False], ids=["exchanged", "one after the other"])
+
+
+@pytest.fixture
+def exchange(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not at_once:
+        monkeypatch.setattr(reservation, "_exchanged", lambda one, other: False)
+
+
+@AT_ONCE_OR_NOT
+@pytest.mark.usefixtures("exchange")
+class TestExchange:
+    def test_results_of_an_earlier_run_go_and_all_else_stays(self, tmp_path: Path) -> None:
+        folder = tmp_path / "out"
+        write_folder(folder, {"results.json": say("old"), "start_points.csv": say("old")}, force=False)
+        (folder / "notes").mkdir(mode=0o700)
+        (folder / "notes" / "mine.txt").write_text("mine")
+        (folder / "link").symlink_to("nowhere")
+        folder.chmod(0o750)
+        write_folder(folder, {"results.json": say("new")}, force=True)
+        assert {path.name for path in folder.iterdir()} == {"results.json", "notes", "link"}
+        assert (folder / "results.json").read_text() == "new"
+        assert (folder / "notes" / "mine.txt").read_text() == "mine"
+        assert os.readlink(folder / "link") == "nowhere"
+        assert [path.stat().st_mode & 0o777 for path in (folder, folder / "notes")] == [0o750, 0o700]
+        assert list(tmp_path.iterdir()) == [folder]
+
+    def test_a_link_to_a_folder_stays_one(self, tmp_path: Path) -> None:
+        (tmp_path / "link").symlink_to("out")
+        for words in ("old", "new"):
+            write_folder(tmp_path / "link", {"a": say(words)}, force=True)
+        assert (tmp_path / "link").is_symlink()
+        assert content(tmp_path / "out") == {"a": b"new"}
+
+    def test_killed_before_every_step_the_next_run_finds_the_old_or_the_new(self, tmp_path: Path) -> None:
+        """A process dies in the place of each call that changes something on disk, one after the other."""
+        ended = set()
+        for step in range(40):
+            folder = tmp_path / str(step) / "out"
+            write_folder(folder, {"a": say("old"), "b": say("old")}, force=False)
+            (folder / "mine").write_text("mine")
+            again = partial(write_folder, folder, {"a": say("new"), "b": say("new")}, force=True)
+            died = _dying_at(step, again)
+            with reserve(folder, force=True):
+                found = content(folder)
+            assert list(folder.parent.iterdir()) == [folder]
+            assert found.pop("mine") == b"mine"
+            assert found in ({"a": b"old", "b": b"old"}, {"a": b"new", "b": b"new"})
+            ended.add(found["a"])
+            if not died:
+                break
+        assert not died
+        assert ended == {b"old", b"new"}
+
+
+CHANGES = {
+    "os.mkdir",
+    "os.rename",
+    "os.remove",
+    "os.rmdir",
+    "os.link",
+    "open",
+    "os.truncate",
+    "shutil.rmtree",
+}
+"""Events that Python tells of before it changes something on disk (or reads a file)."""
+
+
+def _dying_at(step: int, work: Callable[[], None]) -> bool:
+    """Run the work in a process of its own that dies before its ``step``-th change of the disk, if it gets there."""
+    with warnings.catch_warnings():  # the child touches nothing that another thread may hold
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        left = [step]
+
+        def watch(event: str, arguments: object) -> None:
+            if event in CHANGES:
+                if left[0] == 0:
+                    os._exit(9)
+                left[0] -= 1
+
+        sys.addaudithook(watch)
+        work()
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+
+
+class TestTwoRunsAtOnce:
+    def test_the_second_is_told_before_it_works(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("mor.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
+        project, folder = write(tmp_path, LEVELLING), tmp_path / "project.results"
+        with reserve(folder, force=False):
+            for force in ((), ("--force",)):
+                run = mor("adjust", project, *force)
+                assert run.code == 2
+                assert run.err == (
+                    f"{folder}: another run of mor (process {os.getpid()}) is writing results into this folder; "
+                    "wait for its end, or choose another folder\n"
+                )
+
+    def test_many_at_once_end_with_the_results_of_one(self, tmp_path: Path) -> None:
+        """Each writes the same into two files; those that come too early are refused."""
+
+        def one(number: int) -> bool:
+            try:
+                write_folder(tmp_path / "out", dict.fromkeys("ab", say(str(number))), force=True)
+            except InputError:
+                return False
+            return True
+
+        with ThreadPoolExecutor(8) as pool:
+            written = list(pool.map(one, range(200)))
+        assert any(written)
+        found = content(tmp_path / "out")
+        assert found["a"] == found["b"]
+        assert list(tmp_path.iterdir()) == [tmp_path / "out"]

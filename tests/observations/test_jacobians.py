@@ -95,10 +95,19 @@ def _put_target(kind, blocks, sight):
     part = {(slot.of, slot.part): block for slot, block in zip(kind.slots, blocks, strict=True)}
     if kind.key.startswith(("observed/", "difference/", "level")):
         return
+    if kind.key.endswith("/projection centre"):
+        _put_at_centres(kind, blocks, sight)
+        return
     if kind.key == "angle":
         at, backsight, target = blocks
         backsight[:] = at + np.array([1.0, -1.0, 1.0]) * sight
         target[:] = at + sight
+        return
+    if kind.key == "spatial_angle":
+        at, height, backsight, first, target, second = blocks
+        up = np.array([0.0, 0.0, 1.0])
+        backsight[:] = at + np.roll(sight, 1) + (height - first) * up
+        target[:] = at + sight + (height - second) * up
         return
     owner = kind.slots[0].of
     vector = np.broadcast_to(sight, (ROWS, 3)).copy()
@@ -112,6 +121,21 @@ def _put_target(kind, blocks, sight):
     vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]
     vector[:, 2] -= part.get((last, "height"), np.zeros((ROWS, 1)))[:, 0]
     part[last, "position"][:] = part[owner, "position"] + vector
+
+
+def _put_at_centres(kind, blocks, sight):
+    """Move the positions of a type so that its projection centres stand where its twin without them has its ends."""
+    plain = ALL_TYPES[kind.key.partition("/")[0]]
+    own = blocks[: len(plain.slots)]
+    _put_target(plain, own, sight)
+    part = {(slot.of, slot.part): block for slot, block in zip(kind.slots, blocks, strict=True)}
+    low = {slot.of for slot in kind.slots[len(plain.slots) :] if slot.part == "height"}
+    for slot, block in zip(plain.slots, own, strict=True):
+        if slot.part == "position" and (slot.of, "base") in part:
+            arm = part[slot.of, "base"] - part[slot.of, "eccentricity"]
+            block -= np.einsum("nji,nj->ni", part[slot.of, "rotation"], arm)
+            if slot.of in low:
+                block[:, 2] -= part[slot.of, "height"][:, 0]
 
 
 def _constants(kind, place, random):
@@ -191,7 +215,9 @@ def test_observed_angles_close_to_100_gon(type_key, phi):
             np.testing.assert_allclose(jacobian[:, :, component], numeric, rtol=1e-7, atol=1e-7)
 
 
-@pytest.mark.parametrize("type_key", ["directions", "zenith_directions", "bearing", "angle", "zenith_angle"])
+@pytest.mark.parametrize(
+    "type_key", ["directions", "zenith_directions", "bearing", "angle", "spatial_angle", "zenith_angle"]
+)
 @pytest.mark.parametrize("height", [5.0, -5.0, 0.0])
 def test_vertical_sights_and_coinciding_points_stay_finite(type_key, height):
     kind = ALL_TYPES[type_key]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mor.geometry.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
-from mor.parameters.index import Blocks, index_unknowns, move, partly_free, tangents
+from mor.parameters.index import Blocks, index_unknowns, move, moves_by_angles, tangents
 from mor.parameters.kinds import HEIGHT, INTERIORS, KINDS, POINT, ROTATION
 
 ANGLES = np.array([[0.1, 0.2, 0.3], [0.4, -0.5, 0.6], [0.0, 0.0, 1.0], [-0.3, 0.2, 2.0]])
@@ -86,7 +86,7 @@ def test_no_unknowns_at_all():
 
 
 def test_partly_free_rotations_move_by_angles_unless_about_their_axes():
-    np.testing.assert_array_equal(partly_free(_blocks()["rotation"]), [False, False, True, False])
+    np.testing.assert_array_equal(moves_by_angles(_blocks()["rotation"]), [False, False, True, False])
 
 
 def test_a_step_moves_each_kind_in_its_own_way():

@@ -256,7 +256,7 @@ class TestTheFileItself:
     def test_not_utf8(self, tmp_path: Path) -> None:
         project = write_block(tmp_path)
         project.write_bytes(BLOCK.replace("small", "schöner").encode("latin-1"))
-        assert mistakes(project) == ["project.yaml: this is not UTF-8 text"]
+        assert mistakes(project) == ["project.yaml:2: this is not UTF-8 text"]
 
     def test_table_not_utf8(self, tmp_path: Path) -> None:
         project = write_block(tmp_path)

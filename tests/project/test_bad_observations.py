@@ -22,15 +22,6 @@ class TestObservations:
             "project.yaml:7: from and to are the same: 'A'; bearing needs two different ones"
         ]
 
-    @pytest.mark.parametrize("rows", ["[[A, C, 10, 1]]", "[[A, C, 10, 1], [A, C, 10, 1]]"])
-    def test_direction_set_with_one_target(self, tmp_path: Path, rows: str) -> None:
-        entry = f"  - {{type: directions, columns: [station, to, horizontal, sigma], rows: {rows}}}"
-        found = with_observations(tmp_path, entry)
-        assert len(found) == 1
-        assert found[0].startswith(
-            "project.yaml:7: the set of directions at 'A' has a single horizontal target, expected two or more"
-        )
-
     def test_one_target_is_enough_where_the_orientation_is_known(self, tmp_path: Path) -> None:
         station = "stations:\n  - {columns: [id, point, orientation], rows: [[S, A, 0]], fixed: [kappa]}\n"
         entry = "  - {type: directions, columns: [station, to, horizontal, sigma], rows: [[S, C, 35.6, 1]]}\n"
@@ -168,3 +159,42 @@ class TestFeatures:
     def test_unknown_point(self, tmp_path: Path) -> None:
         text = TRIANGLE + "features: [{type: line, id: edge, points: [A, B, D, C], sigma: 0.001}]\n"
         assert mistakes(write(tmp_path, text)) == ["project.yaml:7: point 'D' does not exist"]
+
+
+class TestHeightsOfInstruments:
+    """A point and a station over it differ by the height of the instrument, and that is said."""
+
+    STATION = "stations:\n  - {columns: [id, point, height], rows: [[S, A, 1.5]]}\n"
+
+    @pytest.mark.parametrize(
+        ("kind", "columns", "row"),
+        [
+            ("distance", "from, to, distance", "A, C, 9"),
+            ("zenith_angle", "from, to, zenith_angle", "A, C, 96"),
+            ("zenith_directions", "station, to, horizontal, zenith", "A, C, 10, 96"),
+        ],
+    )
+    def test_a_sight_from_the_point_is_noted(self, tmp_path: Path, kind: str, columns: str, row: str) -> None:
+        entry = f"  - {{type: {kind}, columns: [{columns}, sigma], rows: [[{row}, 1]]}}\n"
+        run = mor("check", write(tmp_path, TRIANGLE + entry + self.STATION))
+        assert run.code == 0, run.err
+        assert (
+            "'A' is the point itself; the height of the instrument counts where station 'S' over it"
+            in run.err
+        )
+
+    @pytest.mark.parametrize(
+        "entry",
+        [
+            "{type: distance, columns: [from, to, distance, sigma], rows: [[S, C, 9, 1]]}",
+            "{type: distance, columns: [from, to, distance, sigma, from_height], rows: [[A, C, 9, 1, 1.6]]}",
+            "{type: height_difference, columns: [from, to, dz, sigma], rows: [[A, C, 1, 1]]}",
+        ],
+    )
+    def test_nothing_is_noted_where_it_is_clear(self, tmp_path: Path, entry: str) -> None:
+        run = mor(
+            "check",
+            write(tmp_path, TRIANGLE.replace("[A, C, 94", "[C, A, 94") + f"  - {entry}\n" + self.STATION),
+        )
+        assert run.code == 0, run.err
+        assert "the point itself" not in run.err

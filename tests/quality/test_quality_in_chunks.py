@@ -53,6 +53,18 @@ def test_pieces_are_the_whole(quality: Quality, monkeypatch: pytest.MonkeyPatch)
         assert omega_of(one) == pytest.approx(np.nansum(one.v * one.weighted), rel=1e-14)
 
 
+def test_rows_may_be_asked_for_in_any_order_and_more_than_once() -> None:
+    """As those of two components of one vector are, where both are among the worst observations."""
+    scene, _ = correlated_everywhere()
+    quality = assess(solve(scene, np.random.default_rng(4), None))
+    for one, tests in zip(quality.groups, quality.reliability, strict=True):
+        rows = np.array([2, 0, 2, 1, 0, 0]) % len(one.v)
+        for name in OF_QUALITY:
+            np.testing.assert_array_equal(getattr(one.at(rows), name), getattr(one, name)[rows])
+        for name in OF_TESTS:
+            np.testing.assert_array_equal(getattr(tests.at(rows), name), getattr(tests, name)[rows])
+
+
 @pytest.mark.parametrize("width", [1, 2])
 def test_sums_of_pieces_are_the_sum_to_the_last_digit(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     values = np.random.default_rng(3).standard_normal((70_001, width)) * 1e3

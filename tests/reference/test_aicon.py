@@ -57,16 +57,20 @@ ROUGH = {**dict.fromkeys(PRINTED, 0.0), "c": 28.5}
 SIGMA0 = 0.0005
 
 
-def _solve(folder, disturbed):
+def project(disturbed):
+    """The block as a project file, with the start values of the reference or with rough ones."""
     given = {**(ROUGH if disturbed else PRINTED), "B2": 0.0 if disturbed else -8.64454e-06}
-    text = PROJECT.format(
+    return PROJECT.format(
         **given,
         images="approx_" if disturbed else "",
         camera="" if disturbed else "camera: null, ",
         drop="" if disturbed else ", n_points: null",
         drop_rays="" if disturbed else ", n_rays: null",
     )
-    return solve_network(network_of_yaml(text, folder))
+
+
+def _solve(folder, disturbed):
+    return solve_network(network_of_yaml(project(disturbed), folder))
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from reference_data import (
     reference_folder,
 )
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
 
@@ -52,7 +52,7 @@ CASES = pytest.mark.parametrize(
 )
 
 
-def _text(case, observations="observations.csv"):
+def project(case, observations="observations.csv"):
     forward, free = case == "reference_model_forward", case == "free_network_model3"
     names = ("K1", "K2", "K3", "P1", "P2") if forward else ("K1", "K2", "K3", "P1", "P2", "b1")
     return PROJECT.format(
@@ -75,12 +75,12 @@ def folder(shared_data):
 @cache
 def _solved(case):
     folder = reference_folder("camcal")
-    return solve_network(network_of_yaml(_text(case), folder))
+    return solve_network(network_of_yaml(project(case), folder))
 
 
 @cache
 def _expected(case):
-    return json.loads((reference_folder("camcal") / "expected.json").read_text())[case]
+    return json.loads((reference_folder("camcal") / "expected.json").readproject())[case]
 
 
 def _reported(name, value):
@@ -137,11 +137,11 @@ def test_images(folder, case):
 
 def _without(folder, tmp_path, drop):
     """Solve with some of the rays left out."""
-    header, *rows = (folder / "observations.csv").read_text().splitlines()
+    header, *rows = (folder / "observations.csv").readproject().splitlines()
     kept = [row for row in rows if not drop(*row.split(",")[:2])]
     path = tmp_path / "observations.csv"
-    path.write_text("\n".join([header, *kept]) + "\n")
-    return solve_network(network_of_yaml(_text("reference_model3", str(path)), folder)).adjustment
+    path.writeproject("\n".join([header, *kept]) + "\n")
+    return solve_network(network_of_yaml(project("reference_model3", str(path)), folder)).adjustment
 
 
 def test_a_point_with_one_ray_is_named(folder, tmp_path):
@@ -161,7 +161,7 @@ def test_points_without_rays_are_named(folder, tmp_path):
 
 
 def test_without_control_the_missing_datum_is_named(folder):
-    text = _text("free_network_model3").replace(FREE, "fixed")
+    text = project("free_network_model3").replace(FREE, "fixed")
     adjustment = solve_network(network_of_yaml(text, folder)).adjustment
     assert adjustment.outcome is Outcome.SINGULAR
     assert len(adjustment.defect.movements) == 7

@@ -25,7 +25,8 @@ def _number(text):
     return float(text)
 
 
-def _net2d(folder, scenario):
+def net2d_project(folder, scenario):
+    """The plane network as a project file, and its observations in the order of the groups."""
     points, measured = _rows(folder / "points.csv"), _rows(folder / "observations.csv")
     role = f"type_{scenario}"
     fixed = [p for p in points if p[role] == "fixed"]
@@ -56,10 +57,16 @@ observations:
 settings: {{dimensions: xy}}
 datum: {json.dumps({"free": datum}) if datum else "fixed"}
 """
-    return solve_network(network_of_yaml(text, folder)), [o for group in groups.values() for o in group]
+    return text, [o for group in groups.values() for o in group]
 
 
-def _lev5(folder, scenario):
+def _net2d(folder, scenario):
+    text, measured = net2d_project(folder, scenario)
+    return solve_network(network_of_yaml(text, folder)), measured
+
+
+def lev5_project(folder, scenario):
+    """The levelling network as a project file, and its observations."""
     role = f"type_{scenario}"
     points = [p for p in _rows(folder / "points.csv") if p[role] != "unused"]
     measured = [
@@ -78,6 +85,11 @@ observations:
 settings: {{dimensions: z}}
 datum: {{free: {{z: {json.dumps(datum)}}}}}
 """
+    return text, measured
+
+
+def _lev5(folder, scenario):
+    text, measured = lev5_project(folder, scenario)
     return solve_network(network_of_yaml(text, folder)), measured
 
 

@@ -11,9 +11,11 @@ import pytest
 from small_projects import block, mor, write_block
 
 from mor.pipeline import read_document, read_network, solve_network
+from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.results import json as results_json
 from mor.report.results import writing as write_module
+from mor.report.results.reservation import reserve
 from mor.report.results.writing import Choice, write_results
 from mor.report.tables import assessed_observations as assessed_rows
 from mor.report.tables.estimates import point_table
@@ -162,6 +164,11 @@ def test_pictures_need_all_residuals_and_say_so(
     assert "--tables all" in run.err
 
 
+def _write(solved: Solved, document: Document, source: Path, folder: Path, choice: Choice) -> None:
+    with reserve(folder, force=True) as place:
+        write_results(solved, document, source, place, choice)
+
+
 @pytest.mark.usefixtures("small_pieces")
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_interrupted_in_the_middle_of_a_table(
@@ -171,11 +178,11 @@ def test_interrupted_in_the_middle_of_a_table(
         raise KeyboardInterrupt
 
     document = read_document(project)
-    write_results(solved, document, project.parent, tmp_path / "out", False, Choice(html=False))
+    _write(solved, document, project.parent, tmp_path / "out", Choice(html=False))
     before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     choice = Choice(kind=kind, html=False, done=interrupt)  # type: ignore[arg-type]
     with pytest.raises(KeyboardInterrupt):
-        write_results(solved, document, project.parent, tmp_path / "out", True, choice)
+        _write(solved, document, project.parent, tmp_path / "out", choice)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
@@ -190,10 +197,13 @@ def test_interrupted_once_more_while_clearing_away(
         monkeypatch.undo()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mor.report.results.folder.shutil.rmtree", clearing)
-    choice = Choice(html=False, done=interrupt)
+    def interrupt_clearing(rows: int) -> None:
+        monkeypatch.setattr("mor.report.results.reservation.shutil.rmtree", clearing)
+        interrupt(rows)
+
+    choice = Choice(html=False, done=interrupt_clearing)
     with pytest.raises(KeyboardInterrupt):
-        write_results(solved, read_document(project), project.parent, tmp_path / "out", False, choice)
+        _write(solved, read_document(project), project.parent, tmp_path / "out", choice)
     assert not list(tmp_path.iterdir())
 
 
@@ -201,11 +211,11 @@ def test_of_very_many_observations_the_long_table_is_written_by_itself(
     solved: Solved, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     document, choice = read_document(project), Choice(html=False)
-    write_results(solved, document, project.parent, tmp_path / "one", False, choice)
+    _write(solved, document, project.parent, tmp_path / "one", choice)
     remembered = point_table(solved)
     assert point_table(solved) is remembered
     monkeypatch.setattr(write_module, "MOST_LISTED", 1)
-    write_results(solved, document, project.parent, tmp_path / "two", False, choice)
+    _write(solved, document, project.parent, tmp_path / "two", choice)
     assert point_table(solved) is not remembered
     assert point_table(solved).equals(remembered)
     one, two = (
@@ -222,7 +232,7 @@ def test_order_of_writing_changes_no_byte(
     for most in (2_000_000, 0):
         monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", most)
         folder = tmp_path / "results"
-        write_results(solved, document, project.parent, folder, force=True, choice=choice)
+        _write(solved, document, project.parent, folder, choice)
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
     assert written[0] == written[1]
     assert {"results.json", "report.txt", "residuals.csv", "points.csv"} <= set(written[0])

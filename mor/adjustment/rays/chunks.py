@@ -198,17 +198,17 @@ def _image_rays(place: _Place, chunk: Chunk) -> ImageRays:
 
 def _fits(place: _Place, chunk: Chunk) -> bool:
     """True where some rays of the chunk have a compiled form."""
-    return compilation.available and bool((place.frames.model[chunk.frames] >= 0).any())
+    return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).any())
 
 
 def _all_compiled(place: _Place, chunk: Chunk) -> bool:
     """True where all rays of the chunk have a compiled form."""
-    return compilation.available and bool((place.frames.model[chunk.frames] >= 0).all())
+    return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).all())
 
 
 def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
     """Rays of a chunk that have no compiled form, group by group."""
-    plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.available]
+    plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
     if not plain:
         return
     group_of_ray = place.plan.group_of_frame[frame]

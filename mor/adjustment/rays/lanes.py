@@ -11,9 +11,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 from mor.adjustment.rays.plan import RayPlan
+from mor.compilation import as_here
 
 Found = TypeVar("Found")
 
@@ -35,7 +37,7 @@ def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> l
     if workers <= 1:
         return [work(lane) for lane in lanes]
     with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(work, lanes))
+        return list(pool.map(lambda one: one(), [as_here(partial(work, lane)) for lane in lanes]))
 
 
 def _lanes(rays: RayPlan, numbers: int) -> list[RayPlan]:

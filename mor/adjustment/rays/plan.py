@@ -136,7 +136,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
 
 
 def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, IntArray]:
-    if compilation.available:
+    if compilation.wanted():
         pointers, order = sorting.by_point_and_frame(point, frame, points)
         return pointers, order
     counts = np.bincount(point, minlength=points)

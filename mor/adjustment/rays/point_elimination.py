@@ -53,7 +53,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays.columns, reduced.matrix.structure.unknowns)
-    if not compilation.available:
+    if not compilation.wanted():
         return Eliminated(*point_reference.accumulate(rays, reduced, damping))
     residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays))
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
@@ -91,10 +91,8 @@ def accumulate_images(
 
 def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
     """Return how the points of a chunk follow (p, 3, k) directions (n, k) of the reduced unknowns: −N_pp⁻¹ Wᵀ g."""
-    if not compilation.available:
-        still = replace(rays, residual=np.zeros_like(rays.residual))
-        followed = [point_reference.back_substitute(still, g, 0.0) for g in directions.T]
-        return np.stack(followed, axis=2) if followed else np.zeros((rays.points, 3, 0))
+    if not compilation.wanted():
+        return point_reference.follow_directions(rays, directions)
     _refuse_columns_beyond(rays.columns, len(directions))
     of_points = np.empty((rays.points, 3, directions.shape[1]))
     points.follow_directions(*_arrays(rays)[1:], np.ascontiguousarray(directions), of_points)
@@ -110,7 +108,7 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float = 0.0) 
         damping: as for ``accumulate``.
     """
     _refuse_columns_beyond(rays.columns, reduced_step.size)
-    if not compilation.available:
+    if not compilation.wanted():
         return point_reference.back_substitute(rays, reduced_step, damping)
     moved = np.where(rays.columns >= 0, reduced_step[rays.columns], 0.0)[rays.frame]
     residual = rays.residual + np.einsum("nck,nk->nc", rays.by_others, moved)
@@ -142,7 +140,7 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> Cofactors:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
     _refuse_columns_beyond(rays.columns, inverse.structure.unknowns)
-    if not compilation.available:
+    if not compilation.wanted():
         return Cofactors(*point_reference.cofactors(rays, inverse))
     result = Cofactors(np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2)), np.empty((rays.rays, 2)))
     stored = point_cofactors.cofactors(

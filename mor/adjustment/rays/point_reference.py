@@ -1,13 +1,16 @@
-"""Point elimination in plain numpy: what the compiled kernels do, readable, and fit for use without a
-compiler.
+"""Point elimination in plain numpy: what the compiled kernels do, readable, and what small projects are adjusted with.
 
-The unknowns are not merged here. Every pair (i, m) of rays of a point contributes −V_i V_mᵀ with V_i = j_iᵀ
-a_i L⁻ᵀ, N_pp = L Lᵀ, and all pairs of a handful of points are treated at once.
+Some points at a time are eliminated together. With N_pp = L Lᵀ, every ray of a point couples it with its frame by
+V_i = j_iᵀ a_i L⁻ᵀ. Written into one dense matrix V, unknowns of all their frames × 3 coordinates of each point, they
+leave −V Vᵀ to the reduced system: one product of dense matrices, which costs less than to look up where each pair of
+rays goes, as long as the matrix stays small.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,105 +18,187 @@ from mor.adjustment.rays.compiled.points import VANISHING
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.sparse.block_matrix import BlockMatrix, BlockStructure, find_blocks
+from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+from mor.sparse.dense_part import DensePart, dense_part
 
-# Entries of the reduced matrix that are touched at a time: bounds the memory, not the result.
-_ENTRIES_AT_A_TIME = 2_000_000
+# Entries of the dense matrices, above which fewer points are taken at a time: beyond it most of them are zero.
+_ENTRIES_AT_A_TIME = 1_000_000
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Rays of some points, and the part of the reduced system that they meet, as a dense matrix.
+
+    Attributes:
+        rays: rays of whole points.
+        dense: the unknowns of their frames in the reduced system.
+        local: (f, K) number of each column of the frames in the dense matrix; one beyond it where fixed.
+    """
+
+    rays: Rays
+    dense: DensePart
+    local: IntArray
+
+    @cached_property
+    def point(self) -> IntArray:
+        """(n,) point of each ray."""
+        return np.repeat(np.arange(self.rays.points, dtype=np.int64), np.diff(self.rays.point_pointers))
+
+    @cached_property
+    def of_rays(self) -> IntArray:
+        """(n, K) columns in the dense matrix, ray by ray."""
+        return self.local[self.rays.frame]
+
+    @property
+    def order(self) -> int:
+        """Order of the dense matrix, one row for all that is fixed included."""
+        return self.dense.unknowns.size + 1
+
+    def spread(self, of_rays: FloatArray) -> FloatArray:
+        """(order, p, 3) sums of what rays (n, K, 3) have in common with their points."""
+        width = 3 * self.rays.points
+        places = self.of_rays[:, :, None] * width + (3 * self.point[:, None] + np.arange(3))[:, None, :]
+        flat: FloatArray = np.asarray(
+            np.bincount(places.ravel(), weights=of_rays.ravel(), minlength=self.order * width),
+            dtype=np.float64,
+        )
+        return flat.reshape(self.order, -1, 3)
+
+    def summed(self, of_rays: FloatArray) -> FloatArray:
+        """(order,) sums of numbers (n, K) over the rays."""
+        total = np.bincount(self.of_rays.ravel(), weights=of_rays.ravel(), minlength=self.order)
+        return np.asarray(total, dtype=np.float64)
+
+    def own_products(self) -> FloatArray:
+        """(order, order) Σ jᵀj, without the points."""
+        rays = self.rays
+        order = np.argsort(rays.frame, kind="stable")
+        frames, first = np.unique(rays.frame[order], return_index=True)
+        others = rays.by_others[order]
+        of_frames = np.add.reduceat(others.transpose(0, 2, 1) @ others, first, axis=0)
+        local = self.local[frames]
+        products = np.zeros((self.order, self.order))
+        np.add.at(products, (local[:, :, None], local[:, None, :]), of_frames)
+        return products
 
 
 def accumulate(rays: Rays, system: ReducedSystem, damping: float) -> tuple[BoolArray, FloatArray]:
     """Add what the points leave to the reduced system in place; return (p, 3) coordinates held, and −Σ aᵀ residual."""
     held, gradient = [np.empty((0, 3), dtype=np.bool_)], [np.empty((0, 3))]
-    for part in _parts(rays):
-        roots, vanished = _inverse_roots(part, damping)
-        point = _point_of_ray(part)
-        V = _coupling(part) @ roots[point].transpose(0, 2, 1)
-        u = np.einsum("pij,pj->pi", roots, _gradient_of_points(part, part.residual))
-        one, other = _pairs(part)
-        products = -V[one] @ V[other].transpose(0, 2, 1)
-        itself = np.flatnonzero(one == other)
-        products[itself] += part.by_others.transpose(0, 2, 1) @ part.by_others
-        columns = part.columns_of_rays
-        places, mirrored = _places(system.matrix.structure, columns[one], columns[other])
-        wanted = (places >= 0) & ~mirrored
-        np.add.at(system.matrix.values, places[wanted], products[wanted])
-        free = columns >= 0
-        own = -np.einsum("nck,nc->nk", part.by_others, part.residual)
-        np.add.at(system.gradient, columns[free], own[free])
-        left = own - np.einsum("nkj,nj->nk", V, u[point])
-        np.add.at(system.right_hand_side, columns[free], left[free])
-        np.add.at(system.diagonal, columns[free], np.square(part.by_others).sum(axis=1)[free])
+    for part in _parts(rays, system.matrix.structure):
+        mine = part.rays
+        roots, vanished = _inverse_roots(mine, damping)
+        of_points = _gradient_of_points(mine, mine.residual)
+        V = _coupling(mine) @ roots[part.point].transpose(0, 2, 1)
+        u = np.einsum("pij,pj->pi", roots, of_points)
+        flat = part.spread(V).reshape(part.order, -1)
+        part.dense.add_to(system.matrix.values, (part.own_products() - flat @ flat.T)[:-1, :-1])
+        own = -np.einsum("nck,nc->nk", mine.by_others, mine.residual)
+        left = own - np.einsum("nkj,nj->nk", V, u[part.point])
+        unknowns = part.dense.unknowns
+        system.gradient[unknowns] += part.summed(own)[:-1]
+        system.right_hand_side[unknowns] += part.summed(left)[:-1]
+        system.diagonal[unknowns] += part.summed(np.square(mine.by_others).sum(axis=1))[:-1]
         held.append(vanished)
-        gradient.append(_gradient_of_points(part, part.residual))
+        gradient.append(of_points)
     return np.concatenate(held), np.concatenate(gradient)
 
 
 def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float) -> FloatArray:
     """Return the steps (p, 3) of the points after the step (n,) of the others."""
-    columns = rays.columns_of_rays
-    step_of_column = np.where(columns >= 0, reduced_step[columns], 0.0)
-    moved = rays.residual + np.einsum("nck,nk->nc", rays.by_others, step_of_column)
     roots, _ = _inverse_roots(rays, damping)
-    u = np.einsum("pij,pj->pi", roots, _gradient_of_points(rays, moved))
-    steps: FloatArray = np.einsum("pij,pi->pj", roots, u)
-    return steps
+    moved = rays.residual[:, :, None] + _moved(rays, reduced_step[:, None])
+    return _followed(rays, roots, moved)[:, :, 0]
+
+
+def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
+    """Return how the points follow (p, 3, k) directions (n, k) of the others."""
+    roots, _ = _inverse_roots(rays, 0.0)
+    return _followed(rays, roots, _moved(rays, directions))
+
+
+def _moved(rays: Rays, directions: FloatArray) -> FloatArray:
+    """What directions (n, k) of the others change in the observations (n, 2, k)."""
+    moved = np.where((rays.columns >= 0)[:, :, None], directions[rays.columns], 0.0)
+    return rays.by_others @ moved[rays.frame]
+
+
+def _followed(rays: Rays, roots: FloatArray, moved: FloatArray) -> FloatArray:
+    """−N_pp⁻¹ Σ aᵀ of what has moved (n, 2, k), (p, 3, k)."""
+    gradient = _sum_by_point(rays, rays.by_point.transpose(0, 2, 1) @ moved)
+    return -(roots.transpose(0, 2, 1) @ (roots @ gradient))
 
 
 def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Q_pp (p, 3, 3), cofactors (n, 2, 2) of the whitened computed values, and shares (n, 2) of the points."""
     of_points, of_rays, shares = [np.empty((0, 3, 3))], [np.empty((0, 2, 2))], [np.empty((0, 2))]
-    for part in _parts(rays):
-        roots, _ = _inverse_roots(part, 0.0)
-        point = _point_of_ray(part)
+    for part in _parts(rays, inverse.structure):
+        mine, point = part.rays, part.point
+        roots, _ = _inverse_roots(mine, 0.0)
         inverse_of_points = roots.transpose(0, 2, 1) @ roots
-        E = _coupling(part) @ inverse_of_points[point]
-        one, other = _pairs(part)
-        columns = part.columns_of_rays
-        places, _ = _places(inverse.structure, columns[one], columns[other])
-        Q = np.where(places >= 0, inverse.values[places], 0.0)
-        H = np.zeros_like(E)
-        np.add.at(H, one, Q @ E[other])
-        Q_pp = inverse_of_points
-        np.add.at(Q_pp, point, E.transpose(0, 2, 1) @ H)
-        across = part.by_point.transpose(0, 2, 1)
-        own = part.by_point @ Q_pp[point] @ across
-        mixed = part.by_others @ H @ across
-        others = part.by_others @ Q[one == other] @ part.by_others.transpose(0, 2, 1)
+        E = _coupling(mine) @ inverse_of_points[point]
+        Q = np.zeros((part.order, part.order))
+        Q[:-1, :-1] = part.dense.of(inverse.values)
+        spread = (Q @ part.spread(E).reshape(part.order, -1)).reshape(part.order, -1, 3)
+        H = spread[part.of_rays, point[:, None]]
+        Q_pp = inverse_of_points + _sum_by_point(mine, E.transpose(0, 2, 1) @ H)
+        across = mine.by_point.transpose(0, 2, 1)
+        own = mine.by_point @ Q_pp[point] @ across
+        mixed = mine.by_others @ H @ across
+        of_frames = Q[part.local[:, :, None], part.local[:, None, :]]
+        others = mine.by_others @ of_frames[mine.frame] @ mine.by_others.transpose(0, 2, 1)
         of_points.append(Q_pp)
         of_rays.append(own - mixed - mixed.transpose(0, 2, 1) + others)
         shares.append(np.diagonal(own - mixed, axis1=1, axis2=2))
     return np.concatenate(of_points), np.concatenate(of_rays), np.concatenate(shares)
 
 
-def _parts(rays: Rays) -> Iterator[Rays]:
-    """Yield handfuls of whole points, few enough for the memory."""
-    pointers = rays.point_pointers
-    entries = np.concatenate(([0], np.cumsum(np.diff(pointers) ** 2 * rays.columns.shape[1] ** 2)))
-    first = 0
-    while first < rays.points:
-        last = int(np.searchsorted(entries, entries[first] + _ENTRIES_AT_A_TIME, side="right")) - 1
-        last = max(last, first + 1)
-        part = slice(pointers[first], pointers[last])
-        yield Rays(
-            rays.residual[part],
-            rays.by_point[part],
-            rays.by_others[part],
-            rays.columns,
-            pointers[first : last + 1] - pointers[first],
-            rays.frame[part],
-        )
-        first = last
+def _parts(rays: Rays, structure: BlockStructure) -> Iterator[_Part]:
+    """Yield the rays of as many points at a time as make no large dense matrix."""
+    waiting = [(0, rays.points)] if rays.points else []
+    while waiting:
+        first, last = waiting.pop()
+        some = _rays_of_points(rays, first, last)
+        used = some.columns[some.columns >= 0]
+        dense = dense_part(structure, np.unique(structure.block_of[used]))
+        size = dense.unknowns.size
+        if last - first > 1 and size * (size + 3 * (last - first)) > _ENTRIES_AT_A_TIME:
+            middle = (first + last) // 2
+            waiting += [(middle, last), (first, middle)]
+            continue
+        _refuse_pairs_not_stored(some, structure, dense)
+        yield _Part(some, dense, dense.numbers_of(some.columns))
 
 
-def _point_of_ray(rays: Rays) -> IntArray:
-    """Return the (n,) point of each ray."""
-    return np.repeat(np.arange(rays.points, dtype=np.int64), np.diff(rays.point_pointers))
+def _rays_of_points(rays: Rays, first: int, last: int) -> Rays:
+    """The rays of points ``first`` to ``last``, with the columns of their frames only."""
+    pointers = rays.point_pointers[first : last + 1]
+    part = slice(pointers[0], pointers[-1])
+    frames, frame = np.unique(rays.frame[part], return_inverse=True)
+    return Rays(
+        rays.residual[part],
+        rays.by_point[part],
+        rays.by_others[part],
+        rays.columns[frames],
+        pointers - pointers[0],
+        frame,
+    )
+
+
+def _refuse_pairs_not_stored(rays: Rays, structure: BlockStructure, dense: DensePart) -> None:
+    """Raise where two blocks meet in a point that the pattern does not store."""
+    block = np.searchsorted(dense.blocks, structure.block_of[np.maximum(rays.columns, 0)])
+    point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
+    free = (rays.columns >= 0)[rays.frame]
+    meets = np.zeros((dense.blocks.size, rays.points), dtype=np.float32)
+    meets[block[rays.frame][free], np.broadcast_to(point[:, None], free.shape)[free]] = 1.0
+    if ((meets @ meets.T > 0.0) & ~dense.stored).any():
+        raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")
 
 
 def _inverse_roots(rays: Rays, damping: float) -> tuple[FloatArray, BoolArray]:
     """Return L⁻¹ (p, 3, 3) of N_pp = L Lᵀ, zero in rows and columns of coordinates held, and those (p, 3)."""
-    N = np.zeros((rays.points, 3, 3))
-    np.add.at(N, _point_of_ray(rays), rays.by_point.transpose(0, 2, 1) @ rays.by_point)
+    N = _sum_by_point(rays, rays.by_point.transpose(0, 2, 1) @ rays.by_point)
     L, held = np.zeros_like(N), np.zeros((rays.points, 3), dtype=np.bool_)
     inverse = np.zeros((rays.points, 3))
     for j in range(3):
@@ -141,39 +226,13 @@ def _coupling(rays: Rays) -> FloatArray:
 
 def _gradient_of_points(rays: Rays, residual: FloatArray) -> FloatArray:
     """Return b_p = −Σ aᵀ residual (p, 3)."""
-    gradient = np.zeros((rays.points, 3))
-    np.add.at(gradient, _point_of_ray(rays), -np.einsum("ncj,nc->nj", rays.by_point, residual))
-    return gradient
+    return _sum_by_point(rays, -np.einsum("ncj,nc->nj", rays.by_point, residual))
 
 
-def _pairs(rays: Rays) -> tuple[IntArray, IntArray]:
-    """Return all ordered pairs of rays of the same point."""
-    degree = np.diff(rays.point_pointers)
-    partners = np.repeat(degree, degree)
-    one = np.repeat(np.arange(rays.rays, dtype=np.int64), partners)
-    start = np.repeat(rays.point_pointers[:-1], degree)
-    within = np.arange(one.size) - np.repeat(np.cumsum(partners) - partners, partners)
-    return one, start[one] + within
-
-
-def _places(structure: BlockStructure, rows: IntArray, columns: IntArray) -> tuple[IntArray, BoolArray]:
-    """Return where the entries (rows[i, k], columns[i, m]) stand in the flat values, and which are mirrored.
-
-    Returns (pairs, K, K) places, -1 where one of the two is fixed, and whether the entry stands above the
-    diagonal blocks, so that its place is that of its mirror image.
-    """
-    r, c = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-    free = (r >= 0) & (c >= 0)
-    places = np.full(r.shape, -1, dtype=np.int64)
-    mirrored = np.zeros(r.shape, dtype=np.bool_)
-    above = structure.block_of[r[free]] < structure.block_of[c[free]]
-    low, high = np.where(above, c[free], r[free]), np.where(above, r[free], c[free])
-    low_block, high_block = structure.block_of[low], structure.block_of[high]
-    starts = find_blocks(structure, low_block, high_block)
-    if (starts < 0).any():
-        raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")
-    width = structure.sizes[high_block]
-    within = (low - structure.offsets[low_block]) * width + high - structure.offsets[high_block]
-    places[free] = starts + within
-    mirrored[free] = above
-    return places, mirrored
+def _sum_by_point(rays: Rays, of_rays: FloatArray) -> FloatArray:
+    """Return sums (p, ...) of what rays (n, ...) have, over the rays of each point."""
+    some = np.flatnonzero(np.diff(rays.point_pointers))
+    total = np.zeros((rays.points, *of_rays.shape[1:]))
+    if some.size:
+        total[some] = np.add.reduceat(of_rays, rays.point_pointers[some], axis=0)
+    return total

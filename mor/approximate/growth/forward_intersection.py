@@ -57,7 +57,7 @@ def meet(
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
     which rays must meet. Closed form: the point of least sum of squared distances from the rays.
     """
-    if not compilation.available:
+    if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
     rays = (seen.pointers, seen.order, seen.frame, seen.rays, seen.sigma, seen.height)
     return Meetings(*kernels.meet(points, *rays, *posed, slack, smallest, rounds))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.approximate.terrestrial.direction_sets import direction_sets, frame_verticals
 from mor.approximate.terrestrial.polar import polar_rays
 from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray, IntArray
@@ -44,6 +45,8 @@ class Frame:
     """(n,) radians."""
     offset: FloatArray
     """(4,) height of the rotation centre and eccentricity r0*, 0 where not known."""
+    up: FloatArray
+    """(3,) the vertical in the axes of the frame, NaN where it is not known."""
 
 
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
@@ -75,8 +78,9 @@ def image_frames(network: Network) -> list[Frame]:
     together = together.take(order)
     cuts = np.flatnonzero(np.diff(together.image)) + 1
     edges = np.concatenate([[0], cuts, [len(order)]])
+    up = frame_verticals(network)
     return [
-        _image_frame(network, together.take(slice(start, end)))
+        _image_frame(network, together.take(slice(start, end)), up)
         for start, end in pairwise(edges.tolist())
         if end > start
     ]
@@ -109,7 +113,7 @@ def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, 
     return _Rays(image, point, rays, sigma).take(np.asarray(group.mask.all(axis=1)))
 
 
-def _image_frame(network: Network, rays: _Rays) -> Frame:
+def _image_frame(network: Network, rays: _Rays, up: FloatArray) -> Frame:
     images = network.things["image"]
     number = int(rays.image[0])
     blocks = {part: int(numbers[number]) for part, numbers in images.parts.items()}
@@ -125,6 +129,7 @@ def _image_frame(network: Network, rays: _Rays) -> Frame:
         rays=rays.rays,
         sigma=rays.sigma,
         offset=_offset(network, blocks["height"], blocks["eccentricity"]),
+        up=up[blocks["rotation"]] if blocks["base"] < 0 else np.full(3, np.nan),
     )
 
 
@@ -150,47 +155,24 @@ def _image_rays(
 def theodolite_frames(network: Network) -> list[Frame]:
     """Frames of theodolite sets, of the targets with both directions."""
     frames = []
-    for group in network.groups:
-        if group.type.key not in ("directions", "zenith_directions"):
-            continue
-        horizontal, vertical = first_face(group)
-        both = np.isfinite(horizontal) & np.isfinite(vertical)
-        for rows in rows_by_set(group, both):
-            position, rotation, height, point, target, _ = group.blocks
-            rays = polar_rays(horizontal[rows], vertical[rows])
+    up = frame_verticals(network)
+    for one in direction_sets(network):
+        both = np.isfinite(one.horizontal) & np.isfinite(one.vertical)
+        if both.any():
             frames.append(
                 Frame(
-                    name=f"station {group.references[0][rows[0]]}",
-                    position=int(position[rows[0]]),
-                    rotation=int(rotation[rows[0]]),
-                    height=int(height[rows[0]]),
+                    name=one.name,
+                    position=one.position,
+                    rotation=one.rotation,
+                    height=one.height,
                     eccentricity=0,
                     relative=None,
-                    points=point[rows],
-                    heights=network.start["height"][target[rows], 0],
-                    rays=rays,
-                    sigma=np.hypot(3.0 * np.nanmax(group.sigma[rows], axis=1), 1e-5),
-                    offset=_offset(network, int(height[rows[0]]), 0),
+                    points=one.points[both],
+                    heights=one.heights[both],
+                    rays=polar_rays(one.horizontal[both], one.vertical[both]),
+                    sigma=np.hypot(3.0 * one.sigma[both], 1e-5),
+                    offset=_offset(network, one.height, 0),
+                    up=up[one.rotation],
                 )
             )
     return frames
-
-
-def rows_by_set(group: ObservationGroup, usable: BoolArray) -> list[IntArray]:
-    """Rows of a group of directions, set by set (rotation block)."""
-    rows = np.flatnonzero(usable)
-    order = rows[np.argsort(group.blocks[1][rows], kind="stable")]
-    cuts = np.flatnonzero(np.diff(group.blocks[1][order]) != 0) + 1
-    return [part for part in np.split(order, cuts) if len(part)]
-
-
-def first_face(group: ObservationGroup) -> tuple[FloatArray, FloatArray]:
-    """Horizontal and vertical directions (n,) reduced to face one; NaN where not observed."""
-    second = group.constants[:, 1] == 2.0
-    horizontal = group.observed[:, 0] - np.where(second, np.pi, 0.0)
-    given = group.observed[:, 1]
-    if group.type.key == "zenith_directions":
-        vertical = np.where(second, given - 1.5 * np.pi, 0.5 * np.pi - given)
-    else:
-        vertical = np.where(second, np.pi - given, given)
-    return horizontal, vertical

@@ -1,4 +1,4 @@
-"""Join a part to the object system through what both know, or make it the object system where there is none yet."""
+"""Join two parts where what ties them determines the movement between them."""
 
 from __future__ import annotations
 
@@ -7,37 +7,158 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.growth.frames import Frame
+from mor.approximate.growth.level_and_scale import make_upright
+from mor.approximate.growth.movement import Movement, Ties, Turn, movement
 from mor.approximate.growth.part import Part
+from mor.approximate.growth.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
-from mor.approximate.terrestrial.sights import Lengths
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import FloatArray
 
 FEWEST_POSITIONS = 8
 """Given positions from which a part that is still growing may be tied to them."""
 TURN = 0.01
 """σ of the turn (radians) up to which given positions tie a part while it is still growing."""
+FITS = 0.03
+"""Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
+MANY = 400
+"""Common points of which the movement is worked out, at the most."""
 
 
-def join(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
-    """Carry a part into the object system and take over what it knows; true where that was possible."""
-    spread_positions(part, frames)
-    spread_positions(system, frames)
-    found = _level_similarity(system, part) if part.levelled else _spatial_similarity(system, part)
-    if found is None:
+def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> bool:
+    """Carry ``source`` into the system of ``target``, which takes over what it knows; true where that was possible.
+
+    A movement that is not unique is taken only where ``ambiguous`` allows it: the one with the cameras above.
+    """
+    spread_positions(source, scene.frames)
+    spread_positions(target, scene.frames)
+    found = tie(target, source, scene)
+    if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
         return False
-    part.transform(found)
-    take_over(system, part)
-    system.place_sigma = max(system.place_sigma, _disagreement(system, part, frames))
+    if found.alternatives and not ambiguous:
+        return False
+    carry(target, source, scene, _likelier(found, source))
     return True
+
+
+def carry(target: Part, source: Part, scene: Scene, moved: Similarity) -> None:
+    """Carry a part over; what only it knew of vertical, direction and scale the target learns from it."""
+    if source.scaled and not target.scaled:
+        target.transform(_inverse_scale(moved.scale))
+        moved = _times(moved, 1.0 / moved.scale)
+        target.scaled = True
+    source.transform(moved)
+    take_over(target, source)
+    if source.levelled and not target.levelled:
+        make_upright(target, moved.rotation[:, 2])
+    target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
+    spread_positions(target, scene.frames)
+
+
+def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
+    """The movement from source to target by their common points, centres and attitudes."""
+    both = source.levelled and target.levelled
+    turn = (Turn.NONE if source.oriented and target.oriented else Turn.VERTICAL) if both else Turn.ANY
+    points, goals = _common_points(target, source, both)
+    centres, places = _common_centres(target, source, scene)
+    axes, goal_axes = _common_attitudes(target, source, scene)
+    ties = Ties(
+        np.concatenate([points, centres]),
+        np.concatenate([goals, places]),
+        axes,
+        goal_axes if turn is Turn.ANY else goal_axes[:0],
+    )
+    if turn is not Turn.ANY:
+        ties = Ties(ties.source, ties.target, axes[:0], goal_axes[:0])
+    found = movement(ties, turn, source.scaled and target.scaled)
+    if found is None or not (both and found.open == 1 and not np.isfinite(ties.target[:, 2]).any()):
+        return found
+    # Two levelled parts that have no height in common: the plan joins them, and the heights stay unknown.
+    source.points[:, 2] = np.nan
+    source.poses.clear()
+    return Movement(
+        found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives
+    )
+
+
+def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, FloatArray]:
+    ours, theirs = np.isfinite(source.points), np.isfinite(target.points)
+    known = ours & theirs if both else theirs & ours.all(axis=1)[:, None]
+    rows = np.flatnonzero(known.any(axis=1))
+    full = rows[known[rows].all(axis=1)]
+    if len(full) > MANY:
+        rows = full[np.linspace(0, len(full) - 1, MANY).astype(int)]
+    goals = np.where(known[rows], target.points[rows], np.nan)
+    return np.where(ours[rows], source.points[rows], 0.0), goals
+
+
+def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Projection centres of frames posed in both, or of tripods whose place the target knows and whose height counts."""
+    centres, places = [], []
+    for number, (centre, _) in source.poses.items():
+        frame = scene.frames[number]
+        place = target.points[frame.position] + [0.0, 0.0, frame.offset[0]]
+        if number in target.poses:
+            centres.append(centre)
+            places.append(target.poses[number][0])
+        elif (
+            frame.offset[0] != 0.0
+            and target.levelled
+            and target.scaled
+            and not (source.levelled and source.scaled)
+        ):
+            centres.append(centre)
+            places.append(place)
+    return np.array(centres).reshape(-1, 3), np.array(places).reshape(-1, 3)
+
+
+def _common_attitudes(target: Part, source: Part, scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Axes of frames that are posed in both, or whose attitude is given: D in the source, D in the target."""
+    axes, goals = [], []
+    for number, (_, D) in source.poses.items():
+        other = target.poses[number][1] if number in target.poses else None
+        if other is None and target.given:
+            other = scene.attitudes.get(number)
+        if other is not None:
+            axes.append(D)
+            goals.append(other)
+    return np.array(axes).reshape(-1, 3), np.array(goals).reshape(-1, 3)
+
+
+def _likelier(found: Movement, source: Part) -> Similarity:
+    """Of movements that fit alike the one that leaves the cameras above what they see."""
+    if not found.alternatives or not source.poses:
+        return found.similarity
+    centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
+    seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
+    return max(
+        (found.similarity, *found.alternatives), key=lambda one: float((one.rotation @ (centres - seen))[2])
+    )
+
+
+def _inverse_scale(scale: float) -> Similarity:
+    return Similarity(
+        SimilarityOutcome.DETERMINED, 1.0 / scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0
+    )
+
+
+def _times(moved: Similarity, factor: float) -> Similarity:
+    return Similarity(
+        moved.outcome,
+        moved.scale * factor,
+        moved.rotation,
+        moved.translation * factor,
+        moved.residuals,
+        moved.sigma0,
+    )
 
 
 def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
     """Root mean square difference of a coordinate between given positions of frames and those of the joined part."""
-    off = [
-        system.points[frames[number].position] - part.points[frames[number].position]
-        for number in part.poses
-        if system.fixed[frames[number].position]
-    ]
+    off = []
+    for number, (centre, D) in part.poses.items():
+        frame = frames[number]
+        if system.fixed[frame.position]:
+            off.append(system.points[frame.position] - _place(frame, centre, D))
     return float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
 
 
@@ -48,6 +169,7 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
         return False
     spread_positions(part, frames)
+    given = given[part.known(given)]
     source, target = part.points[given], system.points[given]
     found = (congruence if part.scaled else similarity)(source, target)
     if found.outcome is not SimilarityOutcome.DETERMINED:
@@ -57,7 +179,7 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
 
 
 def take_over(system: Part, part: Part) -> None:
-    """Add to the object system what a part in the same system knows besides."""
+    """Add to a part what another one in the same system knows besides."""
     fresh = np.isnan(system.points) & np.isfinite(part.points)
     system.points[fresh] = part.points[fresh]
     for number, pose in part.poses.items():
@@ -70,87 +192,17 @@ def take_over(system: Part, part: Part) -> None:
 
 
 def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
-    """Positions of posed frames as points of the part: X0 = O − h e_Z + Dᵀ r0*."""
+    """Positions of posed frames as points of the part, X0 = O − h e_Z + Dᵀ r0*.
+
+    Heights act along the vertical and in the length unit: only in a part that has both.
+    """
     for number, (centre, rotation) in part.poses.items():
-        block = frames[number].position
-        missing = np.isnan(part.points[block])
-        offset = frames[number].offset
-        place = centre - np.array([0.0, 0.0, offset[0]]) + rotation.T @ offset[1:]
-        part.points[block, missing] = place[missing]
+        frame = frames[number]
+        missing = np.isnan(part.points[frame.position])
+        if missing.any() and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
+            part.points[frame.position, missing] = _place(frame, centre, rotation)[missing]
 
 
-def _spatial_similarity(system: Part, part: Part) -> Similarity | None:
-    common = np.isfinite(system.points).all(axis=1) & np.isfinite(part.points).all(axis=1)
-    if np.count_nonzero(common) < 3:
-        return None
-    source, target = part.points[common], system.points[common]
-    found = (congruence if part.scaled else similarity)(source, target)
-    return _without_outliers(found, source, target, part.scaled)
-
-
-def _without_outliers(
-    found: Similarity, source: FloatArray, target: FloatArray, scaled: bool
-) -> Similarity | None:
-    """The similarity again without points that do not fit at all, as long as most do."""
-    if found.outcome is not SimilarityOutcome.DETERMINED:
-        return None
-    off = np.linalg.norm(found.residuals, axis=1)
-    good = off <= 5.0 * max(float(np.median(off)), 1e-12)
-    if good.all() or np.count_nonzero(good) < max(4, 0.7 * len(off)):
-        return found
-    again = (congruence if scaled else similarity)(source[good], target[good])
-    return again if again.outcome is SimilarityOutcome.DETERMINED else found
-
-
-def _level_similarity(system: Part, part: Part) -> Similarity | None:
-    """A turn about the vertical, a shift, and a scale where the part has none."""
-    common = np.isfinite(system.points[:, :2]).all(axis=1) & np.isfinite(part.points[:, :2]).all(axis=1)
-    if np.count_nonzero(common) < 2:
-        return None
-    source, target = part.points[common, :2], system.points[common, :2]
-    flat = (congruence if part.scaled else similarity)(source, target)
-    if flat.outcome is not SimilarityOutcome.DETERMINED:
-        return None
-    both = np.isfinite(system.points[:, 2]) & np.isfinite(part.points[:, 2])
-    shift = np.median(system.points[both, 2] - flat.scale * part.points[both, 2]) if both.any() else 0.0
-    if not both.any():
-        part.points[:, 2] = np.nan
-    rotation = np.eye(3)
-    rotation[:2, :2] = flat.rotation
-    translation = np.array([*flat.translation, shift])
-    return Similarity(flat.outcome, flat.scale, rotation, translation, flat.residuals, flat.sigma0)
-
-
-def scale_by_lengths(part: Part, lengths: Sequence[Lengths], flat: Sequence[bool]) -> bool:
-    """Bring a part without scale to the length unit by the median ratio of measured to present distances."""
-    ratios: list[FloatArray] = []
-    for given, is_flat in zip(lengths, flat, strict=True):
-        ends = _both_known(part, given.start, given.end)
-        if not ends.any():
-            continue
-        difference = part.points[given.end[ends]] - part.points[given.start[ends]]
-        if is_flat:
-            difference = difference[:, :2]
-        present = np.linalg.norm(difference, axis=1)
-        ratios.append(given.value[ends, 0] / np.where(present > 0.0, present, np.nan))
-    together = np.concatenate(ratios) if ratios else np.zeros(0)
-    together = together[np.isfinite(together)]
-    if len(together) == 0:
-        return False
-    part.transform(
-        Similarity(
-            SimilarityOutcome.DETERMINED,
-            float(np.median(together)),
-            np.eye(3),
-            np.zeros(3),
-            np.zeros((0, 3)),
-            0.0,
-        )
-    )
-    part.scaled = True
-    return True
-
-
-def _both_known(part: Part, start: IntArray, end: IntArray) -> BoolArray:
-    known = np.asarray(np.isfinite(part.points).all(axis=1))
-    return known[start] & known[end]
+def _place(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:
+    place: FloatArray = centre - np.array([0.0, 0.0, frame.offset[0]]) + rotation.T @ frame.offset[1:]
+    return place

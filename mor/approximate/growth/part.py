@@ -36,6 +36,8 @@ class Part:
     """(point blocks,) true where coordinates were given: they are not worked out again."""
     sigma: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
+    given: bool = False
+    """True for the object system: it is where the project says, and what joins it comes to it."""
     place_sigma: float = 0.0
     """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 
@@ -46,7 +48,12 @@ class Part:
     def transform(self, similarity: Similarity) -> None:
         """Carry everything over into another system."""
         s, R, t = similarity.scale, similarity.rotation, similarity.translation
-        self.points = s * self.points @ R.T + t
+        if R[2, 2] == 1.0:
+            # Apart from each other: where the height is not known, the plan still is, and the other way round.
+            plan, height = self.points[:, :2] @ R[:2, :2].T, self.points[:, 2:]
+            self.points = s * np.concatenate([plan, height], axis=1) + t
+        else:
+            self.points = s * self.points @ R.T + t
         self.poses = {number: (s * R @ centre + t, D @ R.T) for number, (centre, D) in self.poses.items()}
         turn = np.arctan2(R[0, 1], R[0, 0])
         self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}

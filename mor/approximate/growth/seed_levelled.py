@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.grow_levelled import Distances
 from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.terrestrial.sights import Terrestrial
+from mor.approximate.terrestrial.sights import Sight, Terrestrial
 
 
-def seed_levelled(measured: Terrestrial, unknown: set[int], points: int, tried: set[int]) -> Part | None:
+def seed_levelled(
+    measured: Terrestrial, unknown: set[int], points: int, tried: set[int], with_distances: bool
+) -> Part | None:
     """A levelled part around the unoriented set that sees most; ``tried`` remembers where a part was begun already.
 
-    With distances the part has its scale. Without, the distance to the farthest-seen other station is taken as one.
+    A station ``with_distances`` of its own has its scale. Of one without, the distance to another station that it
+    sights is taken as one.
     """
+    reach = _measured_from(measured)
     best = None
     for number, sight in enumerate(measured.sights):
         if sight.oriented or number in tried or sight.position not in unknown:
             continue
-        count = int(np.isfinite(sight.directions).sum())
-        if count >= 2 and (best is None or count > best[0]):
+        count = _promise(measured, sight, reach, with_distances)
+        if count and (best is None or count > best[0]):
             best = (count, number)
     if best is None:
         return None
@@ -30,19 +33,46 @@ def seed_levelled(measured: Terrestrial, unknown: set[int], points: int, tried: 
     part.points[sight.position] = 0.0
     part.kappas[best[1]] = 0.0
     part.how[f"point {sight.position}"] = f"origin of a local system at {sight.name}"
-    distances = Distances(part, measured)
-    part.scaled = bool(distances.horizontal or distances.slope)
-    if not part.scaled:
-        _unit_base(part, measured, best[1])
+    part.scaled = with_distances
+    if not with_distances:
+        _unit_base(part, measured, sight)
     return part
 
 
-def _unit_base(part: Part, measured: Terrestrial, number: int) -> None:
-    """Directions alone: the first sighted point that is itself a station comes at the distance one."""
-    sight = measured.sights[number]
+def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
+    """Position → the points with a distance from or to it."""
+    reach: dict[int, set[int]] = {}
+    for lengths in (measured.slopes, measured.horizontals):
+        for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):
+            reach.setdefault(a, set()).add(b)
+            reach.setdefault(b, set()).add(a)
+    return reach
+
+
+def _promise(measured: Terrestrial, sight: Sight, reach: dict[int, set[int]], with_distances: bool) -> int:
+    """Sighted points, where the set can begin a part: with distances two of them, without another station."""
+    sighted = sight.points[np.isfinite(sight.directions)]
+    if len(sighted) < 2:
+        return 0
+    if with_distances:
+        both = len(reach.get(sight.position, set()).intersection(sighted.tolist()))
+        return both if both > 0 else 0
+    return len(sighted) if _other_station(measured, sight) is not None else 0
+
+
+def _other_station(measured: Terrestrial, sight: Sight) -> tuple[int, float] | None:
+    """The first sighted point that is itself a station, and its direction."""
     stations = {other.position for other in measured.sights}
-    for point, direction in zip(sight.points, sight.directions, strict=True):
-        if int(point) in stations and np.isfinite(direction):
-            part.points[point, :2] = [np.sin(direction), np.cos(direction)]
-            part.how[f"point {int(point)}"] = "base of length one"
-            return
+    for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
+        if point in stations and np.isfinite(direction) and point != sight.position:
+            return point, float(direction)
+    return None
+
+
+def _unit_base(part: Part, measured: Terrestrial, sight: Sight) -> None:
+    """Directions alone: another station comes at the distance one."""
+    other = _other_station(measured, sight)
+    assert other is not None
+    point, direction = other
+    part.points[point, :2] = [np.sin(direction), np.cos(direction)]
+    part.how[f"point {point}"] = "base of length one"

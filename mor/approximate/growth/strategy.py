@@ -1,34 +1,33 @@
-"""Start values for everything that has none: repeat until everything that can be known is known.
+"""Start values for everything that has none: parts grow, join, and become the object system.
 
-Given values are never overridden. What ties to them is worked out in the object system; what does not is oriented in a
-part of its own (Rinner for images, a levelled local system for theodolites) and joined through common points. Where
-nothing is given at all, the first part becomes the object system, scaled by the distances measured.
+A part is a set of things in one system with the movements it is still free to make. The object system, with what the
+project gives, is one of them; others begin at systems with measured coordinates, GNSS vectors, stations with distances,
+pairs of bundles. Every part grows as far as it can, finds the vertical and the scale from what was measured inside it,
+and joins another one as soon as what ties them determines the movement between them. What nothing ties comes last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame, image_frames, theodolite_frames
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
-from mor.approximate.growth.grow_levelled import grow_levelled
-from mor.approximate.growth.joining import (
-    join,
-    scale_by_lengths,
-    spread_positions,
-    take_over,
-    tied_by_positions,
-)
-from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
+from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
+from mor.approximate.growth.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.growth.mixed_intersection import grow_mixed
+from mor.approximate.growth.part import Part
+from mor.approximate.growth.relative_poses import grow_relative
+from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
+from mor.approximate.growth.scene import Scene, scene_of
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
-from mor.approximate.growth.sightings import Sightings, sightings
 from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
-from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.approximate.similarity import Similarity, SimilarityOutcome
+from mor.arrays import BoolArray, FloatArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
@@ -44,22 +43,24 @@ class Approximation:
     start: Mapping[str, FloatArray]
     how: Mapping[str, str]
     """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[str, ...]
+    missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
+    remarks: tuple[str, ...] = ()
+    """Why frames could not begin a part of their own, where something is missing."""
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Everything measured, in the form the growth works with."""
+@dataclass
+class _Assembly:
+    """Parts on their way to one system, the object system first, and what was tried."""
 
-    frames: tuple[Frame, ...]
-    terrestrial: Terrestrial
-    seen: Sightings
-    """The rays of all frames."""
-    points: int
-    image_count: int
-    measured: IntArray
-    """Point blocks that images, theodolites or lengths refer to."""
+    scene: Scene
+    parts: list[Part]
+    fewest: int = ENOUGH
+    tried_stations: set[int] = field(default_factory=set)
+    given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
+    """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
+    pairs: Pairs | None = None
+    reasons: list[str] = field(default_factory=list)
 
 
 def approximate(network: Network) -> Approximation:
@@ -67,42 +68,57 @@ def approximate(network: Network) -> Approximation:
     if all_known(network.start):
         return Approximation(network.start, {}, ())
     network = replace(network, start=with_observed(network))
-    scene = _scene(network)
-    system = starting_part(network, scene.frames)
-    reasons: list[str] = []
+    scene = scene_of(network)
+    parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
+    assembly = _Assembly(scene, parts)
     for fewest in (ENOUGH, FEWEST):
-        _grow(system, scene, fewest)
-        reasons = _orient_the_rest(system, scene, fewest)
+        assembly.fewest, assembly.reasons = fewest, []
+        assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
+        for part in parts:
+            _grow(part, scene, fewest)
+        _assemble(assembly)
+    _place_the_rest(assembly)
+    system = parts[0]
     intersect_the_rest(system, scene.seen)
+    if grow_mixed(system, scene, contradicting=True):
+        _grow(system, scene, FEWEST)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
-    return Approximation(start, how, (*reasons, *missing) if missing else ())
+    return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
 
-def _scene(network: Network) -> Scene:
-    images = image_frames(network)
-    frames = (*images, *theodolite_frames(network))
-    sights = terrestrial(network)
-    used = [frame.points for frame in frames] + [np.array([frame.position]) for frame in frames]
-    used += [sight.points for sight in sights.sights] + [np.array([s.position]) for s in sights.sights]
-    for lengths in (sights.slopes, sights.horizontals, sights.height_differences, sights.vectors):
-        used += [lengths.start, lengths.end]
-    measured = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *used])).astype(np.int64)
-    count = len(network.blocks["point"].ids)
-    return Scene(frames, sights, sightings(frames, count), count, len(images), measured)
+def _assemble(assembly: _Assembly) -> None:
+    """Begin parts, grow them and join them until nothing more can be begun or joined."""
+    scene, parts = assembly.scene, assembly.parts
+    while True:
+        _join_all(assembly)
+        part = _next_seed(assembly)
+        if part is not None:
+            _grow_until_tied(parts[0], part, scene, assembly.fewest)
+            parts.append(part)
+        elif not _join_all(assembly, ambiguous=True):
+            return
 
 
 def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
-    """Levelled and bundle growth in turns, until neither adds anything; false where ``most`` frames made it pause."""
+    """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
     while True:
-        grown = grow_levelled(part, scene.terrestrial) if part.levelled else False
-        _poses_of_sets(part, scene)
+        grown = level_and_scale(part, scene)
+        grown |= _grow_levelled(part, scene)
+        _sets_and_poses(part, scene)
+        grown |= grow_polar(part, scene)
+        grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
+        grown |= grow_mixed(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+
+
+def _grow_levelled(part: Part, scene: Scene) -> bool:
+    return part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
 
 
 def _grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
@@ -115,103 +131,123 @@ def _grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> Non
         most *= 2
 
 
-def _poses_of_sets(part: Part, scene: Scene) -> None:
-    """Oriented levelled sets are frames too: their rays intersect those of images."""
+def _sets_and_poses(part: Part, scene: Scene) -> None:
+    """Oriented levelled sets are frames too, and frames that stand upright are oriented sets."""
+    if not part.levelled:
+        return
     by_rotation = {frame.rotation: n for n, frame in enumerate(scene.frames) if n >= scene.image_count}
-    for number, kappa in part.kappas.items():
-        sight = scene.terrestrial.sights[number]
+    for number, sight in enumerate(scene.terrestrial.sights):
         frame = by_rotation.get(sight.rotation)
-        if frame is None or frame in part.poses or not np.isfinite(part.points[sight.position]).all():
+        if frame is None or (number in part.kappas) == (frame in part.poses):
             continue
-        centre = part.points[sight.position] + np.array([0.0, 0.0, sight.height])
-        part.poses[frame] = (centre, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+        if frame in part.poses:
+            D = part.poses[frame][1]
+            part.kappas[number] = float(np.arctan2(D[0, 1], D[0, 0]))
+        elif np.isfinite(part.points[sight.position]).all():
+            lift = sight.height if part.scaled else 0.0
+            turn = rotation_from_angles(np.array([[0.0, 0.0, part.kappas[number]]]))[0]
+            part.poses[frame] = (part.points[sight.position] + [0.0, 0.0, lift], turn)
 
 
-def _orient_the_rest(system: Part, scene: Scene, fewest: int) -> list[str]:
-    """Parts of their own for what does not tie to the object system, joined one after the other.
-
-    Returned is why the frames that are left could not begin a part.
-    """
-    reasons: list[str] = []
-    tried: set[int] = set()
-    waiting: list[Part] = []
-    given_up = np.zeros(len(scene.frames), dtype=bool)
-    pairs: Pairs | None = None
-    while True:
-        part = seed_levelled(scene.terrestrial, _unknown_stations(system, scene), scene.points, tried)
-        free = _free_frames(system, scene, waiting) & ~given_up
-        if part is None and np.count_nonzero(free) > 1:
-            pairs = common_pairs(scene.seen) if pairs is None else pairs
-            part, reason = seed_bundles(scene.frames, free, pairs, scene.points)
-            given_up |= free if part is None else False
-            reasons += [reason] if reason else []
-        if part is None and waiting and not system.poses and not system.kappas:
-            # Nothing ties any part to what is given: the largest one becomes the object system as it is.
-            part = max(waiting, key=_size)
-            waiting.remove(part)
-            _become(system, part, scene)
-            _grow(system, scene, fewest)
-            _join_all(system, waiting, scene, fewest)
-            continue
-        if part is None:
-            return reasons
-        _grow_until_tied(system, part, scene, fewest)
-        waiting.append(part)
-        _join_all(system, waiting, scene, fewest)
+def _next_seed(assembly: _Assembly) -> Part | None:
+    """A part of its own for something that no part knows yet."""
+    scene, measured = assembly.scene, assembly.scene.terrestrial
+    unknown, tried = _unknown_stations(assembly), assembly.tried_stations
+    part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
+    if part is not None:
+        return part
+    free = _free_frames(assembly)
+    for chained in (False, True):
+        part = _seed_of_frames(assembly, free, chained)
+        if part is not None:
+            return part
+    part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
+    return part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
 
 
-def _unknown_stations(system: Part, scene: Scene) -> set[int]:
-    places = np.array([sight.position for sight in scene.terrestrial.sights], dtype=np.int64)
-    return set(places[np.isnan(system.points[places, :2]).any(axis=1)].tolist())
+def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
+    """A part of two frames that no part has; or, ``chained``, of one and a neighbour that ties it to its part."""
+    scene, given_up = assembly.scene, assembly.given_up[int(chained)]
+    open_ = free & ~given_up
+    if np.count_nonzero(open_) < (1 if chained else 2):
+        return None
+    assembly.pairs = pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
+    if chained:
+        among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
+    else:
+        among = open_[pairs.first] & open_[pairs.second]
+    part, reason = seed_bundles(scene.frames, np.flatnonzero(among), pairs, scene.points)
+    given_up |= open_ if part is None else False
+    assembly.reasons += [reason] if reason and not chained else []
+    return part
 
 
-def _free_frames(system: Part, scene: Scene, waiting: list[Part]) -> BoolArray:
-    """Frames (n,) that neither the object system nor a part has a pose of."""
-    free = np.ones(len(scene.frames), dtype=bool)
-    for part in (system, *waiting):
+def _unknown_stations(assembly: _Assembly) -> set[int]:
+    places = np.array([sight.position for sight in assembly.scene.terrestrial.sights], dtype=np.int64)
+    known = np.zeros(len(places), dtype=bool)
+    for part in assembly.parts:
+        known |= np.isfinite(part.points[places, :2]).all(axis=1)
+    return set(places[~known].tolist())
+
+
+def _free_frames(assembly: _Assembly) -> BoolArray:
+    """Frames (n,) that no part has a pose of."""
+    free = np.ones(len(assembly.scene.frames), dtype=bool)
+    for part in assembly.parts:
         free[list(part.poses)] = False
     return free
 
 
-def _join_all(system: Part, waiting: list[Part], scene: Scene, fewest: int) -> None:
-    """Join what can be joined, again and again: a part may tie another one to the system."""
-    joined = True
-    while joined:
-        joined = False
-        for part in list(waiting):
-            if _nothing_known(system, scene):
-                _become(system, part, scene)
-                waiting.remove(part)
-                joined = True
-            elif join(system, part, scene.frames):
-                waiting.remove(part)
-                joined = True
-        if joined:
-            _grow(system, scene, fewest)
+def _join_all(assembly: _Assembly, ambiguous: bool = False) -> bool:
+    """Join what can be joined, again and again: a part may tie another one to the system; true where any was."""
+    parts, scene = assembly.parts, assembly.scene
+    joined_any = False
+    while True:
+        pair = _joined_pair(parts, scene, ambiguous)
+        if pair is None:
+            return joined_any
+        joined_any = True
+        target, source = pair
+        parts[:] = [part for part in parts if part is not source]
+        _grow(target, scene, assembly.fewest)
+
+
+def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
+    """The first two parts that could be joined, the one that knows more of its place first."""
+    ordered = sorted(parts, key=_rank, reverse=True)
+    for number, target in enumerate(ordered):
+        for source in ordered[number + 1 :]:
+            if join(target, source, scene, ambiguous):
+                return target, source
+    return None
+
+
+def _rank(part: Part) -> tuple[bool, bool, bool, bool, int]:
+    return part.given, part.oriented, part.levelled, part.scaled, _size(part)
 
 
 def _size(part: Part) -> int:
     return len(part.poses) + len(part.kappas) + int(np.isfinite(part.points).sum())
 
 
-def _nothing_known(system: Part, scene: Scene) -> bool:
-    """True where no position that anything measured refers to is known."""
-    return not system.poses and not np.isfinite(system.points[scene.measured, :2]).any()
+def _place_the_rest(assembly: _Assembly) -> None:
+    """Parts that nothing ties to the object system well enough: the largest first, as well as its ties say.
+
+    Where nothing is given it becomes the object system, wherever it is.
+    """
+    parts, scene = assembly.parts, assembly.scene
+    while len(parts) > 1:
+        source = max(parts[1:], key=_size)
+        parts.remove(source)
+        level_roughly(source, scene)
+        direct_roughly(source, scene)
+        found = tie(parts[0], source, scene)
+        carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
+        _grow(parts[0], scene, assembly.fewest)
+        _join_all(assembly)
+    if begin_heights(parts[0], scene.terrestrial):
+        _grow(parts[0], scene, assembly.fewest)
 
 
-def _become(system: Part, part: Part, scene: Scene) -> None:
-    """The part becomes the object system."""
-    spread_positions(part, scene.frames)
-    if not part.scaled:
-        t = scene.terrestrial
-        scale_by_lengths(part, (t.slopes, t.horizontals), (False, True))
-    components = range(3) if part.levelled and part.scaled else (2,) if part.levelled else ()
-    for k in components:
-        both = np.isfinite(system.points[:, k]) & np.isfinite(part.points[:, k])
-        if both.any():
-            part.points[:, k] += np.median(system.points[both, k] - part.points[both, k])
-    take_over(system, part)
-    system.levelled = part.levelled
-
-
-__all__ = ["Approximation", "approximate", "empty_part"]
+def _as_it_is() -> Similarity:
+    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)

@@ -7,15 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.growth.frames import Frame
+from mor.approximate.growth.local_systems import fill_systems
 from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.similarity import SimilarityOutcome, similarity
 from mor.approximate.terrestrial.sights import Terrestrial
-from mor.arrays import FloatArray
-from mor.geometry.rotations import rotation_from_angles
+from mor.arrays import FloatArray, IntArray
+from mor.errors import Undeterminable
+from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.network.build import Network
-
-LISTED = 5
-"""Unknowns without a start value that are named one by one."""
+from mor.project.network.entities import thing_of
 
 
 def with_observed(network: Network) -> dict[str, FloatArray]:
@@ -40,7 +39,7 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     part.points[:] = start["point"]
     part.fixed = np.asarray(np.isfinite(start["point"]).all(axis=1))
     part.sigma = network.sigma["point"]
-    part.levelled = part.oriented = part.scaled = True
+    part.levelled = part.oriented = part.scaled = part.given = True
     for number, frame in enumerate(frames):
         rotation, position = start["rotation"][frame.rotation], start["point"][frame.position]
         if frame.relative is not None:
@@ -73,7 +72,7 @@ def _follower_pose(
 
 def fill_in(
     network: Network, part: Part, frames: Sequence[Frame], measured: Terrestrial
-) -> tuple[dict[str, FloatArray], dict[str, str], tuple[str, ...]]:
+) -> tuple[dict[str, FloatArray], dict[str, str], tuple[Undeterminable, ...]]:
     """Start values of all blocks, how they were obtained, and what is missing."""
     start = {kind: values.copy() for kind, values in network.start.items()}
     points = start["point"]
@@ -83,21 +82,31 @@ def fill_in(
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
         if frame.relative is None:
-            _put_rotation(rotations, frame.rotation, D)
+            _put_rotation(network, rotations, frame.rotation, D)
             _put_position(network, points, frame, centre, D)
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
-            _put_rotation(rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
-    _fill_pairs(start, part, frames)
-    _fill_systems(network, start)
+            _put_rotation(network, rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+    _fill_pairs(network, start, part, frames)
+    fill_systems(network, start)
     how = _named(network, part)
     return start, how, _missing(network, start)
 
 
-def _put_rotation(rotations: FloatArray, block: int, D: FloatArray) -> None:
-    if not np.isfinite(rotations[block]).all():
-        rotations[block] = D
+def _put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatArray) -> None:
+    """An attitude where there is none; angles that are fixed or observed stay as they are."""
+    if np.isfinite(rotations[block]).all():
+        return
+    given = network.observed["rotation"][block]
+    held = np.isfinite(given) & (
+        ~network.blocks["rotation"].free[block] | np.isfinite(network.sigma["rotation"][block])
+    )
+    rotations[block] = D
+    if held.any():
+        rotations[block] = rotation_from_angles(
+            np.where(held, given, angles_from_rotation(D[None])[0])[None]
+        )[0]
 
 
 def _put_position(
@@ -111,7 +120,7 @@ def _put_position(
         points[frame.position, missing] = place[missing]
 
 
-def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
+def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
     """Relative orientations from the poses of both images; leaders from their followers."""
     leaders = {frame.rotation: n for n, frame in enumerate(frames) if frame.relative is None}
     for number, frame in enumerate(frames):
@@ -122,34 +131,9 @@ def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame
             continue
         (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[number]
         turn, base = frame.relative
-        _put_rotation(start["rotation"], turn, D_b @ D_a.T)
+        _put_rotation(network, start["rotation"], turn, D_b @ D_a.T)
         if np.isnan(start["base"][base]).any():
             start["base"][base] = D_a @ (O_b - O_a)
-
-
-def _fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
-    """Local systems by closed-form similarity of their observed coordinates."""
-    for group in network.groups:
-        if group.type.key != "local":
-            continue
-        origin, rotation, scale, _, point = group.blocks
-        for system in np.unique(rotation):
-            rows = np.flatnonzero(rotation == system)
-            if (
-                np.isfinite(start["rotation"][system]).all()
-                and np.isfinite(start["point"][origin[rows[0]]]).all()
-            ):
-                continue
-            local, object_ = group.observed[rows], start["point"][point[rows]]
-            usable = np.isfinite(local).all(axis=1) & np.isfinite(object_).all(axis=1)
-            found = similarity(object_[usable], local[usable])
-            if found.outcome is not SimilarityOutcome.DETERMINED:
-                continue
-            _put_rotation(start["rotation"], int(system), found.rotation)
-            start["scale"][scale[rows[0]], 0] = found.scale
-            block = origin[rows[0]]
-            missing = np.isnan(start["point"][block])
-            start["point"][block, missing] = (-found.rotation.T @ found.translation / found.scale)[missing]
 
 
 def _named(network: Network, part: Part) -> dict[str, str]:
@@ -162,21 +146,37 @@ def _named(network: Network, part: Part) -> dict[str, str]:
     return named
 
 
-def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[str, ...]:
-    """What still has no value, and the likely reason."""
-    reasons = {
-        "point": "seen from too few known places: it needs two rays, or a direction and a distance",
-        "rotation": "too few known points are sighted in it, or its image shares too few points with others",
-        "base": "one of its two images could not be oriented",
-    }
-    words = []
+_REASONS = {
+    "point": "seen from too few known places: it needs two rays, or a direction and a distance",
+    "image": "it shares too few points with others whose place is known",
+    "station": "too few points whose place is known are sighted from it",
+    "system": "too few points whose place is known have coordinates in it",
+    "pair": "one of its two images could not be oriented",
+}
+"""Why things stay without start values."""
+
+
+def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undeterminable, ...]:
+    """What still has no value, each thing once, and the likely reason."""
+    found: dict[tuple[str, str], Undeterminable] = {}
     for kind, values in start.items():
         lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        names = [network.blocks[kind].ids[number] for number in np.flatnonzero(lost)]
-        reason = reasons.get(kind, "no start value is given")
-        if len(names) > LISTED:
-            first = ", ".join(names[:LISTED])
-            words.append(f"{kind} {first} and {len(names) - LISTED} more: {reason}")
-        else:
-            words += [f"{kind} {name}: {reason}" for name in names]
-    return tuple(words)
+        if not lost.any():
+            continue
+        rows = _rows_of(network, kind)
+        for number in np.flatnonzero(lost).tolist():
+            thing = thing_of(kind, network.blocks[kind].ids[number])
+            reason = _REASONS.get(thing[0], "no start value is given")
+            reason = reason if rows[number] else "no observation refers to it"
+            found.setdefault(thing, Undeterminable(*thing, reason, "", int(rows[number])))
+    return tuple(found.values())
+
+
+def _rows_of(network: Network, kind: str) -> IntArray:
+    """(n,) rows of observations that refer to each block of a kind."""
+    rows = np.zeros(len(network.blocks[kind].ids), dtype=np.int64)
+    for group in network.groups:
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind:
+                rows += np.bincount(numbers, minlength=len(rows))
+    return rows

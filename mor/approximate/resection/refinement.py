@@ -53,7 +53,7 @@ def adjust_pose(
 
     A position ``observed`` beforehand counts with its σ.
     """
-    if not compilation.available:
+    if not compilation.wanted():
         return adjust_pose_plainly(bundle, points, pose, iterations, observed)
     place, weight = (np.zeros(3), np.zeros(3)) if observed is None else (observed.place, 1.0 / observed.sigma)
     position, rotation = kernels.adjust_pose(

@@ -75,7 +75,8 @@ def free_station_level(
     has = np.isfinite(observed)
     count = int(np.sum(has))
     unknowns = 3 if np.any(has[:, 0]) else 2
-    if count < unknowns or (not np.any(has[:, 1]) and count < 3) or len(points[np.any(has, axis=1)]) < 2:
+    places, sights = _places(points[np.any(has, axis=1)]), _places(points[has[:, 0]])
+    if count < unknowns or (not np.any(has[:, 1]) and sights < 3) or places < 2:
         return _no_station(StationOutcome.TOO_FEW, len(points))
     if not np.any(has[:, 1]) and _on_circle(points[has[:, 0]], observed[has[:, 0], 0], sigma_direction):
         return _no_station(StationOutcome.DANGEROUS_CIRCLE, len(points))
@@ -146,6 +147,11 @@ def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[Float
     return position, float(np.arctan2(s, c)), padded
 
 
+def _places(points: FloatArray) -> int:
+    """Number of different places: a target that is sighted again tells nothing more of where the station is."""
+    return len(np.unique(points, axis=0))
+
+
 def _looking_back(
     x: FloatArray, y: FloatArray, directions: FloatArray, c: float, s: float, u: float, v: float
 ) -> bool:
@@ -168,9 +174,11 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
         fit = congruence(points[both], local)
         if fit.outcome.usable:
             seeds.append((fit.origin, float(np.arctan2(fit.rotation[0, 1], fit.rotation[0, 0]))))
-    if len(sighted) > 2:
+    if _places(points[sighted]) > 2:
         position, kappa, _ = resect_directions(points[sighted], observed[sighted, 0])
         seeds.append((position, kappa))
+    if len(both) > 2:
+        return seeds
     for i, j in list(combinations(measured, 2))[:SEED_PAIRS]:
         for position in arc_section(points[[i, j]], observed[[i, j], 1]).points:
             seeds.append((position, _kappa(points, observed, position)))

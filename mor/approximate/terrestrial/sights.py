@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.approximate.growth.frames import first_face, rows_by_set
+from mor.approximate.terrestrial.direction_sets import direction_sets, frame_verticals
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
+
+UPRIGHT = 1.0 - 1e-5
+"""Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Lengths:
     end: IntArray
     start_height: FloatArray
     end_height: FloatArray
+    start_block: IntArray
+    """Height block of the instrument."""
     value: FloatArray
     """(n, m)."""
 
@@ -56,11 +61,9 @@ class Terrestrial:
 
 def terrestrial(network: Network) -> Terrestrial:
     """Sights and lengths of a network."""
-    sights: list[Sight] = []
+    sights = _sets(network)
     for group in network.groups:
-        if group.type.key in ("directions", "zenith_directions"):
-            sights += _sets(network, group)
-        elif group.type.key == "angle":
+        if group.type.key == "angle":
             sights += _angles(group)
         elif group.type.key == "bearing":
             sights += _bearings(group)
@@ -74,23 +77,24 @@ def terrestrial(network: Network) -> Terrestrial:
     )
 
 
-def _sets(network: Network, group: ObservationGroup) -> list[Sight]:
-    horizontal, vertical = first_face(group)
-    position, rotation, height, point, target, _ = group.blocks
-    heights = network.start["height"]
+def _sets(network: Network) -> list[Sight]:
+    """Sets that stand upright; a tilted one is a frame like an image, no more."""
+    up = frame_verticals(network)
+    heights = network.start["height"][:, 0]
     return [
         Sight(
-            f"station {group.references[0][rows[0]]}",
-            int(position[rows[0]]),
-            int(rotation[rows[0]]),
+            one.name,
+            one.position,
+            one.rotation,
             False,
-            float(heights[height[rows[0]], 0]),
-            point[rows],
-            heights[target[rows], 0],
-            horizontal[rows],
-            vertical[rows],
+            float(heights[one.height]),
+            one.points,
+            one.heights,
+            one.horizontal,
+            one.vertical,
         )
-        for rows in rows_by_set(group, np.ones(group.count, dtype=bool))
+        for one in direction_sets(network)
+        if up[one.rotation, 2] > UPRIGHT
     ]
 
 
@@ -169,5 +173,6 @@ def _collected(network: Network, groups: list[ObservationGroup], values: list[Fl
         np.concatenate([none, *(group.blocks[2] for group in groups)]),
         np.concatenate([np.zeros(0), *(heights[group.blocks[1]] for group in groups)]),
         np.concatenate([np.zeros(0), *(heights[group.blocks[3]] for group in groups)]),
+        np.concatenate([none, *(group.blocks[1] for group in groups)]),
         np.concatenate([np.zeros((0, width)), *values]),
     )

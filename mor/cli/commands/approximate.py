@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -35,11 +36,13 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     """
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
+    from mor.compilation import chosen_by_size
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.results.adjusted_project import Placed
-    from mor.report.results.folder import check_free, check_inputs
+    from mor.report.results.folder import check_inputs
     from mor.report.results.protocol import protocol
+    from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import PROJECT, write_project
 
     folder = output or project.with_suffix(".start")
@@ -47,13 +50,19 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     document = read_document(project)
     tables = (project.parent / name for name in document.table_files())
     check_inputs(folder, [project, *tables], [PROJECT])
-    network = read_network(document, project.parent)
-    with compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True)):
-        approximation = approximate(network)
-    click.echo(protocol(network, approximation), nl=False)
-    if approximation.missing:
-        return ExitCode.INPUT
-    write_project(Placed(network, approximation.start), document, project.parent, folder, force)
+    with reserve(folder, force) as place:
+        network = read_network(document, project.parent)
+        with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
+            approximation = approximate(network)
+        click.echo(protocol(network, approximation), nl=False)
+        if approximation.missing:
+            return ExitCode.INPUT
+        write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
         click.echo(f"project with start values in {folder}", err=True)
     return ExitCode.DONE
+
+
+def _note(quiet: bool, words: str, /, **values: object) -> None:
+    if not quiet:
+        click.echo(f"note: {words.format(**values)}", err=True)

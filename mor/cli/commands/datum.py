@@ -39,18 +39,19 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     \b
     Exit codes: 0 done; 2 input, or no solution.
     """
-    from mor.cli._results import in_datum, inputs, open_results
-    from mor.report.results.folder import check_free, check_inputs
+    from mor.api.reopened import in_datum, reopen
+    from mor.report.results.folder import check_inputs
+    from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import Choice, tables_by_size, write_results
     from mor.report.tables.estimates import point_table
     from mor.report.words.language import words_of
 
     if output is not None:
         check_free(output, force)
-    opened = open_results(results)
+    reopened = reopen(results)
     if output is not None:
-        check_inputs(output, inputs(opened))
-    solved, document = in_datum(opened, target)
+        check_inputs(output, reopened.inputs)
+    project, solved = in_datum(reopened.project, target, "--to")
     if not solved.adjustment.defect.datum.size:
         words = (
             "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
@@ -58,7 +59,10 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
         click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)
-        write_results(solved, document, opened.folder, output, force, choice)
+        with reserve(output, force) as place:
+            write_results(solved, project.document, project.folder, place, choice)
         click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:
-        click.echo(point_table(solved).write_csv(), nl=False)
+        from mor.project.tables.guarded import csv_lines
+
+        click.echo(bytes(csv_lines(point_table(solved))).decode(), nl=False)

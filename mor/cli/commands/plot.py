@@ -50,7 +50,7 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
       mor plot histogram project.results -o w.svg
 
     SOURCE is a folder of results, or a project, which is adjusted first. The same results give the same bytes, so
-    pictures can be compared. Needs matplotlib: pip install 'mor[plot]'.
+    pictures can be compared. Needs matplotlib: pip install 'mor-adjustment[plot]'.
 
     \b
     Exit codes: 0 done; 2 input, or no solution.
@@ -67,15 +67,14 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
 
 def view_of_source(source: Path) -> View:
     """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
+    from mor.api.adjust import adjust
     from mor.errors import InputError, Problem
-    from mor.pipeline import read_document, read_network, solve_network
     from mor.report.tables.observations import observation_table
     from mor.report.view import view_of, view_of_folder
 
     if source.is_dir() and (source / "results.json").exists():
         return view_of_folder(source)
-    document = read_document(source)
-    solved = solve_network(read_network(document, source.parent))
+    solved = adjust(source).solved
     if solved.quality is None:
         reason = solved.adjustment.reason or solved.adjustment.outcome.value
         raise InputError(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
 import shlex
 from pathlib import Path
 from typing import NamedTuple
 
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, number
+from mor.input_files import read_text
 
 REQUIRED = (".ior", ".eor", ".obc", ".phc")
 SUFFIXES = (*REQUIRED, ".scale")
@@ -56,11 +56,7 @@ def read_words(stem: Path, suffix: str, draft: Draft) -> list[Words]:
         path = stem.parent / name
         if not path.is_file():
             continue
-        content = path.read_bytes()
-        text = (gzip.decompress(content) if name.endswith(".gz") else content).decode(
-            "utf-8", errors="replace"
-        )
-        lines = enumerate(text.splitlines(), start=1)
+        lines = enumerate(read_text(path, errors="replace").split("\n"), start=1)
         return [
             Words(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()
         ]

@@ -27,6 +27,7 @@ from mor.formats.gkf.grammar import check
 from mor.formats.gkf.points import dimensions, put_datum, put_points, read_points
 from mor.formats.gkf.tolerance import within_tolerance
 from mor.formats.xml import Element, parse_xml
+from mor.input_files import PROJECT, read_bytes
 from mor.project.file.nodes import Document
 
 LEFT_HANDED = ("ne", "sw", "es", "wn")
@@ -36,7 +37,7 @@ _X_AXIS = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}
 def read_gkf(path: Path) -> Document:
     """The project a GNU Gama XML file describes. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    root = parse_xml(path.read_bytes(), draft.file)
+    root = parse_xml(read_bytes(path, PROJECT), draft.file)
     if root.name != "gama-local":
         raise InputError([Problem(f"found <{root.name}>, expected <gama-local>", draft.file, root.line)])
     check(root, draft)

@@ -87,11 +87,26 @@ def _read_datum(section: Section, coordinates: Coordinates, draft: Draft) -> Non
                 coordinates.fixed.add(component)
             elif component is not None and coordinates.free is not None:
                 coordinates.free.append(component)
-    size = len(coordinates.observed)
-    if any(len(row) != size for row in coordinates.covariance):
-        draft.problem(
-            f"the covariance matrix of {size} observed coordinates is not {size} × {size}", section.number
-        )
+    coordinates.covariance[:] = _complete(coordinates.covariance, section.number, draft)
+
+
+def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]:
+    """The whole covariance matrix [m²] behind its rows: complete, a triangle of them, or a σ [m] of each alone."""
+    size = len(rows)
+    lengths = [len(row) for row in rows]
+    if all(length == size for length in lengths) and size > 1:
+        return rows
+    if all(length == 1 for length in lengths):
+        return [
+            [repr(float(row[0]) ** 2) if i == k else "0" for k in range(size)] for i, row in enumerate(rows)
+        ]
+    lower = lengths == list(range(1, size + 1))
+    if lower or lengths == list(range(size, 0, -1)):
+        at = (lambda i, k: rows[i][k]) if lower else (lambda i, k: rows[k][i - k])
+        return [[at(max(i, k), min(i, k)) for k in range(size)] for i in range(size)]
+    words = f"expected of {size} observed coordinates a σ each, a covariance matrix {size} × {size} or a triangle of it"
+    draft.problem(f"found rows of {', '.join(map(str, lengths))} numbers, {words}", line)
+    return []
 
 
 def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) -> tuple[str, str] | None:
@@ -121,7 +136,7 @@ def put_coordinates(coordinates: Coordinates, draft: Draft) -> None:
         draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
     if coordinates.free is not None:
         draft.put("datum", _free(coordinates), coordinates.datum_line)
-    if coordinates.observed:
+    if coordinates.covariance:
         _put_observed(coordinates, draft)
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
 from mor.formats.textbook.points import put_coordinates, read_coordinates
 from mor.formats.textbook.sections import OBSERVED, Line, Section, read_sections
+from mor.input_files import read_text
 from mor.project.file.nodes import Document
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
@@ -45,11 +45,7 @@ _PLANE = ("Distances", "Directions", "Angles", "GridBearings")
 def read_krumm(path: Path) -> Document:
     """The project a textbook network file describes. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError([Problem("this is not UTF-8 text", draft.file)]) from None
-    sections = read_sections(text, draft)
+    sections = read_sections(read_text(path), draft)
     observed = [section for section in sections if section.name in OBSERVED and section.lines]
     if not observed:
         draft.problem("there are no observations")

@@ -1,24 +1,30 @@
 """YAML text to plain data in which every scalar is still text and every value knows its line.
 
-PyYAML's own constructors lose a key given twice, read point 010 as 8 and point no as False. Here nodes are composed and
-walked instead; what a text means is decided by the model that asks for it.
+PyYAML's own constructors lose a key given twice, read point 010 as 8 and point no as False. Here its events are taken
+instead; what a text means is decided by the model that asks for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import yaml
 
 from mor.errors import InputError, Problem
+from mor.input_files import limit, raise_it
+
+if TYPE_CHECKING:
+    import polars as pl
 
 Path: TypeAlias = tuple[str | int, ...]
 
 _NULLS = {"", "~", "null", "Null", "NULL"}
 _DEEPEST = 20
 """Levels of nesting; no project needs half of them."""
+_TOO_DEEP = "this is nested too deeply, or refers to itself"
+_VALUES = "MOR_MAX_VALUES"
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,11 @@ class Document:
         """Files that the sections refer to, as written: tables and covariance matrices."""
         entries = [e for section in self.data.values() if isinstance(section, list) for e in section]
         named = [e.get(key) for e in entries if isinstance(e, dict) for key in ("file", "covariance")]
-        return [name for name in named if isinstance(name, str)]
+        return [name for name in named if isinstance(name, str) and "\0" not in name]
+
+    def frame(self, name: str) -> pl.DataFrame | None:
+        """A data frame that stands in place of the file of this name; a document of a file has none."""
+        return None
 
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""
@@ -57,22 +67,17 @@ class Document:
 def read_yaml(text: str, file: str) -> Document:
     """Plain data of a YAML document with a mapping at its top.
 
-    Keys given twice are among its ``problems``. Raises :class:`InputError` for broken YAML or another kind of document.
+    Keys given twice are among its ``problems``. Raises :class:`InputError` for broken YAML, another kind of
+    document, and one that is deeper or larger than the limits.
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        node = yaml.compose(text, Loader=loader)
+        return _Reader(file).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
         raise InputError([_broken(error, file)]) from None
     except yaml.YAMLError as error:
         words = str(error).splitlines()[0]
         raise InputError([Problem(f"this is not a text file of YAML: {words}", file)]) from None
-    if not isinstance(node, yaml.MappingNode):
-        raise InputError([Problem("expected a mapping of keys and values (mor: 1, title: …)", file, 1)])
-    lines: dict[Path, int] = {}
-    problems: list[Problem] = []
-    data = _walk(node, (), lines, problems, file)
-    return Document(data, lines, file, problems=tuple(problems))
 
 
 _BROKEN = (
@@ -84,13 +89,11 @@ _BROKEN = (
         "cannot start any token",
         "this cannot stand here: indent with blanks, not with tabs; quote texts that begin with @, ` or %",
     ),
-    ("undefined alias", "texts that begin with * need quotes"),
     ("block", "the indentation does not fit the lines above"),
     (
         "mapping values are not allowed",
         "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
     ),
-    ("single document", "a second document begins here (---); a project file has one"),
 )
 """What YAML complains of, in plain words."""
 
@@ -104,34 +107,124 @@ def _broken(error: yaml.MarkedYAMLError, file: str) -> Problem:
     return Problem(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)
 
 
-def _walk(node: yaml.Node, path: Path, lines: dict[Path, int], problems: list[Problem], file: str) -> Any:
-    lines[path] = node.start_mark.line + 1
-    if len(path) > _DEEPEST:
-        raise InputError([Problem("this is nested too deeply, or refers to itself", file, lines[path])])
-    if isinstance(node, yaml.MappingNode):
-        return _mapping(node, path, lines, problems, file)
-    if isinstance(node, yaml.SequenceNode):
-        return [_walk(item, (*path, i), lines, problems, file) for i, item in enumerate(node.value)]
-    assert isinstance(node, yaml.ScalarNode)
-    plain = node.style not in ("'", '"', "|", ">")
-    return None if plain and node.value in _NULLS else node.value
+class _Reader:
+    """Plain data from the events of a YAML text, one after the other.
+
+    Nodes are never composed as a whole: a text of a few kB may unfold, by anchors that hold aliases, to more than any
+    memory, and one with very many levels is more than the recursion of a composer bears.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.lines: dict[Path, int] = {}
+        self.problems: list[Problem] = []
+        self.anchored: dict[str, list[yaml.Event]] = {}
+        """Events behind each anchor; none as long as its node is not complete."""
+        self.values, self.most = 0, limit(_VALUES)
+        self.unfolding = 0
+        """Line of the alias that is being unfolded, 0 for none."""
+
+    def read(self, events: Iterator[yaml.Event]) -> Document:
+        """The only document of a text."""
+        first = [next(events) for _ in range(2)][1]
+        event = first if isinstance(first, yaml.StreamEndEvent) else next(events)
+        if not isinstance(event, yaml.MappingStartEvent):
+            raise self._error("expected a mapping of keys and values (mor: 1, title: …)", 1)
+        data = self._node(event, events, ())
+        next(events)
+        after = next(events)
+        if not isinstance(after, yaml.StreamEndEvent):
+            words = "this is not valid YAML: a second document begins here (---); a project file has one"
+            raise self._error(words, _line(after))
+        return Document(data, self.lines, self.file, problems=tuple(self.problems))
+
+    def _node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
+        self.lines[path] = _line(event)
+        self.values += 1
+        if self.values > self.most:
+            words = f"found more than {self.most} values, with all that is repeated by aliases; put long tables into"
+            raise self._error(
+                f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event)
+            )
+        if len(path) > _DEEPEST:
+            raise self._error(_TOO_DEEP, _line(event))
+        if isinstance(event, yaml.AliasEvent):
+            return self._unfolded(event, path)
+        if event.anchor is None:
+            return self._content(event, events, path)
+        self.anchored[event.anchor] = []
+        recorded = [event]
+        content = self._content(event, _recording(events, recorded), path)
+        self.anchored[event.anchor] = recorded
+        return content
+
+    def _unfolded(self, alias: yaml.AliasEvent, path: Path) -> Any:
+        outer = self.unfolding
+        self.unfolding = outer or _line(alias)
+        again = iter(self._behind(alias))
+        content = self._node(next(again), again, path)
+        self.unfolding = outer
+        return content
+
+    def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
+        found = self.anchored.get(str(alias.anchor))
+        if found is None:
+            words = "this is not valid YAML: texts that begin with * need quotes"
+            raise self._error(words, _line(alias))
+        if not found:
+            raise self._error(_TOO_DEEP, _line(alias))
+        return found
+
+    def _content(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
+        if isinstance(event, yaml.MappingStartEvent):
+            return self._mapping(events, path)
+        if isinstance(event, yaml.SequenceStartEvent):
+            items: list[Any] = []
+            while not isinstance(inside := next(events), yaml.SequenceEndEvent):
+                items.append(self._node(inside, events, (*path, len(items))))
+            return items
+        plain = event.style not in ("'", '"', "|", ">")
+        return None if plain and event.value in _NULLS else event.value
+
+    def _mapping(self, events: Iterator[yaml.Event], path: Path) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        first: dict[str, int] = {}
+        while not isinstance(key_event := next(events), yaml.MappingEndEvent):
+            line = _line(key_event)
+            if not isinstance(key_event, yaml.ScalarEvent):
+                self.problems.append(Problem("a key must be a plain text", self.file, line))
+                _skip(key_event, events)
+                _skip(next(events), events)
+                continue
+            key = key_event.value
+            if key in first:
+                words = f"key {key!r} is given twice (first in line {first[key]})"
+                self.problems.append(Problem(words, self.file, line))
+                _skip(next(events), events)
+                continue
+            first[key] = line
+            data[key] = self._node(next(events), events, (*path, key))
+            self.lines[(*path, key)] = line
+        return data
+
+    def _error(self, words: str, line: int) -> InputError:
+        return InputError([Problem(words, self.file, line)])
 
 
-def _mapping(
-    node: yaml.MappingNode, path: Path, lines: dict[Path, int], problems: list[Problem], file: str
-) -> dict[str, Any]:
-    data: dict[str, Any] = {}
-    first: dict[str, int] = {}
-    for key_node, value_node in node.value:
-        line = key_node.start_mark.line + 1
-        if not isinstance(key_node, yaml.ScalarNode):
-            problems.append(Problem("a key must be a plain text", file, line))
-            continue
-        key = key_node.value
-        if key in first:
-            problems.append(Problem(f"key {key!r} is given twice (first in line {first[key]})", file, line))
-            continue
-        first[key] = line
-        data[key] = _walk(value_node, (*path, key), lines, problems, file)
-        lines[(*path, key)] = line
-    return data
+def _line(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 0
+
+
+def _recording(events: Iterator[yaml.Event], recorded: list[yaml.Event]) -> Iterator[yaml.Event]:
+    for event in events:
+        recorded.append(event)
+        yield event
+
+
+def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
+    """Go past a node that is not wanted."""
+    depth = int(isinstance(event, yaml.CollectionStartEvent))
+    while depth:
+        event = next(events)
+        depth += int(isinstance(event, yaml.CollectionStartEvent))
+        depth -= int(isinstance(event, yaml.CollectionEndEvent))

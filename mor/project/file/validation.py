@@ -119,6 +119,7 @@ _EXPECTED = {
     "int_parsing": "a whole number",
     "int_type": "a whole number",
     "less_than": "a number below {lt:g}",
+    "less_than_equal": "{le:g} or less",
     "list_type": "a list",
     "model_attributes_type": "keys and values",
     "model_type": "keys and values",

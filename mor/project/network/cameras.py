@@ -14,7 +14,7 @@ from mor.project.network.entities import entities, unknown_name
 from mor.project.network.reading import Reading
 from mor.project.tables.statuses import settings
 from mor.project.tables.tables import Column, Rows
-from mor.units import NUMBER
+from mor.units import IMAGE, NUMBER, Component
 
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 """Diagonal of the format that 35 mm equivalents refer to, mm."""
@@ -27,10 +27,13 @@ def read_cameras(reading: Reading) -> None:
     ids, blocks, eccentricities, models = [], [], [], []
     for name, camera in reading.project.cameras.items():
         at = reading.at("cameras", name)
+        reading.shop.begin(f"camera {name}")
         try:
             scale = image_scale(camera, reading.project.units)
         except UnitError as error:
             reading.problems.append(at.problem(str(error), "image"))
+            continue
+        if not _r0_is_good(reading, name, camera, scale):
             continue
         reading.scales[name] = scale
         blocks.append(_interior(reading, name, camera, scale))
@@ -47,14 +50,26 @@ def read_cameras(reading: Reading) -> None:
     )
 
 
+def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> bool:
+    try:
+        r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
+    except UnitError as error:
+        reading.problems.append(reading.at("cameras", name).problem(f"r0: {error}", "r0"))
+        return False
+    if r0 < 0.0:
+        reading.problems.append(reading.at("cameras", name).problem("r0: expected a radius, 0 or more", "r0"))
+    return r0 >= 0.0
+
+
 def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
     model = CAMERA_MODELS[camera.model]
     path: Path = ("cameras", name, "interior")
     place = reading.at(*path)
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
+    before = len(reading.problems)
     statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
     values = statuses.values
-    if values[0, 0] <= 0.0 and model.components[0].name in given:
+    if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
         reading.problems.append(
             place.problem(
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
@@ -127,15 +142,23 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
             continue
         k = kind.names.index(component)
         try:
-            quantity = kind.components[k].quantity
-            result[k] = (
-                float("nan")
-                if text is None
-                else reading.edge.number(text, quantity, "", reading.scales[name])
-            )
+            sigma = _variant_sigma(reading, text, kind.components[k], reading.scales[name])
         except UnitError as error:
             reading.problems.append(at.problem(f"{component}: {error}"))
+            continue
+        if sigma != 0.0:  # no difference at all: every image has the component of the camera
+            result[k] = sigma
     return result
+
+
+def _variant_sigma(reading: Reading, text: str | None, component: Component, scale: ImageScale) -> float:
+    """σ of the difference of each image from its camera, NaN where there is none. Raises :class:`UnitError`."""
+    if text is None:
+        return float("nan")
+    sigma = reading.edge.number(text, component.quantity, "", scale)
+    if sigma < 0.0:
+        raise UnitError(f"found a negative σ ({text}), expected a σ ≥ 0")
+    return sigma
 
 
 def variant_columns(reading: Reading) -> list[Column]:
@@ -160,6 +183,8 @@ def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
         shared = int(shop.things["camera"].parts["interior"][number])
         row = slice(shared, shared + 1)
         variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        if not variant:
+            continue
         values = np.repeat(store.all_values()[row], len(mine), axis=0)
         free = np.repeat(store.all_free()[row], len(mine), axis=0)
         free[:, list(variant)] = True

@@ -12,6 +12,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import nearest
 from mor.parameters.index import Blocks
 from mor.parameters.kinds import KINDS, BlockKind
+from mor.project.tables.statuses import Statuses
 
 
 @dataclass
@@ -26,6 +27,9 @@ class BlockStore:
     start: list[FloatArray] = field(default_factory=list)
     about_axes: set[int] = field(default_factory=set)
     shared: dict[tuple[int, int], int] = field(default_factory=dict)
+    """Block whose component another one has: (block, component) → owner."""
+    differences: dict[tuple[int, int], float] = field(default_factory=dict)
+    """By how much a shared component exceeds that of its owner, where it does."""
 
     def add(
         self,
@@ -54,24 +58,17 @@ class BlockStore:
 
     def hold(self, block: int, component: int, value: float) -> None:
         """Fix one component of one block at a value."""
-        self._merge()
-        self.values[0][block, component] = value
-        self.free[0][block, component] = False
-        self.sigma[0][block, component] = self.start[0][block, component] = np.nan
+        table = self.merged()
+        table.values[block, component] = value
+        table.free[block, component] = False
+        table.sigma[block, component] = table.start[block, component] = np.nan
 
-    def copy(self, source: int, target: int, component: int) -> None:
-        """Give one component of a block the value and status of the same component of another block."""
-        self._merge()
-        for rows in (self.values[0], self.free[0]):
-            rows[target, component] = rows[source, component]
-        self.sigma[0][target, component] = np.nan
-        self.start[0][target, component] = self.start[0][source, component]
-
-    def _merge(self) -> None:
-        self.values = [self.all_values()]
-        self.free = [self.all_free()]
-        self.sigma = [self.all_sigma()]
-        self.start = [self.all_start()]
+    def merged(self) -> Statuses:
+        """Values, free flags, σ and start values of all blocks, (n, size) each, to be changed in place."""
+        table = Statuses(self.all_values(), self.all_free(), self.all_sigma(), self.all_start())
+        self.values, self.free = [table.values], [table.free]
+        self.sigma, self.start = [table.sigma], [table.start]
+        return table
 
     def blocks(self) -> Blocks:
         """The finished table of blocks."""
@@ -84,7 +81,12 @@ class BlockStore:
         for (block, component), other in self.shared.items():
             owner[block, component] = other
         about_axes = np.isin(np.arange(len(self.ids)), list(self.about_axes)) if self.about_axes else None
-        return Blocks(self.kind, tuple(self.ids), self.all_free(), owner, about_axes)
+        difference = None
+        if any(self.differences.values()):
+            difference = np.zeros(owner.shape)
+            for node, apart in self.differences.items():
+                difference[node] = apart
+        return Blocks(self.kind, tuple(self.ids), self.all_free(), owner, about_axes, difference)
 
     def all_values(self) -> FloatArray:
         """(n, size) values, NaN where not given."""
@@ -140,10 +142,30 @@ class Workshop:
 
     stores: dict[str, BlockStore]
     things: dict[str, Entities]
+    neutral_blocks: dict[str, int] = field(default_factory=dict)
+    sources: list[tuple[str, dict[str, int]]] = field(default_factory=list)
+    """Tables of the project in the order they were read, and how many blocks of each kind there were before."""
 
     def store(self, kind: str) -> BlockStore:
         """Store of a kind."""
         return self.stores[kind]
+
+    def begin(self, table: str) -> None:
+        """Blocks that are added from now on come from this table."""
+        self.sources.append((table, {kind: len(store.ids) for kind, store in self.stores.items()}))
+
+    def source(self, kind: str) -> IntArray:
+        """(n,) number of the table that each block of a kind comes from, −1 where it comes from none."""
+        first = np.array([counts[kind] for _, counts in self.sources], dtype=np.int64)
+        source: IntArray = np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1
+        return source
+
+    def neutral(self, kind: str) -> int:
+        """The block of zeros of a kind, for what has none of its own; added where nothing has asked for it yet."""
+        store = self.stores[kind]
+        if kind not in self.neutral_blocks:
+            self.neutral_blocks[kind] = store.add_fixed("none", [0.0] * store.kind.size)
+        return self.neutral_blocks[kind]
 
 
 def workshop() -> Workshop:
@@ -155,6 +177,29 @@ def workshop() -> Workshop:
     stores["refraction"].add_fixed("none", [0.0])
     stores["scale"].add_fixed("none", [1.0])
     return Workshop(stores, {})
+
+
+FRAMES = ("image", "station", "system", "pair")
+"""Namespaces whose things have blocks that are called after them: ``image 1``."""
+
+
+def thing_of(kind: str, block: str) -> tuple[str, str]:
+    """Namespace and name of the thing that a block belongs to: image 1 for the position called ``image 1``."""
+    space, _, name = block.partition(" ")
+    return (space, name) if space in FRAMES and name else (kind, block)
+
+
+def said_thing(kind: str, block: str) -> str:
+    """The thing a block belongs to, as a project names it: ``camera K``, ``instrument edm``, ``image 1``."""
+    space, name = thing_of(kind, block)
+    if block.partition(" ")[0] in ("camera", kind):
+        return block
+    if kind.startswith("interior/") and space == kind:
+        space = "camera"
+    return f"{_DECLARED_AS.get(space, space)} {name}"
+
+
+_DECLARED_AS = {"distance meter": "instrument", "refraction": "instrument"}
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

@@ -6,12 +6,13 @@ import numpy as np
 
 from mor.arrays import IntArray
 from mor.errors import Problem
-from mor.parameters.kinds import HEIGHT, POINT, ROTATION
+from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION
 from mor.project.file.model import Images
 from mor.project.network.cameras import interiors, variant_columns
 from mor.project.network.entities import entities, unknown_name
-from mor.project.network.poses import Seen, check_unique, heights, positions, rotations
+from mor.project.network.poses import Seen, check_unique, positions, rotations
 from mor.project.network.reading import Reading
+from mor.project.network.set_ups import eccentricities, heights, set_up_columns, shared_column
 from mor.project.tables.statuses import component_columns
 from mor.project.tables.tables import Column, Place, Rows, read_table
 
@@ -23,6 +24,7 @@ def read_images(reading: Reading) -> None:
     seen: list[Seen] = []
     leaders: list[tuple[int, str, str, str, int]] = []
     for k, table in enumerate(reading.project.images):
+        reading.begin("images", k, table)
         _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
         reading.watch(table.file)
     parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
@@ -32,7 +34,8 @@ def read_images(reading: Reading) -> None:
     _follow(reading, leaders)
 
 
-_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names)
+_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names)
+_SHARED = ("position", shared_column(HEIGHT), shared_column(ECCENTRICITY))
 _IMAGE_PARTS = (
     "position",
     "rotation",
@@ -60,7 +63,9 @@ def _read_images_table(
         Column("id", required=True),
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
-        *component_columns((*POINT.components, *ROTATION.components, *HEIGHT.components), edge),
+        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *set_up_columns(reading, HEIGHT),
+        *set_up_columns(reading, ECCENTRICITY),
         *variant_columns(reading),
     ]
     rows = read_table(table, columns, place, reading.problems)
@@ -78,13 +83,14 @@ def _read_images_table(
         reading.broken.add("image")
         return
     camera = shop.things["camera"]
-    position, rotation, height = _own_poses(reading, rows, names, table.fixed)
+    own = camera.parts["eccentricity"][cameras]
+    position, rotation, height, eccentricity = _own_poses(reading, rows, names, table, own)
     none = np.full(len(names), -1, dtype=np.int64)
     found = {
         "position": position,
         "rotation": rotation,
         "height": height,
-        "eccentricity": camera.parts["eccentricity"][cameras],
+        "eccentricity": eccentricity,
         "interior": interiors(reading, rows, cameras),
         "model": camera.parts["model"][cameras],
         "camera": cameras,
@@ -97,26 +103,33 @@ def _read_images_table(
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
+    reading.end("image", len(names))
 
 
 def _own_poses(
-    reading: Reading, rows: Rows, names: list[str], fixed: list[str]
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Position, rotation and height blocks; −1 for followers, which have those of their leading image."""
+    reading: Reading, rows: Rows, names: list[str], table: Images, eccentricity: IntArray
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Position, rotation, height and eccentricity blocks; those of followers come from their leading images.
+
+    ``eccentricity`` (n,) are the blocks of the cameras.
+    """
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
     own = rows.take(np.flatnonzero(~follows))
     labels = [f"image {name}" for name in own.text("id")]
     for i in np.flatnonzero(follows):
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
-        if given or rows.text("position")[i]:
+        if given or any(rows.text(name)[i] for name in _SHARED):
             words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
             reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
+    eccentricity = eccentricity.copy()
     if own.count:
+        fixed, free = table.fixed, table.free
         position[~follows] = positions(reading, own, labels, fixed)
         rotation[~follows] = rotations(reading, own, labels, fixed)
-        height[~follows] = heights(reading, own, labels, fixed)
-    return position, rotation, height
+        height[~follows] = heights(reading, own, labels, fixed, free)
+        eccentricity[~follows] = eccentricities(reading, own, labels, fixed, free, eccentricity[~follows])
+    return position, rotation, height, eccentricity
 
 
 def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:

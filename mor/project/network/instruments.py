@@ -20,6 +20,7 @@ def read_instruments(reading: Reading) -> None:
     ids, meters, refractions = [], [], []
     for name, instrument in reading.project.instruments.items():
         ids.append(name)
+        reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
     reading.shop.things["instrument"] = entities(
@@ -40,6 +41,9 @@ def _instrument(
     store = reading.shop.store(kind)
     path: Path = ("instruments", name)
     row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    scales = [values[0, components.index("scale")] for values in (row.values, row.start) if "scale" in given]
+    if any(scale <= 0.0 for scale in scales):
+        reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
     return int(store.add([name], *row)[0])
 
 
@@ -50,6 +54,7 @@ def read_pairs(reading: Reading) -> None:
     rotation: list[IntArray] = []
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.pairs):
+        reading.begin("pairs", k, table)
         columns = [
             Column("id", required=True),
             *component_columns((*BASE.components, *ROTATION.components), reading.edge),
@@ -71,6 +76,7 @@ def read_pairs(reading: Reading) -> None:
             )
         )
         ids += names
+        reading.end("pair", len(names))
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["pair"] = entities(
         ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}

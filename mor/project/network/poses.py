@@ -1,7 +1,8 @@
-"""Positions, rotations and heights of frames: own ones, shared ones, those of points."""
+"""Positions and rotations of frames: own ones, shared ones, those of points."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from mor.project.tables.statuses import Statuses, component_rows
 from mor.project.tables.tables import Rows
 
 
-def positions(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
+def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[str]) -> IntArray:
     """Position block of every row: its own, or that of the point or shared position it names."""
     shop = reading.shop
     statuses = component_rows(rows, POINT.components, fixed, reading.problems)
@@ -55,7 +56,7 @@ def rotations(
     reading: Reading,
     rows: Rows,
     labels: list[str],
-    fixed: list[str],
+    fixed: Sequence[str],
     level: bool = False,
     oriented: BoolArray | None = None,
 ) -> IntArray:
@@ -83,24 +84,6 @@ def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
     result = values.copy()
     known = np.isfinite(values).all(axis=1)
     result[known] = angles_from_rotation(rotation_from_angles(values[known]) @ M.T)
-    return result
-
-
-def heights(reading: Reading, rows: Rows, labels: list[str], fixed: list[str]) -> IntArray:
-    """Height block of every row: none, or its own; a plain height is fixed."""
-    height = rows.number("height")
-    sigma = rows.number("sigma_height")
-    given = np.flatnonzero(np.isfinite(height))
-    result = np.zeros(len(labels), dtype=np.int64)
-    tell_rows(reading.problems, sigma < 0.0, rows, "sigma_height: found a negative σ, expected a σ ≥ 0")
-    observed = (sigma > 0.0) & ("height" not in fixed)
-    result[given] = reading.shop.store("height").add(
-        [labels[i] for i in given],
-        height[given, None],
-        observed[given, None],
-        np.where(observed, sigma, np.nan)[given, None],
-        np.where(observed, rows.number("start_height"), np.nan)[given, None],
-    )
     return result
 
 

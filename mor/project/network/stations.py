@@ -6,12 +6,14 @@ import numpy as np
 
 from mor.arrays import IntArray
 from mor.errors import Problem
-from mor.parameters.kinds import HEIGHT, POINT, ROTATION, SCALE
+from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION, SCALE
 from mor.project.file.model import Stations, Systems
 from mor.project.network.entities import entities, unknown_name
-from mor.project.network.poses import Seen, check_unique, heights, positions, rotations
+from mor.project.network.poses import Seen, check_unique, positions, rotations
 from mor.project.network.reading import Reading
+from mor.project.network.set_ups import eccentricities, heights, set_up_columns, shared_column
 from mor.project.observations.orientations import set_name
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
 from mor.units import ANGLE
@@ -23,6 +25,7 @@ def read_stations(reading: Reading) -> None:
     collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.stations):
+        reading.begin("stations", k, table)
         _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["station"] = entities(
@@ -43,7 +46,8 @@ def _read_stations_table(
         Column("id", required=True),
         Column("set"),
         Column("point"),
-        *component_columns((*POINT.components, *ROTATION.components, *HEIGHT.components), edge),
+        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *set_up_columns(reading, HEIGHT),
         number_column("orientation", ANGLE, edge),
     ]
     rows = read_table(table, columns, place, reading.problems)
@@ -80,7 +84,7 @@ def _places(
     position, height = np.full((2, rows.count), -1, dtype=np.int64)
     if own.count:
         position[~is_set] = positions(reading, own, labels, table.fixed)
-        height[~is_set] = heights(reading, own, labels, table.fixed)
+        height[~is_set] = heights(reading, own, labels, table.fixed, table.free)
     earlier = [
         (*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))
     ]
@@ -89,6 +93,7 @@ def _places(
     for i in np.flatnonzero(is_set):
         station = rows.text("id")[i]
         place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
+        place |= bool(rows.text(shared_column(HEIGHT))[i])
         if station not in known:
             words = (
                 f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
@@ -104,11 +109,12 @@ def _places(
 
 
 def read_systems(reading: Reading) -> None:
-    """Local systems: origin, rotation, scale."""
+    """Local systems: origin, rotation, scale, offset."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.systems):
+        reading.begin("systems", k, table)
         _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["system"] = entities(
@@ -125,7 +131,12 @@ def _read_systems_table(
     seen: list[Seen],
 ) -> None:
     kinds = (*POINT.components, *ROTATION.components, *SCALE.components)
-    columns = [Column("id", required=True), Column("point"), *component_columns(kinds, reading.edge)]
+    columns = [
+        Column("id", required=True),
+        Column("point"),
+        *component_columns(kinds, reading.edge),
+        *set_up_columns(reading, ECCENTRICITY, shared=False),
+    ]
     rows = read_table(table, columns, place, reading.problems)
     if rows is None:
         return
@@ -134,8 +145,12 @@ def _read_systems_table(
     labels = [f"system {name}" for name in names]
     scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
     scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
+    wrong = (scale.values <= 0.0) | (scale.start <= 0.0)
+    tell_rows(reading.problems, wrong[:, 0], rows, "scale: expected a number above 0")
     collected["position"].append(positions(reading, rows, labels, table.fixed))
     collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
     collected["scale"].append(reading.shop.store("scale").add(labels, *scale))
-    collected["offset"].append(np.zeros(len(names), dtype=np.int64))
+    none = np.zeros(len(names), dtype=np.int64)
+    collected["offset"].append(eccentricities(reading, rows, labels, table.fixed, table.free, none))
     ids += names
+    reading.end("system", len(names))

@@ -9,6 +9,8 @@ import numpy as np
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
+from mor.input_files import read_text
+from mor.project.edge import LARGEST, SMALLEST_SIGMA
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group
@@ -143,7 +145,7 @@ def _rectangle(reading: Reading, rows: list[list[float]], place: Place) -> Float
 def _rows_of_file(path: Path) -> list[list[float]]:
     """Numbers of a CSV file without header. Raises :class:`InputError`."""
     rows, problems = [], []
-    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+    for number, line in enumerate(read_text(path).split("\n"), start=1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip():
             continue
@@ -173,6 +175,8 @@ def _not_positive_definite(matrix: FloatArray) -> str:
         return "the covariance matrix is not symmetric"
     if (np.diagonal(matrix) <= 0.0).any():
         return "the covariance matrix is not positive definite: a variance is missing, zero or negative"
+    if not ((np.diagonal(matrix) >= SMALLEST_SIGMA**2) & (np.diagonal(matrix) <= LARGEST**2)).all():
+        return f"the covariance matrix has a σ outside of {SMALLEST_SIGMA:g} to {LARGEST:g}"
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

@@ -15,10 +15,10 @@ _KNOWLEDGE = ("observed/rotation", "difference/rotation")
 
 
 def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -> None:
-    """Report sets whose orientation is unknown and that have fewer than two horizontal targets.
+    """Report sets whose orientation is unknown and that have no horizontal target; note those that have a single one.
 
     Sets are counted by their rotation, over all observation groups. A single direction only determines its own
-    orientation: it looks like an observation and is none.
+    orientation: its redundancy number is 0, and nothing else depends on it.
     """
     free = reading.shop.store("rotation").all_free()[:, 2].copy()
     for group in groups:
@@ -39,17 +39,18 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     for place, number in sorted(zip(first[poor].tolist(), numbers[poor].tolist(), strict=True)):
         g = int(np.searchsorted(starts, place, side="right")) - 1
         group, row = of_directions[g], place - int(starts[g])
-        words = _words(group.references[0][row], int(count[number]))
-        reading.problems.append(Problem(words, group.file, int(group.lines[row])))
+        name, place = group.references[0][row], (group.file, int(group.lines[row]))
+        if count[number]:
+            reading.notes.append(Problem(_ONE_TARGET.format(repr(name)), *place))
+        else:
+            reading.problems.append(Problem(_NO_TARGET.format(repr(name)), *place))
 
 
-def _words(name: str, count: int) -> str:
-    if count == 0:
-        return (
-            f"station {name!r} has no horizontal direction that would orient its circle; zenith angles alone are "
-            "of type zenith_angle, vertical directions alone of type vertical_direction"
-        )
-    return (
-        f"the set of directions at {name!r} has a single horizontal target, expected two or more: one direction "
-        "only finds its own orientation (fix or observe the orientation, or give a bearing)"
-    )
+_NO_TARGET = (
+    "station {} has no horizontal direction that would orient its circle; zenith angles alone are of type "
+    "zenith_angle, vertical directions alone of type vertical_direction"
+)
+_ONE_TARGET = (
+    "the set of directions at {} has a single horizontal target: it only finds its own orientation and says nothing "
+    "about the points"
+)

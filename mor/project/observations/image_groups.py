@@ -11,7 +11,7 @@ from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import Names
 from mor.project.axes import external_image
-from mor.project.edge import ImageScale, UnitError, split
+from mor.project.edge import LARGEST, ImageScale, UnitError, beyond, split
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.names import named_things
@@ -45,6 +45,8 @@ def raw_image(name: str, required: bool = False) -> Column:
             value = float("nan")
         if not np.isfinite(value):
             raise UnitError(f"found {text!r}, expected a number (units are said for the column: units: …)")
+        if abs(value) > LARGEST:
+            raise UnitError(beyond(text, value))
         return value
 
     return Column(name, parse=plain, factor=lambda unit: 1.0, required=required)
@@ -91,7 +93,7 @@ def _image_group(
         return None
     r0 = 0.0
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
-        r0 = reading.edge.number(camera.r0, IMAGE, "", scale)
+        r0 = reading.edge.number(camera.r0, IMAGE, "", scale)  # its unit is checked where the camera is read
     blocks = tuple(
         _blocks_of(points.parts["position"], point)
         if slot.of == "point"

@@ -12,11 +12,13 @@ import polars as pl
 from mor.arrays import BoolArray, IntArray
 from mor.errors import MANY_NAMES, Problem
 from mor.observations import ObservationType, Reference
+from mor.observations._between import POSITIONS
 from mor.observations.names import Names, places
 from mor.project.file.model import Observations
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.reading import Reading
 from mor.project.observations.orientations import add_set, freedom_of_set, set_name
+from mor.project.observations.undeclared_points import declare
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Place, Rows
 
@@ -39,20 +41,32 @@ class Resolved(NamedTuple):
 
     names: Names
     blocks: dict[str, IntArray]
-    """Blocks (n,) by part; nothing where a name is unknown."""
+    """Blocks (n,) by part, −1 where there is none; nothing where a name is unknown."""
+    at_centre: BoolArray
+    """(n,) true where the name is that of a projection centre."""
 
 
 def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
-    """Names of one column and the blocks behind them; each unknown name is told once."""
+    """Names of one column and the blocks behind them; each unknown name is told once.
+
+    ``point:P``, ``station:S``, ``image:I`` tell equal names apart; ``centre:I`` is the projection centre of an image.
+    """
     names = rows.names(reference.name)
     if reference.among[0] == "station":
         names = _stations_on_points(reading, names, rows)
+    elif "point" in reference.among:
+        declare(reading, rows, reference.name, reference.among)
     known = pl.Series(names.known, dtype=pl.String)
     spaces = {space: reading.shop.things[space] for space in reference.among}
     open_ = np.ones(len(known), dtype=bool)
+    centre = np.zeros(len(known), dtype=bool)
     found: dict[str, list[tuple[BoolArray, IntArray]]] = {}
     for space, things in spaces.items():
-        place = places(known.str.strip_prefix(f"{space}:"), pl.Series(things.ids, dtype=pl.String))
+        bare = known.str.strip_prefix(f"{space}:")
+        if space == "image" and reference.among == POSITIONS:
+            centre = open_ & known.str.starts_with(_CENTRE).to_numpy()
+            bare = bare.str.strip_prefix(_CENTRE)
+        place = places(bare, pl.Series(things.ids, dtype=pl.String))
         here = open_ & (place >= 0)
         open_ &= ~here
         for part, numbers in things.parts.items():
@@ -61,14 +75,31 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
             _tell_unknown(reading, reference.name, rows, names, open_, ids)
-        return Resolved(names, {})
+        return Resolved(names, {}, centre[names.numbers])
     blocks = {}
     for part, pieces in found.items():
         of_name = np.full(len(known), -1, dtype=np.int64)
         for here, numbers in pieces:
             of_name[here] = numbers
         blocks[part] = of_name[names.numbers]
-    return Resolved(names, blocks)
+    resolved = Resolved(names, blocks, centre[names.numbers])
+    if reference.among == POSITIONS:
+        _refuse_followers(reading, resolved, rows)
+    return resolved
+
+
+_CENTRE = "centre:"
+
+
+def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
+    """Tell stereo followers that are named as positions: they have a projection centre only."""
+    if "base" not in resolved.blocks:
+        return
+    wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
+    words = (
+        "image {0!r} follows another one and is no position of its own; centre:{0} is its projection centre"
+    )
+    tell_rows(reading.problems, wrong, rows, lambda row: words.format(resolved.names[row]))
 
 
 def _tell_unknown(
@@ -101,6 +132,7 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     places = np.empty(len(order), dtype=np.int32)
     places[order] = np.arange(len(order), dtype=np.int32)
     stands = [(names[row], sets[row]) for row in first[order].tolist()]
+    declare(reading, rows, "station", ("station", "point"))
     _add_stations(reading, stands)
     return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
 
@@ -147,6 +179,8 @@ def _same_words(ends: str, type_: str, cells: pl.Series, row: int) -> str:
 
 def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names:
     """The things of one namespace that the rows name, −1 where there is none; each unknown name is told once."""
+    if space == "point":
+        declare(reading, rows, column, ("point",))
     things = reading.shop.things[space]
     cells = rows.series(column)
     found = places(cells, pl.Series(things.ids, dtype=pl.String))

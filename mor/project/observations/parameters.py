@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +15,14 @@ from mor.parameters.kinds import INTERIORS, KINDS, BlockKind
 from mor.project.edge import ImageScale, UnitError
 from mor.project.file.model import Observations
 from mor.project.network.entities import unknown_name
+from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
 from mor.project.network.reading import Reading
+from mor.project.observations.observation_rows import group_name
 from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
     "camera": ("interior", "eccentricity"),
-    "image": ("position", "rotation", "height", "interior"),
+    "image": ("position", "rotation", "height", "interior", "eccentricity"),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
@@ -55,9 +57,13 @@ class _Known:
     sigma: float
 
 
-def parameter_groups(reading: Reading) -> list[ObservationGroup]:
-    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry."""
-    groups: list[ObservationGroup] = []
+def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
+    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry.
+
+    Each with the number of its entry.
+    """
+    groups: list[tuple[int, ObservationGroup]] = []
+    said: list[_Row] = []
     for number, entry in enumerate(reading.project.observations):
         if entry.type not in ("parameter", "difference"):
             continue
@@ -70,12 +76,17 @@ def parameter_groups(reading: Reading) -> list[ObservationGroup]:
         ]
         rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
         if rows is not None:
-            groups += _parameter_rows(reading, entry, rows, names)
+            found = _parameter_rows(reading, entry, rows, names, said)
+            groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
+    _take_exactly(reading, [row for row in said if row.known.sigma == 0.0])
+    for row in said:
+        if row.known.sigma > 0.0:
+            _refuse_constant(reading, row)
     return groups
 
 
 def _parameter_rows(
-    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...]
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Row]
 ) -> list[ObservationGroup]:
     collected: dict[tuple[str, str], list[_Known]] = {}
     for i in range(rows.count):
@@ -87,14 +98,12 @@ def _parameter_rows(
         except ValueError as error:
             reading.problems.append(Problem(str(error), rows.file, int(rows.lines[i])))
             continue
+        said.append(_Row(places[0].kind, known, rows, names))
         if known.sigma == 0.0:
-            _exactly(reading, places[0].kind, known, rows)
             continue
         unit = places[0].scale.unit if places[0].scale else "mm"
         collected.setdefault((places[0].kind, unit), []).append(known)
-    return [
-        _parameter_group(entry, kind, unit, found, rows, names) for (kind, unit), found in collected.items()
-    ]
+    return [_parameter_group(kind, unit, found, rows, names) for (kind, unit), found in collected.items()]
 
 
 class _UnknownThingError(Exception):
@@ -120,7 +129,8 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     if given["sigma"] < 0.0:
         raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
     blocks = tuple(place.block for place in places)
-    return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"])
+    sigma = given["sigma"] * entry.factor
+    return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
 
 
 def _find(reading: Reading, name: str, component: str) -> _Place:
@@ -173,31 +183,68 @@ def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
     return KINDS[plain.get(part, part)]
 
 
-def _exactly(reading: Reading, kind: str, known: _Known, rows: Rows) -> None:
-    """σ = 0: a parameter is fixed at its value, a zero difference makes two components one."""
-    store = reading.shop.store(kind)
-    if len(known.blocks) == 1:
-        store.hold(known.blocks[0], known.component, known.value)
-    elif known.value == 0.0 and not store.kind.is_rotation:
-        first, second = known.blocks
-        store.shared[second, known.component] = store.shared.get((first, known.component), first)
-        store.copy(first, second, known.component)
-    else:
-        words = "σ = 0 of a difference needs the value 0 (and no rotation); give a small σ instead"
-        reading.problems.append(Problem(words, rows.file, int(rows.lines[known.row])))
+class _Row(NamedTuple):
+    """A row of a table, and the columns that say what it is about."""
+
+    kind: str
+    known: _Known
+    rows: Rows
+    names: tuple[str, ...]
+
+    def problem(self, words: str) -> Problem:
+        """A problem of this row."""
+        return Problem(words, self.rows.file, int(self.rows.lines[self.known.row]))
+
+
+def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
+    """σ = 0: a parameter is fixed at its value; a difference makes one unknown of two components."""
+    for row in exact:
+        if len(row.known.blocks) == 1:
+            reading.shop.store(row.kind).hold(row.known.blocks[0], row.known.component, row.known.value)
+    for kind in dict.fromkeys(row.kind for row in exact):
+        here = [row for row in exact if row.kind == kind]
+        tied = [row for row in here if len(row.known.blocks) == 2]
+        ties = [
+            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value)
+            for row in tied
+        ]
+        try:
+            settle_equalities(reading.shop.store(kind), ties)
+        except ContradictionError as error:
+            row = tied[error.number] if error.number is not None else (tied or here)[0]
+            reading.problems.append(row.problem(f"σ = 0: {error}"))
+
+
+def _equality(known: _Known) -> Equality:
+    first, second = known.blocks
+    return Equality(known.component, first, second, known.value)
+
+
+def _refuse_constant(reading: Reading, row: _Row) -> None:
+    """Tell a row in which nothing that is observed is an unknown."""
+    free, known = reading.shop.store(row.kind).all_free(), row.known
+    if any(free[block, known.component] for block in known.blocks):
+        return
+    names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
+    verb = "is" if len(row.names) == 1 else "are"
+    words = (
+        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: to observe it says nothing; make it "
+        "free where it is declared, or give it its value and σ there"
+    )
+    reading.problems.append(row.problem(words))
 
 
 def _parameter_group(
-    entry: Observations, kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
+    kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
 ) -> ObservationGroup:
     type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
     size = KINDS[kind].size
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
     for row, known in enumerate(found):
-        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma * entry.factor
+        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma
     lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
     return ObservationGroup(
-        name=entry.name or entry.file or entry.type,
+        name="",
         type=type_,
         blocks=tuple(np.array([known.blocks[k] for known in found]) for k in range(len(names))),
         observed=observed,

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 
-from mor.errors import Problem, nearest
+from mor.errors import InputError, Problem, nearest
+from mor.input_files import TABLE, check_regular, check_size, is_folder, limit, read_bytes
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Place, Source
-from mor.project.tables.texts import from_text, our_name, wrong_length
+from mor.project.tables.texts import COLUMNS, from_text, our_name, too_many_columns, wrong_length
+
+_SMALLEST_CELL = 8
+"""Bytes of a number, or of the reference to a text, in memory."""
 
 
 def from_rows(table: Table, place: Place, problems: list[Problem]) -> Source:
@@ -35,25 +38,47 @@ def from_rows(table: Table, place: Place, problems: list[Problem]) -> Source:
 
 def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> Source | None:
     """Rows of a file beside the project; ``None`` where ``problems`` were added instead."""
+    frame = place.document.frame(str(table.file))
+    if frame is not None:
+        return _from_frame(frame, table, place.document.file_of(place.path))
     path = place.folder / str(table.file)
-    if not path.is_file():
-        near = nearest(path.name, [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else [])
-        problems.append(place.problem(f"file {table.file!r} does not exist{near}", "file"))
+    try:
+        check_regular(path)
+    except InputError as error:
+        problems += [place.problem(f"file {table.file!r} {_words(error, path)}", "file")]
         return None
     try:
         if path.suffix == ".parquet":
-            return _from_parquet(pl.read_parquet(path), table, str(path))
-        text = path.read_bytes()
-        if path.suffix == ".gz":
-            text = gzip.decompress(text)
-    except (OSError, EOFError, zlib.error, pl.exceptions.PolarsError) as error:
+            return _from_frame(_read_parquet(path), table, str(path))
+        return from_text(read_bytes(path), table, known, str(path), problems)
+    except InputError as error:
+        problems += error.problems
+    except pl.exceptions.PolarsError as error:
         problems.append(Problem(f"this file cannot be read: {str(error).splitlines()[0]}", str(path)))
-        return None
-    return from_text(text, table, known, str(path), problems)
+    return None
 
 
-def _from_parquet(frame: pl.DataFrame, table: Table, file: str) -> Source:
-    """Columns of a Parquet file: texts and numbers as they are; a row counts as a line, from 1."""
+def _words(error: InputError, path: Path) -> str:
+    """What is wrong with a path, after its name, and the nearest file there is."""
+    others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
+    near = nearest(path.name, others) if path.name not in others else ""
+    said = "; ".join(problem.message for problem in error.problems)
+    return said.removeprefix("this file ").removeprefix("this ") + near
+
+
+def _read_parquet(path: Path) -> pl.DataFrame:
+    """A Parquet file, the size of which is known from its description before it is unpacked."""
+    lazy = pl.scan_parquet(path)
+    columns = len(lazy.collect_schema())
+    if columns > limit(COLUMNS):
+        raise InputError([Problem(too_many_columns(columns), str(path))])
+    rows = lazy.select(pl.len()).collect().item()
+    check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
+    return lazy.collect()
+
+
+def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
+    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
     columns = {}
     for name in frame.columns:
         ours = our_name(table, name)

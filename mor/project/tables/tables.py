@@ -9,6 +9,7 @@ import polars as pl
 
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Problem, nearest
+from mor.project.edge import LARGEST, beyond
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Place, Rows, Source, tell_rows
 from mor.project.tables.sources import from_file, from_rows
@@ -132,6 +133,10 @@ def _identifiers(column: Column, cells: pl.Series, source: Source, problems: lis
     result = cells.cast(pl.String).str.strip_chars().fill_null("")
     if column.required:
         tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
+    broken = result.str.contains("[\n\r\\x00]").to_numpy()
+    tell_rows(
+        problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks"
+    )
     return result
 
 
@@ -157,7 +162,7 @@ def _numbers(
         else pl.repeat(None, len(cells), eager=True)
     )
     values = plain.cast(pl.Float64).fill_null(np.nan).to_numpy() * (1.0 if factor is None else factor)
-    others = ~np.isfinite(values) & ~missing
+    others = ~(np.abs(values) <= LARGEST) & ~missing
     if others.any():
         values = np.array(values)
         _one_by_one(column, cells, unit, values, others, source, problems)
@@ -198,7 +203,7 @@ def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
         value = column.parse(text, unit)
     except ValueError as error:
         return np.nan, str(error)
-    return (value, "") if np.isfinite(value) else (np.nan, f"found {text!r}, expected a finite number")
+    return (value, "") if abs(value) <= LARGEST else (np.nan, beyond(text, value))
 
 
 def _fits(column: Column, unit: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.datum.defect import similarities
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 
 _SMALL = 1e-5

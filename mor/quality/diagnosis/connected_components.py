@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mor.arrays import IntArray
-from mor.quality.solved import Solved
+from mor.observations import ObservationGroup
+from mor.project.network.build import Network
 
 _TIES = ("point", "rotation", "base")
 """Kinds of blocks that tie observations together in space. A shared camera or refraction coefficient does not."""
@@ -21,6 +21,8 @@ class Part:
     """Names of the things in one part, by namespace."""
 
     names: dict[str, tuple[str, ...]]
+    held: bool
+    """True where fixed points are among them."""
 
     @property
     def size(self) -> int:
@@ -28,9 +30,12 @@ class Part:
         return sum(len(names) for names in self.names.values())
 
 
-def connected_parts(solved: Solved) -> tuple[Part, ...]:
-    """Parts of the network, the largest first; fixed points are one part with all that is tied to any of them."""
-    blocks = solved.network.blocks
+def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tuple[Part, ...]:
+    """Parts of the network, the largest first; fixed points are one part with all that is tied to any of them.
+
+    What was left out belongs to none.
+    """
+    blocks = network.blocks
     first, count = {}, 1  # node 0 is the ground: everything that is fixed
     for kind in _TIES:
         if kind in blocks:
@@ -41,7 +46,7 @@ def connected_parts(solved: Solved) -> tuple[Part, ...]:
         held = np.flatnonzero(~blocks[kind].free.any(axis=1))
         if kind == "point":
             links.append((np.zeros_like(held), held + start))
-    for group in solved.adjustment.problem.groups:
+    for group in groups:
         nodes = [
             numbers + first[slot.kind]
             for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
@@ -51,18 +56,28 @@ def connected_parts(solved: Solved) -> tuple[Part, ...]:
     ends = (
         [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
     )
+    # Imported here: only networks that are not determined come to this.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(ends[0])), (ends[0], ends[1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
-    return _parts(solved, labels.astype(np.int64), first["point"])
+    return _parts(network, labels.astype(np.int64), first["point"])
 
 
-def _parts(solved: Solved, labels: IntArray, first_point: int) -> tuple[Part, ...]:
+def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, ...]:
     """Things by the part their position belongs to."""
     collected: dict[int, dict[str, list[str]]] = {}
+    absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
     for space in _NAMED:
-        things = solved.network.things[space]
+        things = network.things[space]
         for name, position in zip(things.ids, things.parts["position"], strict=True):
+            if absent[position]:
+                continue
             part = int(labels[first_point + int(position)])
             collected.setdefault(part, {}).setdefault(space, []).append(name)
-    parts = [Part({space: tuple(names) for space, names in found.items()}) for found in collected.values()]
+    parts = [
+        Part({space: tuple(names) for space, names in found.items()}, held=number == labels[0])
+        for number, found in collected.items()
+    ]
     return tuple(sorted(parts, key=lambda part: -part.size))

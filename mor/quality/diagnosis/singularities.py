@@ -6,8 +6,9 @@ import numpy as np
 
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
-from mor.adjustment.solve import A_WEAK_TURN
+from mor.adjustment.state import A_WEAK_TURN
 from mor.parameters.kinds import KINDS
+from mor.project.network.entities import thing_of
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts
 from mor.quality.diagnosis.loose_frames import why_loose
@@ -27,7 +28,6 @@ _CURES = {
     "eccentricity": "fix the component, or turn the frame about its rotation centre",
     "base": "fix the base, or measure a distance",
 }
-_FRAMES = ("image", "station", "system", "pair")
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
 _ALONG_AXIS = 0.999
@@ -40,7 +40,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
     """One line or more for everything that the observations and the datum leave open."""
     adjustment = solved.adjustment
     if adjustment.defect.undetermined:
-        parts = connected_parts(solved)
+        parts = connected_parts(solved.network, adjustment.problem.groups)
         tied = [part for part in parts if part.size > 1]
         return [
             *(
@@ -166,7 +166,7 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
     told = [
         _one_block(kind, block, directions, say)
         for (kind, block), directions in single.items()
-        if _owner(kind, block) not in alone
+        if thing_of(kind, block) not in alone
     ]
     return [*told, *lines, *_geometry(solved, alone, say)]
 
@@ -174,7 +174,7 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
 def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
     """Images and stations among what is loose that see too few points, or all on one line."""
     frames = dict.fromkeys(
-        _owner(kind, block)
+        thing_of(kind, block)
         for direction in solved.adjustment.defect.undetermined
         for kind, block, _ in direction.unknowns
     )
@@ -253,14 +253,8 @@ def _components(direction: Undetermined, kind: str, block: str) -> str:
     return ", ".join(c for k, b, c in direction.unknowns if (k, b) == (kind, block))
 
 
-def _owner(kind: str, block: str) -> tuple[str, str]:
-    """Namespace and name of the thing that a block belongs to: image 1 for the position called ``image 1``."""
-    space, _, name = block.partition(" ")
-    return (space, name) if space in _FRAMES and name else (kind, block)
-
-
 def _name(kind: str, block: str, say: Say) -> str:
-    space, name = _owner(kind, block)
+    space, name = thing_of(kind, block)
     thing = f"{say(space)} {name}"
     if kind.startswith("interior/"):
         if space == "image":

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Iteration, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Adjustment, Iteration
 from mor.arrays import BoolArray, FloatArray
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.gross_errors.exclusion import exclude

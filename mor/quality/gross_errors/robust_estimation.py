@@ -18,7 +18,8 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Settings, adjust
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
 from mor.quality.assess import Quality
 from mor.quality.gross_errors.exclusion import reweighted

@@ -6,7 +6,7 @@ import numpy as np
 
 from mor.adjustment.datum.s_transformation import STransformation, s_transformation
 from mor.adjustment.plan import reduced_columns
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 from mor.sparse.block_matrix import BlockMatrix

@@ -7,7 +7,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise
 from mor.adjustment.normals import cluster_rows
 from mor.adjustment.plan import ClusterRows
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.reliability.influence_on_position import Directions, counted_columns, lengths_of_rows
 from mor.quality.reliability.observation_quality import Correlated, ObservationQuality

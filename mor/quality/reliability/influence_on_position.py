@@ -27,7 +27,7 @@ from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import RayChunk
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_solutions import point_of_ray
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.quality.reliability import ray_kernels as compiled_rays
@@ -78,7 +78,7 @@ def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions
     rays, columns = chunk.rays, lane.columns[chunk.points]
     own, through = (np.ascontiguousarray(array[columns]) for array in extra)
     reduced = extra.through[plan.kept]
-    if compilation.available:
+    if compilation.wanted():
         of_frames = np.where((rays.columns >= 0)[:, :, None], reduced[rays.columns], 0.0)
         of_frames = np.ascontiguousarray(np.swapaxes(of_frames, 1, 2))
         arrays = rays.by_point, rays.by_others, rays.frame, rays.point_pointers

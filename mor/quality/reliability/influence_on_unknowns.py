@@ -12,7 +12,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.normals import cluster_rows
 from mor.adjustment.plan import ClusterRows
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient

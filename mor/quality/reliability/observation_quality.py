@@ -148,16 +148,16 @@ def omega_of(quality: ObservationQuality) -> float:
 
 
 def _at(correlated: Correlated, rows: IntArray) -> Correlated | None:
-    """The entries that stand in these rows, which may come in any order, each once."""
-    order = np.argsort(rows, kind="stable")
-    place = np.minimum(np.searchsorted(rows, correlated.rows, sorter=order), len(rows) - 1)
-    if len(rows) == 0:
+    """The entries that stand in these rows, which may come in any order and more than once."""
+    order = np.argsort(correlated.rows, kind="stable")
+    first, last = (np.searchsorted(correlated.rows, rows, side, sorter=order) for side in ("left", "right"))
+    count = last - first
+    if not count.any():
         return None
-    here = rows[order[place]] == correlated.rows
-    if not here.any():
-        return None
-    kept = Correlated(*(array[here] for array in correlated))
-    return kept._replace(rows=order[place[here]])
+    place = np.repeat(np.arange(len(rows)), count)
+    nth = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
+    entries = order[first[place] + nth]
+    return Correlated(*(array[entries] for array in correlated))._replace(rows=place)
 
 
 _OfRows: TypeAlias = Callable[[ObservationQuality], FloatArray]

@@ -19,7 +19,7 @@ from mor.adjustment.rays.chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_elimination import cofactors as ray_cofactors
-from mor.adjustment.solve import Adjustment
+from mor.adjustment.state import Adjustment
 from mor.arrays import AnyIntArray, BoolArray, FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.effort import Done
@@ -114,7 +114,7 @@ def _fill_rays(
         place = np.flatnonzero(chunk.group == number)
         one = quality[number]
         rows = chunk.row[place]
-        if compilation.available:
+        if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
             compiled_rays.fill(rows, place, chunk.weight, white, carries, CONTROLLED, *arrays)
         else:

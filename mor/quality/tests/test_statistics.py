@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, ndtri
+from scipy.special import chdtri, gammaincinv, ndtri
 
 from mor.arrays import FloatArray
 from mor.quality.in_chunks import in_pieces
@@ -37,7 +37,8 @@ def global_test(statistic: float, redundancy: int, level: float) -> GlobalTest:
     """χ² test of Ω = vᵀPv with f = redundancy degrees of freedom at the given level."""
     if redundancy == 0:
         return GlobalTest(statistic, 0.0, 0.0, level, 0)
-    lower, upper = (float(chdtri(redundancy, q)) for q in (1.0 - level / 2.0, level / 2.0))
+    lower = 2.0 * float(gammaincinv(0.5 * redundancy, 0.5 * level))
+    upper = float(chdtri(redundancy, 0.5 * level))
     return GlobalTest(statistic, lower, upper, level, redundancy)
 
 
@@ -71,4 +72,4 @@ def least_alike(size: float) -> float:
 
 def critical_value(level: float) -> float:
     """Two-sided critical value of the standard normal distribution, 3.29 for 0.001."""
-    return float(ndtri(1.0 - level / 2.0))
+    return -float(ndtri(0.5 * level))

@@ -11,6 +11,7 @@ import polars as pl
 from mor.approximate.bundle import Bundle, image_bundle
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
+from mor.input_files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,8 @@ class Measured:
 
 def read_homologous(path: Path) -> Measured:
     """Table with the columns id, x1, y1, x2, y2, … Raises :class:`InputError` with every mistake found."""
-    if not path.is_file():
-        raise InputError([Problem("this file does not exist", str(path))])
     try:
-        frame = pl.read_csv(path, infer_schema=False)
+        frame = pl.read_csv(read_bytes(path), infer_schema=False)
     except pl.exceptions.PolarsError as error:
         raise InputError([Problem(f"not a table: {str(error).splitlines()[0]}", str(path))]) from None
     images = 0

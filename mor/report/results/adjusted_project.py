@@ -6,23 +6,29 @@ the same result. Tables of observations are referred to where they stand.
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
-import yaml
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values
-from mor.parameters.kinds import BASE, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
+from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE, BlockKind
 from mor.project.file.nodes import Document
+from mor.project.file.yaml_text import yaml_text
 from mor.project.network.build import Network
+from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
+
+_REMARKED = 50
+"""Things that nothing determines that are named in the adjusted project."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +64,25 @@ def adjusted_project(
             data[section] = entries
     for section in ("observations", "checks"):
         if section in data:
-            data[section] = [_moved(entry, source, target) for entry in data[section] or []]
+            data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if "cameras" in data:
         data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
         data["instruments"] = {name: _instrument(placed, name, c) for name, c in data["instruments"].items()}
     if placed.snooping:
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=1000)
-    return text, tables
+    return yaml_text(data, width=1000), tables
+
+
+def remarks(things: Sequence[Undeterminable]) -> str:
+    """Comments that say what did not take part, or only with its direction."""
+    lines = [
+        f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"
+        for thing in things[:_REMARKED]
+    ]
+    if len(things) > _REMARKED:
+        lines.append(f"# and {len(things) - _REMARKED} more: undetermined.csv has all of them")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
@@ -79,11 +95,18 @@ def _sections(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, An
     }
 
 
-def _moved(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
-    """An entry whose files are found from the new folder."""
+def _moved(
+    entry: dict[str, Any], document: Document, source: Path, target: Path, tables: dict[str, pl.DataFrame]
+) -> dict[str, Any]:
+    """An entry whose files are found from the new folder; a data frame without a file becomes one of ``tables``."""
     moved = dict(entry)
     for key in ("file", "covariance"):
-        if isinstance(moved.get(key), str):
+        frame = document.frame(str(moved.get(key)))
+        if frame is not None:
+            words = "".join(c if c.isalnum() else " " for c in str(moved[key])).split()
+            moved[key] = f"given_{'_'.join(words)}.csv"
+            tables[moved[key]] = frame
+        elif isinstance(moved.get(key), str):
             moved[key] = Path(os.path.relpath(source / moved[key], target)).as_posix()
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
@@ -144,27 +167,59 @@ def _plain(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -
     return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
 
 
-def _heights(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
-    columns = _plain(placed, "height", numbers, HEIGHT.names)
-    none = numbers == 0
+def _set_ups(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
+    columns: dict[str, Any] = dict(_plain(placed, kind.key, numbers, kind.names))
     for column in columns.values():
-        column[none] = np.nan
-    return {key: column for key, column in columns.items() if not np.isnan(column).all()}
+        column[~own] = np.nan
+    columns = {key: column for key, column in columns.items() if not np.isnan(column).all()}
+    shared = placed.network.things.get(shared_column(kind))
+    if shared is not None and shared.ids:
+        names = dict(zip(shared.parts[kind.key].tolist(), shared.ids, strict=True))
+        columns[shared_column(kind)] = [names.get(int(number), "") for number in numbers]
+    return columns
+
+
+def _unknown(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> list[tuple[str, ...]]:
+    """Of each frame (n,) the components that are unknowns without a σ."""
+    free = placed.network.blocks[kind.key].free[numbers]
+    loose = free & np.isnan(placed.network.sigma[kind.key][numbers]) & own[:, None]
+    return [tuple(name for name, there in zip(kind.names, row, strict=True) if there) for row in loose]
+
+
+def _by_table(
+    placed: Placed,
+    space: str,
+    columns: dict[str, Any],
+    unknown: Sequence[tuple[str, ...]] | None = None,
+) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
+    """A table for each one the things of a namespace came from, by its name, with its ``unknown`` constants free."""
+    ids = placed.network.things[space].ids
+    result, first = [], 0
+    for name, count in placed.network.tables.get(space, ()):
+        rows = slice(first, first + count)
+        frame = _frame(ids[rows], {key: column[rows] for key, column in columns.items()})
+        result.append(
+            (frame, {**({"name": name} if name else {}), **_free(unknown[rows] if unknown else ())})
+        )
+        first += count
+    return result
+
+
+def _free(unknown: Iterable[tuple[str, ...]]) -> dict[str, Any]:
+    """The key for constants that are unknowns in a table."""
+    names = list(dict.fromkeys(name for row in unknown for name in row))
+    return {"free": names} if names else {}
 
 
 def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    """One table for each group of points, and one for the rest, in their order."""
-    things = placed.network.things["point"]
-    result = []
-    groups, positions = placed.network.point_groups, things.parts["position"]
-    group_of = np.full(len(positions), "", dtype=object)
-    for i in np.flatnonzero(np.isin(positions, list(groups))):
-        group_of[i] = groups[int(positions[i])]
-    for group in dict.fromkeys(group_of.tolist()):
-        chosen = np.flatnonzero(group_of == group)
-        frame = _frame([things.ids[i] for i in chosen], _positions(placed, positions[chosen]))
-        result.append((frame, {"group": group} if group else {}))
-    return result
+    positions = placed.network.things["point"].parts["position"]
+    tables, first = [], 0
+    for frame, keys in _by_table(placed, "point", _positions(placed, positions)):
+        group = placed.network.point_groups.get(int(positions[first])) if frame.height else None
+        tables.append((frame, {**keys, **({"group": group} if group else {})}))
+        first += frame.height
+    return tables
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
@@ -200,17 +255,25 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     }
     leader_of = {int(n): things.ids[i] for i, n in enumerate(parts["rotation"]) if parts["base"][i] < 0}
     follows = parts["base"] >= 0
-    columns = {
+    of_cameras = network.things["camera"].parts["eccentricity"][parts["camera"]]
+    raised, apart = parts["height"] != 0, parts["eccentricity"] != of_cameras
+    columns: dict[str, Any] = {
         "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
         "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
         "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
         **_pose(placed, parts["position"], parts["rotation"], "position"),
-        **_heights(placed, parts["height"]),
+        **_set_ups(placed, HEIGHT, parts["height"], raised),
+        **_set_ups(placed, ECCENTRICITY, parts["eccentricity"], apart),
     }
-    for column in columns.values():
+    for key, column in columns.items():
         if isinstance(column, np.ndarray):
             column[follows] = np.nan
-    return [(_frame(things.ids, columns | _image_variant(placed)), {})]
+        elif key not in ("camera", "leader", "pair"):
+            columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
+    heights = _unknown(placed, HEIGHT, parts["height"], raised & ~follows)
+    eccentricities = _unknown(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
+    unknown = [(*a, *b) for a, b in zip(heights, eccentricities, strict=True)]
+    return _by_table(placed, "image", columns | _image_variant(placed), unknown)
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
@@ -235,22 +298,26 @@ def _pairs(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **_plain(placed, "base", things.parts["base"], BASE.names),
         **_rotations(placed, things.parts["rotation"], np.eye(3)),
     }
-    return [(_frame(things.ids, columns), {})]
+    return _by_table(placed, "pair", columns)
 
 
 def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    """One table for each kind of level."""
-    things = placed.network.things["station"]
+    """The tables they came from; those that only observations name are levelled."""
+    things, network = placed.network.things["station"], placed.network
     result = []
-    levels = np.array([placed.network.station_levels.get(name, "fixed") for name in things.ids], dtype=object)
-    for level in dict.fromkeys(levels.tolist()):
-        chosen = np.flatnonzero(levels == level)
+    tables = [
+        (network.station_tables.get(name, ""), network.station_levels.get(name, "fixed"))
+        for name in things.ids
+    ]
+    for table in dict.fromkeys(tables):
+        chosen = np.array([i for i, own in enumerate(tables) if own == table], dtype=np.int64)
+        name, level = table
         parts = {part: numbers[chosen] for part, numbers in things.parts.items()}
         names = [placed.network.sets.get(things.ids[i], (things.ids[i], "")) for i in chosen]
         columns = {
             "set": [set_ for _, set_ in names],
             **_pose(placed, parts["position"], parts["rotation"], "point", level=level == "fixed"),
-            **_heights(placed, parts["height"]),
+            **_set_ups(placed, HEIGHT, parts["height"], parts["height"] != 0),
         }
         _empty_places_of_sets(columns)
         idle = np.array([things.ids[i] in placed.network.unoriented for i in chosen], dtype=bool)
@@ -259,14 +326,19 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
                 column[idle] = np.nan  # no direction was observed there
         if level == "fixed":
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
-        result.append((_frame([name for name, _ in names], columns), {"level": level}))
+        of_own = (parts["height"] != 0) & np.array([not set_ for _, set_ in names], dtype=bool)
+        unknown = _unknown(placed, HEIGHT, parts["height"], of_own)
+        frame = _frame([station for station, _ in names], columns)
+        result.append((frame, {**({"name": name} if name else {}), "level": level, **_free(unknown)}))
     return result
 
 
 def _empty_places_of_sets(columns: dict[str, Any]) -> None:
     """A further set stands where its station stands: it has no position and height of its own."""
     is_set = np.array([bool(name) for name in columns["set"]])
-    columns["point"] = ["" if s else name for s, name in zip(is_set, columns["point"], strict=True)]
+    for key in ("point", shared_column(HEIGHT)):
+        if key in columns:
+            columns[key] = ["" if s else name for s, name in zip(is_set, columns[key], strict=True)]
     for key, column in columns.items():
         if key.split("_")[-1] in (*POINT.names, *HEIGHT.names):
             column[is_set] = np.nan
@@ -280,7 +352,9 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **_pose(placed, things.parts["position"], things.parts["rotation"], "point"),
         **_plain(placed, "scale", things.parts["scale"], SCALE.names),
     }
-    return [(_frame(things.ids, columns), {})]
+    offsets = things.parts["offset"]
+    columns |= _set_ups(placed, ECCENTRICITY, offsets, offsets != 0)
+    return _by_table(placed, "system", columns, _unknown(placed, ECCENTRICITY, offsets, offsets != 0))
 
 
 def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:

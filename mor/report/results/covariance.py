@@ -13,8 +13,9 @@ import scipy.linalg
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.project.network.entities import unknown_name
+from mor.project.tables.guarded import guarded
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
 from mor.quality.solved import Solved
@@ -116,7 +117,7 @@ def _outwards(solved: Solved, kind: str, number: int) -> FloatArray:
         return np.asarray(network.edge.matrix.T)
     if kind != "rotation":
         return np.eye(len(network.blocks[kind].kind.components))
-    if partly_free(network.blocks["rotation"])[number]:
+    if moves_by_angles(network.blocks["rotation"])[number]:
         return np.eye(3) / ANGLE_UNITS[angle_unit(solved)]
     D = _turned(solved, number)
     turn: FloatArray = angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)]
@@ -198,7 +199,9 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
-        writer.writerows([[repr(c) if isinstance(c, float) else c for c in row] for row in rows])
+        writer.writerows(
+            [[repr(c) if isinstance(c, float) else guarded(str(c)) for c in row] for row in rows]
+        )
 
 
 def write_covariance(path: Path, found: Labelled) -> None:

@@ -1,15 +1,15 @@
-"""Results on disk: written beside, moved into place when complete, nothing overwritten unasked."""
+"""Results on disk: which files they are, written together, never over a file that the project is read from."""
 
 from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Collection, Iterable, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 
 from mor.errors import InputError, Problem
+from mor.report.results.reservation import Reservation, check_free, put_in_place
 
 Writer = Callable[[Path], None]
 
@@ -22,21 +22,13 @@ RESULT_FILES = (
         for name in ("residuals", "residuals_worst", "points", "images")
         for kind in ("csv", "parquet")
     ),
+    "undetermined.csv",
     "reference.csv",
     "adjusted.yaml",
     "start_*.csv",
+    "given_*.csv",
 )
 """Names (patterns) of all files an adjustment may write."""
-
-
-def check_free(folder: Path, force: bool) -> None:
-    """Raise :class:`InputError` where results would overwrite something and ``force`` was not asked for."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError([Problem("this is a file, expected a folder for the results", str(folder))])
-    if folder.is_dir() and any(folder.iterdir()) and not force:
-        raise InputError(
-            [Problem("the folder exists and is not empty; --force replaces results in it", str(folder))]
-        )
 
 
 def check_inputs(folder: Path, inputs: Iterable[Path], names: Collection[str] = ()) -> None:
@@ -56,37 +48,36 @@ def check_inputs(folder: Path, inputs: Iterable[Path], names: Collection[str] = 
         raise InputError(problems)
 
 
-def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> None:
+def write_folder(place: Reservation, writers: Mapping[str, Writer]) -> None:
     """Write all files into a folder; results of an earlier run that are not written again go, other files stay.
 
     Everything is written into a folder beside it first. Interrupted, it leaves the old results untouched.
     """
-    check_free(folder, force)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        try:
-            _write_beside(folder, beside, writers)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
-    except KeyboardInterrupt:
-        # polars raises an interruption by itself, and Python once more: it may have hit the clearing away
-        shutil.rmtree(beside, ignore_errors=True)
-        raise
-
-
-def _write_beside(folder: Path, beside: Path, writers: Mapping[str, Writer]) -> None:
+    shutil.rmtree(place.new, ignore_errors=True)
+    place.new.mkdir()
     for name, write in writers.items():
-        write(beside / name)
-    beside.chmod(0o755)
-    if not folder.exists():
-        beside.rename(folder)
-        return
-    for name in writers:
-        os.replace(beside / name, folder / name)
-    for path in folder.iterdir():
-        if path.name not in writers and _is_result(path.name):
-            path.unlink()
+        write(place.new / name)
+    check_free(place.folder, place.force)
+    if place.folder.is_dir():
+        for path in place.folder.iterdir():
+            if path.name not in writers and not _is_result(path.name):
+                _keep(path, place.new / path.name)
+    put_in_place(place)
+
+
+def _keep(path: Path, beside: Path) -> None:
+    """Let a file, or all files of a folder, stand in a second place, too."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.copytree(path, beside, symlinks=True, copy_function=_link)
+    else:
+        _link(str(path), str(beside))
+
+
+def _link(path: str, beside: str) -> None:
+    try:
+        os.link(path, beside, follow_symlinks=False)
+    except OSError:  # a file system without links
+        shutil.copy2(path, beside, follow_symlinks=False)
 
 
 def _is_result(name: str) -> bool:

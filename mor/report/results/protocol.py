@@ -16,5 +16,5 @@ def protocol(network: Network, approximation: Approximation) -> str:
             words = approximation.how.get(f"{kind} {name}")
             if words is not None:
                 lines.append(f"{kind} {name}: {words}")
-    lines += [f"MISSING {words}" for words in approximation.missing]
+    lines += [f"MISSING {words}" for words in (*approximation.remarks, *approximation.missing)]
     return "\n".join(lines) + "\n"

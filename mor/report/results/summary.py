@@ -8,15 +8,17 @@ import numpy as np
 
 from mor import __version__
 from mor.arrays import BoolArray
+from mor.project.network.entities import said_thing
 from mor.quality.diagnosis.singularities import weakness
 from mor.quality.in_chunks import in_pieces
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import normalised_residuals
 from mor.report.edge import angle_unit
+from mor.report.tables.undeterminable import undeterminable_rows
 
 SCHEMA = "mor-results"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def summary(solved: Solved) -> dict[str, Any]:
@@ -31,12 +33,14 @@ def summary(solved: Solved) -> dict[str, Any]:
         "axes": project.axes.model_dump(),
         "outcome": adjustment.outcome.value,
         "reason": adjustment.reason,
+        "solution": solved.quality is not None,
         "iterations": len(adjustment.iterations),
         "observations": adjustment.problem.observations,
         "unknowns": adjustment.problem.index.count,
         "defect": int(adjustment.defect.datum.shape[1]),
         "movements": list(adjustment.defect.movements),
         "undetermined": _undetermined(solved),
+        "undeterminable": undeterminable_rows(solved),
         "datum": adjustment.problem.datum.name,
         **_statistics(solved),
         "iteration_log": [
@@ -54,7 +58,7 @@ def summary(solved: Solved) -> dict[str, Any]:
 def _undetermined(solved: Solved) -> list[dict[str, Any]]:
     return [
         {
-            "unknowns": [" ".join(unknown) for unknown in direction.unknowns],
+            "unknowns": [f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns],
             "amounts": list(direction.amounts),
         }
         for direction in solved.adjustment.defect.undetermined

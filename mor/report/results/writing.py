@@ -8,15 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
-from mor.report.results.adjusted_project import Placed, adjusted_project
+from mor.report.results.adjusted_project import Placed, adjusted_project, remarks
 from mor.report.results.folder import Writer, write_folder
 from mor.report.results.json import entries, results, to_json
+from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer
 from mor.report.tables.observations import SHOWN, observation_table
 from mor.report.tables.shared import forget
+from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table
 from mor.report.tables.worst import worst_residuals
 from mor.report.text import text_report
 from mor.report.words.language import words_of, words_of_page
@@ -25,6 +30,8 @@ PROJECT = "project.yaml"
 """Name of a project that is written into a folder of its own."""
 MOST_LISTED = 2_000_000
 """Observations up to which all residuals and the page are written where nothing else is asked for."""
+FAR = 1e9
+"""Distance, in extents of the network, at which points at infinity are written: no parallax is left there."""
 WORST = 10_000
 """Observations in the table of the worst."""
 
@@ -54,7 +61,7 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 
 
 def write_results(
-    solved: Solved, document: Document, source: Path, folder: Path, force: bool, choice: Choice | None = None
+    solved: Solved, document: Document, source: Path, place: Reservation, choice: Choice | None = None
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
@@ -64,16 +71,23 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    starts = _starts(solved, document, source, folder) if solved.quality is not None else {}
+    starts = _starts(solved, document, source, place.folder) if solved.quality is not None else {}
+    starts |= _undeterminable(solved)
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
         reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
         long = dict(tables.values())
         writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
-            write_folder(folder, {**starts, **writers}, force)
+            write_folder(place, {**starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
+
+
+def _undeterminable(solved: Solved) -> dict[str, Writer]:
+    """The table of what nothing determines, where there is any."""
+    rows = undeterminable_rows(solved)
+    return {FILE: table_writer(undeterminable_table(rows))} if rows else {}
 
 
 def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str, Callable[[], str]]:
@@ -95,7 +109,8 @@ def _is_alone(solved: Solved, choice: Choice) -> bool:
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
     """Writers of the adjusted project and its tables; a table that is written is gone."""
-    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder.resolve())
+    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder)
+    text = remarks(solved.network.undeterminable) + text
     frames["reference.csv"] = reference_table(solved)
 
     def writer(name: str) -> Writer:
@@ -133,14 +148,30 @@ def _by_itself(solved: Solved, write: Writer) -> Writer:
 
 def _placed(solved: Solved) -> Placed:
     snooped = solved.treatment is not None and solved.treatment.snooping is not None
-    return Placed(solved.network, solved.adjustment.values, snooped)
+    return Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
 
 
-def write_project(placed: Placed, document: Document, source: Path, folder: Path, force: bool) -> None:
+def _values_as_read(solved: Solved) -> Values:
+    """Adjusted values of the blocks that were read: far ones far away, those left out as they were given."""
+    network, values = solved.network, solved.adjustment.values
+    if network.original is None:
+        return values
+    own = {kind: values[kind][: len(start)].copy() for kind, start in network.original.start.items()}
+    for kind, absent in network.absent.items():
+        lost = np.flatnonzero(absent[: len(own[kind])])
+        own[kind][lost] = network.original.start[kind][lost]
+    present = own["point"][np.isfinite(own["point"]).all(axis=1)]
+    extent = max(float(np.ptp(present, axis=0).max(initial=0.0)), 1.0)
+    for point, rotation in network.directions.items():
+        own["point"][point] = values["point"][point] + FAR * extent * values["rotation"][rotation][2]
+    return own
+
+
+def write_project(placed: Placed, document: Document, source: Path, place: Reservation) -> None:
     """Write a project with the placed values as start values, and its tables, into a folder."""
-    text, starts = adjusted_project(placed, document, source.resolve(), folder.resolve())
+    text, starts = adjusted_project(placed, document, source.resolve(), place.folder)
     writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
-    write_folder(folder, {**writers, PROJECT: _text(text)}, force)
+    write_folder(place, {**writers, PROJECT: _text(text)})
 
 
 def results_text(solved: Solved) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.quality.assess import Quality
@@ -69,7 +70,8 @@ class AssessedGroups:
             nothing = np.full(group.observed.shape, np.nan)
             none = np.zeros(nothing.shape, dtype=bool)
             no_joint = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
-            one = ObservationQuality(nothing, nothing, nothing, *no_joint, nothing, none)
+            v = -misclosures(group, self.solved.adjustment.values)
+            one = ObservationQuality(v, nothing, nothing, *no_joint, nothing, none)
             return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
         one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
         return AssessedRows(group, is_check, quality, one, tests, tests.test, normalised_residuals(one))

@@ -35,7 +35,7 @@ def rays_of(view: View) -> Rays:
         ),
     ]
     pairs = pl.concat(parts).join(points, on="to", maintain_order="left").select("frame", "point")
-    pairs = pairs.unique(maintain_order=True)
+    pairs = pairs.drop_nulls().unique(maintain_order=True)
     return Rays(pairs["frame"].to_numpy(), pairs["point"].to_numpy())
 
 

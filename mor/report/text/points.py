@@ -34,7 +34,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             words("{count:more point is|more points are} in the table of points.", count=frame.height - SHOWN)
         )
     if solved.quality is not None:
-        free = frame.select("sx", "sy", "sz").filter(frame["status"] != "fixed")
+        free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))
         if free.height:
             rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
             lines.append(

@@ -13,7 +13,8 @@ from scenes import (
     plane_network,
 )
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.geometry.rotations import rotation_from_angles
 from mor.quality.assess import assess
 

@@ -10,7 +10,8 @@ from datum_scenes import local_system
 from dense_reference import dense_system
 from scenes import Scene, add_image, add_object_points, mixed_network, photo_block
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 
 LENGTH, SIGMA = 1000.0, 1e-5

@@ -17,7 +17,8 @@ from scenes import (
 )
 
 from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 
 NETWORKS = {

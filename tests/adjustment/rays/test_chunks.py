@@ -19,7 +19,8 @@ from mor.adjustment.rays.compiled import image_passes
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.rays.plan import plan_rays
 from mor.adjustment.rays.point_elimination import back_substitute
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.parameters.kinds import INTERIORS
 from mor.quality.assess import assess
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import Outcome
+from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
 from mor.formats import read_foreign
 from mor.pipeline import read_document, read_network, solve_network
@@ -107,4 +107,4 @@ def test_what_cannot_be_known_is_named() -> None:
     observed = group.observed.copy()
     observed[rows] = np.nan
     crippled = replace(network, groups=(replace(group, observed=observed), *network.groups[1:]))
-    assert [words for words in approximate(crippled).missing if f"point {lost}:" in words]
+    assert [thing for thing in approximate(crippled).missing if (thing.kind, thing.name) == ("point", lost)]

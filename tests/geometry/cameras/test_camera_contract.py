@@ -10,7 +10,15 @@ MODELS = pytest.mark.parametrize("model", CAMERA_MODELS.values(), ids=CAMERA_MOD
 
 
 def test_the_models_are_found_under_their_own_keys() -> None:
-    assert set(CAMERA_MODELS) == {"mor", "brown", "brown-forward", "opencv", "fisheye"}
+    assert set(CAMERA_MODELS) == {
+        "mor",
+        "brown",
+        "brown-4",
+        "brown-5",
+        "brown-forward",
+        "opencv",
+        "fisheye",
+    }
     assert all(key == model.key for key, model in CAMERA_MODELS.items())
 
 

@@ -17,7 +17,8 @@ from dense_reference import dense_system
 from reliability_scenes import correlated_everywhere
 from scenes import levelling_network, photo_block, plane_network
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.pipeline import make_problem, read_document, read_network, start_values
 from mor.quality.assess import assess
 from mor.quality.precision.covariance import joint_cofactors

@@ -7,7 +7,8 @@ import pytest
 from scenes import OBJECT_POINTS, Scene, add_image, add_object_points, photo_block, plane_network, solve
 from small_projects import BLOCK, block, mor, write_block
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.weak_directions import weak_directions

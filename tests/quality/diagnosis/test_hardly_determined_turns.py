@@ -15,7 +15,8 @@ from scenes import coordinates
 from small_projects import mor, table, write
 
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
-from mor.adjustment.solve import A_WEAK_TURN, Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import A_WEAK_TURN, Outcome
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 
 SIGMA = 1e-4

@@ -11,7 +11,8 @@ import scipy.stats
 from reliability_scenes import correlated_everywhere, plant, well_built_block
 from scenes import Scene, levelling_network, mixed_network, photo_block
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.data_snooping import snoop
 from mor.quality.gross_errors.exclusion import exclude

@@ -8,7 +8,7 @@ from dense_reference import dense_system
 from scenes import mixed_network, photo_block, solve
 
 from mor.geometry.rotations import angles_from_rotation, rotate
-from mor.parameters.index import partly_free
+from mor.parameters.index import moves_by_angles
 from mor.quality.assess import assess, standard_deviations
 from mor.quality.precision.cofactors import angle_cofactors
 
@@ -58,7 +58,7 @@ def test_cofactors_of_omega_phi_kappa_are_propagated_rigorously(make):
     scene, _ = make()
     quality = assess(solve(scene, np.random.default_rng(1)))
     D = quality.adjustment.values["rotation"]
-    by_angles = partly_free(quality.adjustment.problem.index.blocks["rotation"])
+    by_angles = moves_by_angles(quality.adjustment.problem.index.blocks["rotation"])
     q = quality.cofactors["rotation"]
     found = angle_cofactors(q, D, by_angles)
     for number in range(len(D)):

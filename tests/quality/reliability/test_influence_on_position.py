@@ -10,7 +10,8 @@ from reliability_scenes import correlated_everywhere
 from scenes import Scene, add_image, mixed_network, photo_block, plane_network, solve
 
 from mor import compilation
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.arrays import FloatArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.quality.assess import assess

@@ -9,7 +9,8 @@ from dense_reference import dense_system
 from reliability_scenes import correlated_everywhere
 from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.reliability.detectable_errors import student_square
 from mor.quality.reliability.effects import effects

@@ -7,7 +7,8 @@ import pytest
 import scipy.stats
 from scenes import Scene, mixed_network
 
-from mor.adjustment.solve import Outcome, adjust
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.tests.test_statistics import comparable, critical_value, global_test, normalised_residuals

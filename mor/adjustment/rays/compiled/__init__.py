@@ -5,7 +5,3 @@ After such a change touch the files of the callers, or remove ``compiled/__pycac
 """
 
 from __future__ import annotations
-
-from mor.compilation import available, compile_inline, compile_kernel
-
-__all__ = ["available", "compile_inline", "compile_kernel"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.adjustment.rays.compiled.cameras import image_point, project
 from mor.arrays import FloatArray, IntArray
-from mor.compilation import compile_kernel
+from mor.compilation import compile_inline, compile_kernel
 
 
 class FrameValues(NamedTuple):
@@ -85,10 +85,7 @@ def linearise(
 ) -> None:
     """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
     model, D, centre, e, interiors, r0, tangent = values
-    position, rotation, height, eccentricity, at_interior, components = layout
     observed, weight, measured = rays
-    chosen, turned = components.size, tangent.shape[0] > 0
-    used = at_interior + chosen
     interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):
@@ -113,38 +110,59 @@ def linearise(
                     continue
                 residual[n, m] = (found - observed[n, m]) * w
                 s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
-                g, h, o = (
-                    s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
-                    s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
-                    s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
-                )
-                by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
-                if position >= 0:
-                    by_others[n, m, position] = -g
-                    by_others[n, m, position + 1] = -h
-                    by_others[n, m, position + 2] = -o
-                if rotation >= 0:
-                    g, h, q = t * c - d * b, d * a - s * c, s * b - t * a
-                    if turned:
-                        T = tangent[f]
-                        g, h, q = (
-                            g * T[0, 0] + h * T[1, 0] + q * T[2, 0],
-                            g * T[0, 1] + h * T[1, 1] + q * T[2, 1],
-                            g * T[0, 2] + h * T[1, 2] + q * T[2, 2],
-                        )
-                    by_others[n, m, rotation] = g
-                    by_others[n, m, rotation + 1] = h
-                    by_others[n, m, rotation + 2] = q
-                if height >= 0:
-                    by_others[n, m, height] = -o
-                if eccentricity >= 0:
-                    by_others[n, m, eccentricity] = s
-                    by_others[n, m, eccentricity + 1] = t
-                    by_others[n, m, eccentricity + 2] = d
-                for k in range(chosen):
-                    by_others[n, m, at_interior + k] = w * interior[m, components[k]]
-                for k in range(used, by_others.shape[2]):
+                set_row(by_point, by_others, n, m, layout, D, tangent, f, a, b, c, s, t, d)
+                for k in range(layout.components.size):
+                    by_others[n, m, layout.interior + k] = w * interior[m, layout.components[k]]
+                for k in range(layout.interior + layout.components.size, by_others.shape[2]):
                     by_others[n, m, k] = 0.0
+
+
+@compile_inline
+def set_row(
+    by_point: FloatArray,
+    by_others: FloatArray,
+    n: int,
+    m: int,
+    layout: Layout,
+    D: FloatArray,
+    tangent: FloatArray,
+    f: int,
+    a: float,
+    b: float,
+    c: float,
+    s: float,
+    t: float,
+    d: float,
+) -> None:
+    """Set the Jacobian of one component by point and pose, from D (X − X0) = (a, b, c) and its own by X* (s, t, d)."""
+    g, h, o = (
+        s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
+        s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
+        s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
+    )
+    by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
+    if layout.position >= 0:
+        by_others[n, m, layout.position] = -g
+        by_others[n, m, layout.position + 1] = -h
+        by_others[n, m, layout.position + 2] = -o
+    if layout.rotation >= 0:
+        g, h, q = t * c - d * b, d * a - s * c, s * b - t * a
+        if tangent.shape[0] > 0:
+            T = tangent[f]
+            g, h, q = (
+                g * T[0, 0] + h * T[1, 0] + q * T[2, 0],
+                g * T[0, 1] + h * T[1, 1] + q * T[2, 1],
+                g * T[0, 2] + h * T[1, 2] + q * T[2, 2],
+            )
+        by_others[n, m, layout.rotation] = g
+        by_others[n, m, layout.rotation + 1] = h
+        by_others[n, m, layout.rotation + 2] = q
+    if layout.height >= 0:
+        by_others[n, m, layout.height] = -o
+    if layout.eccentricity >= 0:
+        by_others[n, m, layout.eccentricity] = s
+        by_others[n, m, layout.eccentricity + 1] = t
+        by_others[n, m, layout.eccentricity + 2] = d
 
 
 @compile_kernel

@@ -1,0 +1,103 @@
+"""What an adjustment is while it is iterated and when it is over: values, system, datum, history, outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.datum.defect import Defect
+from mor.adjustment.datum.s_transformation import Constraint
+from mor.adjustment.inverse import Inverse
+from mor.adjustment.normals import Normals
+from mor.adjustment.plan import Plan
+from mor.adjustment.problem import Problem
+from mor.arrays import FloatArray, IntArray
+from mor.parameters.index import Values
+
+_SHORTEST = 0.02
+"""Part of a step along weak directions that is taken at least."""
+
+A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
+"""Reason of an outcome."""
+
+
+class Outcome(Enum):
+    """How an adjustment ended."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    DIVERGED = "diverged"
+    SINGULAR = "singular"
+
+    @property
+    def is_solution(self) -> bool:
+        """True where the values are a least-squares solution."""
+        return self is Outcome.CONVERGED
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One step: objective before it, its size in units of σ, the damping it needed, the redundancy of the system."""
+
+    number: int
+    objective: float
+    largest_change: float
+    damping: float
+    redundancy: int
+
+    @property
+    def sigma0(self) -> float | None:
+        """σ0 before the step, in units of the one given a priori; nothing where nothing is redundant."""
+        return float(np.sqrt(self.objective / self.redundancy)) if self.redundancy > 0 else None
+
+
+class Stride(NamedTuple):
+    """The last step along weak directions, and what was taken of it: how far the next one may go.
+
+    Gauss-Newton takes a residual for small and may overshoot on a curve: with ρ the ratio of the true curvature to the
+    one it sees, a share s of a step leaves 1 − sρ of it for the next one. From that ρ is known, and s = 1/ρ hits.
+    """
+
+    whole: FloatArray
+    """(u,) the Gauss-Newton step along weak directions."""
+    share: float = 1.0
+
+    @property
+    def weak(self) -> FloatArray:
+        """(u,) the part of it to take."""
+        return self.share * self.whole
+
+    def next(self, whole: FloatArray) -> Stride:
+        """The stride after this one, for the Gauss-Newton step (u,) there."""
+        size = float(self.whole @ self.whole) if len(self.whole) == len(whole) else 0.0
+        if size == 0.0 or self.share == 0.0:
+            return Stride(whole)
+        ratio = (1.0 - float(self.whole @ whole) / size) / self.share
+        return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Outcome of the solver, complete with the inverse of the system at the solution."""
+
+    problem: Problem
+    plan: Plan
+    outcome: Outcome
+    reason: str
+    start: Values
+    values: Mapping[str, FloatArray]
+    normals: Normals
+    anchors: IntArray
+    inverse: Inverse
+    defect: Defect
+    constraint: Constraint
+    iterations: tuple[Iteration, ...]
+    stride: Stride
+
+
+Watcher = Callable[[Iteration], None]
+"""Is told of every iteration."""

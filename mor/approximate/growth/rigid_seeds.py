@@ -1,0 +1,68 @@
+"""Parts that are there from the start: systems with measured coordinates, GNSS vectors, tilted total stations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.growth.scene import Scene
+from mor.arrays import FloatArray
+
+
+def rigid_seeds(scene: Scene) -> Iterator[Part]:
+    """Every part of points that were measured in one system of their own."""
+    for system in scene.systems:
+        part = empty_part(scene.points)
+        part.points[system.points] = system.coordinates
+        part.scaled = system.scaled
+        part.how |= {f"point {p}": f"coordinates in {system.name}" for p in system.points.tolist()}
+        yield part
+    for cluster in scene.vector_clusters:
+        part = empty_part(scene.points)
+        part.points[cluster.points] = cluster.values
+        part.levelled = part.oriented = part.scaled = True
+        part.how |= {f"point {p}": "vector" for p in cluster.points.tolist()}
+        yield part
+
+
+def seed_polar(scene: Scene, free: list[int]) -> Part | None:
+    """The system of the first free instrument that is not upright and measured distances: its points are polar points."""
+    for number in free:
+        if len(polar_points(scene, number)) >= 3:
+            part = empty_part(scene.points)
+            part.poses[number] = (np.zeros(3), np.eye(3))
+            part.scaled = True
+            part.how[scene.frames[number].name] = f"axes of {scene.frames[number].name}"
+            return part
+    return None
+
+
+def polar_points(scene: Scene, number: int) -> dict[int, FloatArray]:
+    """Point → its coordinates (3,) in the axes of an instrument, where ray and distance were measured."""
+    frame, slopes = scene.frames[number], scene.terrestrial.slopes
+    rows = np.flatnonzero((slopes.start == frame.position) & (slopes.start_block == frame.height))
+    length = dict(zip(slopes.end[rows].tolist(), slopes.value[rows, 0], strict=True))
+    return {
+        p: length[p] * ray for p, ray in zip(frame.points.tolist(), frame.rays, strict=True) if p in length
+    }
+
+
+def grow_polar(part: Part, scene: Scene) -> bool:
+    """Add points by ray and distance from posed instruments; true where anything was added."""
+    if not part.scaled:
+        return False
+    added = False
+    for number in range(scene.image_count, len(scene.frames)):
+        if number not in part.poses or part.known(scene.frames[number].points).all():
+            continue
+        centre, D = part.poses[number]
+        frame = scene.frames[number]
+        heights = dict(zip(frame.points.tolist(), frame.heights, strict=True))
+        for point, star in polar_points(scene, number).items():
+            if np.isnan(part.points[point]).any() and (heights[point] == 0.0 or part.levelled):
+                part.points[point] = centre + D.T @ star - [0.0, 0.0, heights[point]]
+                part.how[f"point {point}"] = f"polar from {frame.name}"
+                added = True
+    return added

@@ -1,0 +1,110 @@
+"""Files on the way in: only regular ones, unpacked where they are compressed, up to limits that can be raised."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import zlib
+from pathlib import Path
+
+from mor.errors import InputError, Problem
+
+LIMITS = {
+    "MOR_MAX_FILE_MB": 2_000,
+    "MOR_MAX_PROJECT_MB": 100,
+    "MOR_MAX_VALUES": 1_000_000,
+    "MOR_MAX_COLUMNS": 1_000,
+}
+"""Limits of what is read, by the environment variables that raise them; ``docs/limits.md`` says what each is for."""
+TABLE, PROJECT = "MOR_MAX_FILE_MB", "MOR_MAX_PROJECT_MB"
+"""Limits of the size of a table, and of what is not a table: project files and foreign ones."""
+_MB = 1_000_000
+_PART = 1 << 22
+"""Bytes that are unpacked together."""
+_DENSEST = 1032
+"""Bytes that one byte of a gzip file may unpack to."""
+
+
+def limit(name: str) -> int:
+    """A limit, as the environment has it or by default. Raises :class:`InputError` where that is no number."""
+    given = os.environ.get(name, "")
+    if not given:
+        return LIMITS[name]
+    if not given.isascii() or not given.isdigit() or int(given) == 0:
+        words = f"found {given!r} in the environment, expected a whole number above 0"
+        raise InputError([Problem(words, name)])
+    return int(given)
+
+
+def raise_it(name: str) -> str:
+    """What to do where a limit is in the way."""
+    return f"a larger {name} in the environment allows more"
+
+
+def read_bytes(path: Path, most: str = TABLE) -> bytes:
+    """Content of a file, unpacked where its name ends in ``.gz``; ``most`` is the limit of its size.
+
+    Raises :class:`InputError` where it does not exist, is no regular file (a pipe, a device), cannot be read or is
+    larger than the limit.
+    """
+    check_regular(path)
+    try:
+        packed = path.suffix.lower() == ".gz"
+        size = path.stat().st_size
+        check_size(_unpacked_size(path, limit(most) * _MB) if packed else size, path, most)
+        content = path.read_bytes()
+        return gzip.decompress(content) if packed else content
+    except (OSError, EOFError, zlib.error) as error:
+        words = getattr(error, "strerror", None) or str(error)
+        raise InputError([Problem(f"this file cannot be read: {words}", str(path))]) from None
+
+
+def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
+    """Text of a UTF-8 file, with or without a mark of byte order. Raises :class:`InputError`."""
+    content = read_bytes(path, most)
+    try:
+        return content.decode("utf-8-sig", errors).replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise InputError([Problem("this is not UTF-8 text", str(path), line)]) from None
+
+
+def check_regular(path: Path) -> None:
+    """Raise :class:`InputError` where a path is no regular file: reading a pipe or a device may never end."""
+    try:
+        if path.is_file():
+            return
+        there, folder = path.exists(), path.is_dir()
+    except (OSError, ValueError) as error:
+        words = getattr(error, "strerror", None) or str(error)
+        raise InputError([Problem(f"this is no name of a file: {words}", str(path))]) from None
+    if not there:
+        raise InputError([Problem("this file does not exist", str(path))])
+    words = "folder" if folder else "pipe or a device"
+    raise InputError([Problem(f"this is a {words}, expected a file", str(path))])
+
+
+def is_folder(path: Path) -> bool:
+    """True for a folder; False for what is none, and for what can be no name of one."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def check_size(size: int, path: Path, most: str) -> None:
+    """Raise :class:`InputError` where ``size`` bytes are above the limit ``most``."""
+    if size > limit(most) * _MB:
+        words = f"found more than {limit(most)} MB; {raise_it(most)}"
+        raise InputError([Problem(words, str(path))])
+
+
+def _unpacked_size(path: Path, most: int) -> int:
+    """Bytes in a gzip file, counted up to just above ``most`` and without keeping them."""
+    if path.stat().st_size * _DENSEST <= most:
+        return 0
+    size = 0
+    with gzip.open(path) as file:
+        while size <= most and (part := file.read(_PART)):
+            size += len(part)
+    return size

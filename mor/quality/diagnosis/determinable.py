@@ -1,0 +1,195 @@
+"""What of a network can be determined: the rest is named, put at infinity, or left out where the project wants it.
+
+Things that their own observations leave loose are found before anything is solved, and with them what hangs on them
+alone; what only moves together with others shows in the null space of the whole. Points with parallel rays become
+directions; whether their rays are parallel is asked again at the solution, where the poses are known better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mor.adjustment.problem import Problem
+from mor.adjustment.state import Adjustment, Outcome
+from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
+from mor.parameters.index import Values
+from mor.project.network.build import Network
+from mor.project.network.entities import thing_of
+from mor.project.reduction import (
+    nothing_marked,
+    rows_of_points,
+    with_points_at_infinity,
+    without_blocks,
+)
+from mor.quality.diagnosis.loose_things import without_loose, without_moved
+from mor.quality.diagnosis.misfit import misfit
+
+ONE_PLACE = "all its rays come from one place: it is anywhere along them"
+PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
+OPEN = "unknowns are not determined by the observations"
+"""Reason of an outcome."""
+ROUNDS = 6
+"""Adjustments at most, until what is at infinity and what is left out stays the same."""
+EXPLAINED = 30
+"""Loose things up to which the null space of the whole network is worked out to explain them."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """How a network becomes a problem and is solved, and the critical value of the test for parallel rays."""
+
+    make: Callable[[Network, Values], Problem]
+    solve: Callable[[Network, Values], Adjustment]
+    critical: float
+
+
+def completed(
+    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
+) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    """Start values with the points whose rays meet at a narrow angle, and what is still missing.
+
+    Points at infinity stay without coordinates and are not missing.
+    """
+    found = nearly_parallel(network, start)
+    unknown: BoolArray = np.asarray(np.isnan(start["point"][found.points]).any(axis=1))
+    found = found.take(unknown)
+    far = found.parallel(critical * misfit(network, start, found.points))
+    points = start["point"].copy()
+    points[found.points[~far]] = found.take(~far).coordinates()
+    ids = network.blocks["point"].ids
+    known = {("point", ids[p]) for p in found.points.tolist()}
+    left = tuple(thing for thing in missing if (thing.kind, thing.name) not in known)
+    return {**start, "point": points}, left
+
+
+def without_unknown(network: Network, start: Values, missing: Sequence[Undeterminable]) -> Network:
+    """The network, with start values, without what has none but the points at infinity; ``missing`` says why."""
+    names = {(thing.kind, thing.name) for thing in missing}
+    unknown = {}
+    for kind, values in start.items():
+        lost: BoolArray = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+        for k in np.flatnonzero(lost):
+            lost[k] = thing_of(kind, network.blocks[kind].ids[k]) in names
+        unknown[kind] = lost
+    left = [thing._replace(treatment="left out") for thing in missing]
+    return without_blocks(replace(network, start=start), unknown, left)
+
+
+def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[Network, Adjustment]:
+    """The network as far as it is adjusted, and its adjustment.
+
+    Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
+    not.
+    """
+    values, failed = start, np.zeros(0, dtype=np.int64)
+    found, far = _parallel(network, start, means)
+    for _ in range(ROUNDS):
+        blind = found.points[found.from_one_place()]
+        reduced, adjustment = _adjusted(network, values, far, blind, means)
+        there = _values_of(network, adjustment.values, far.points)
+        found, now = _parallel(network, there, means)
+        if not adjustment.outcome.is_solution:
+            failed = np.union1d(failed, far.points)
+            if np.isin(now.points, failed).all():
+                break
+            values = start
+            now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
+        elif np.array_equal(np.sort(now.points), np.sort(far.points)):
+            break
+        else:
+            values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
+        far = now
+    return reduced, adjustment
+
+
+def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints, RayPoints]:
+    """Points whose rays are nearly parallel, and those of them whose rays are so to their precision.
+
+    That is the precision of the rays at these values: as long as poses are rough, it is not that of the measurements.
+    """
+    found = nearly_parallel(network, values)
+    return found, found.take(found.parallel(means.critical * misfit(network, values, found.points)))
+
+
+def _adjusted(
+    network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means
+) -> tuple[Network, Adjustment]:
+    """One adjustment with some points at infinity, and without what is loose where that is to be left out.
+
+    ``blind`` are the points all of whose rays come from one place.
+    """
+    leave = network.project.settings.undetermined == "leave_out"
+    whole, begun = _without_far(network, start, far, leave)
+    reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
+    loose = reduced.undeterminable[len(whole.undeterminable) :]
+    if loose and not leave and len(loose) <= EXPLAINED:
+        loose = tuple(thing._replace(treatment="") for thing in loose)
+        return replace(whole, undeterminable=(*whole.undeterminable, *loose)), means.solve(whole, begun)
+    adjustment = means.solve(reduced, begun)
+    if loose and not leave:
+        return reduced, replace(adjustment, outcome=Outcome.SINGULAR, reason=OPEN)
+    for _ in range(ROUNDS if leave else 0):
+        further = without_moved(reduced, adjustment)
+        if further is None:
+            break
+        reduced = without_loose(further, begun, means.make)
+        adjustment = means.solve(reduced, begun)
+    return reduced, adjustment
+
+
+def _without_far(
+    network: Network, start: Values, far: RayPoints, leave: bool
+) -> tuple[Network, dict[str, FloatArray]]:
+    """The network with points at infinity, or without them, and start values for it."""
+    if len(far.points) == 0:
+        return network, dict(start)
+    ids = network.blocks["point"].ids
+    placed = start["point"].copy()
+    placed[far.points] = far.centres
+    begun = {**start, "point": placed}
+    if leave:
+        return without_points(network, far.points, PARALLEL), begun
+    rays = rows_of_points(network)
+    things = [
+        Undeterminable("point", ids[p], PARALLEL, "at infinity", int(rays[p])) for p in far.points.tolist()
+    ]
+    return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
+
+
+def without_points(network: Network, points: IntArray, reason: str) -> Network:
+    """The network without some points, all for one reason."""
+    if len(points) == 0:
+        return network
+    marked, rays = nothing_marked(network), rows_of_points(network)
+    marked["point"][points] = True
+    ids = network.blocks["point"].ids
+    left = [Undeterminable("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
+    return without_blocks(network, marked, left)
+
+
+def _rotations(directions: FloatArray) -> FloatArray:
+    """(k, 3, 3) rotations whose third rows are the directions (k, 3)."""
+    across = np.linalg.svd(directions[:, None, :])[2][:, 1:, :]
+    D = np.concatenate([across, directions[:, None, :]], axis=1)
+    D[:, 0] *= np.linalg.det(D)[:, None]
+    return D
+
+
+def _values_of(network: Network, values: Values, far: IntArray) -> dict[str, FloatArray]:
+    """Values of the blocks of a network, after it was adjusted with others; far points without coordinates."""
+    own = {kind: values[kind][: len(blocks.ids)] for kind, blocks in network.blocks.items()}
+    points = own["point"].copy()
+    points[far] = np.nan
+    return {**own, "point": points}
+
+
+def _with_coordinates(values: Values, found: RayPoints) -> dict[str, FloatArray]:
+    points = values["point"].copy()
+    near = found.inverse > 0.0
+    points[found.points[near]] = found.take(near).coordinates()
+    return {**values, "point": points}

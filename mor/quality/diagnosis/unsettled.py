@@ -1,0 +1,133 @@
+"""Why there is no solution: unknowns that move to and fro, or away, and what a singular place has to do with the data.
+
+What is said of an iteration that failed is seen from its last values: a few further steps of it, and whether the
+system is singular beside them as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.problem import Problem
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome
+from mor.arrays import FloatArray, IntArray
+from mor.parameters.index import Index, Values, move
+from mor.quality.diagnosis.determinable import OPEN
+
+RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
+UNSETTLED = "the datum points do not settle the datum"
+AT_THE_START = (
+    "singular at the start values, not by the observations: at other values they determine everything"
+)
+"""Reasons of outcomes."""
+STEPS = 5
+"""Further steps that are looked at."""
+LISTED = 20
+_BESIDE = 1e-2
+"""Radians, and part of the extent of the network, by which values are moved: is their place singular alone?"""
+_ROWS = 50_000
+
+
+@dataclass(frozen=True)
+class Movements:
+    """Unknowns that do not come to rest, those that change the observations most first."""
+
+    unknowns: tuple[tuple[str, str, str], ...]
+    """(kind, block, component)."""
+    steps: FloatArray
+    """(k, s) their last steps, internal units; one alone is the step that could not be taken."""
+    to_and_fro: FloatArray
+    """(k,) part of the way that was taken back: 0 for one way, near 1 for an oscillation."""
+
+
+def last_movements(adjustment: Adjustment) -> Movements:
+    """What moved in further steps from the last values; where none can be taken, the step that was wanted."""
+    steps = _further_steps(adjustment)
+    if steps.shape[1] == 0:
+        wanted = adjustment.inverse.step(adjustment.normals)
+        steps = wanted[:, None]
+    index = adjustment.problem.index
+    way, net = np.abs(steps).sum(axis=1), np.abs(steps.sum(axis=1))
+    size = way * np.sqrt(_diagonal(adjustment.problem, adjustment.values))
+    order = np.argsort(-np.nan_to_num(size), kind="stable")[:LISTED]
+    order = order[size[order] > 0.0]
+    labels = tuple(index.label(int(column)) for column in order)
+    return Movements(labels, steps[order], 1.0 - net[order] / way[order])
+
+
+def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
+    """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED):
+        return adjustment
+    begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
+    if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
+        return replace(adjustment, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
+    if adjustment.reason == OPEN and not adjustment.iterations and _only_here(adjustment):
+        return replace(adjustment, reason=AT_THE_START)
+    return adjustment
+
+
+def _only_here(adjustment: Adjustment) -> bool:
+    """True where the values do not fit the observations, and beside them nothing is undetermined."""
+    problem = adjustment.problem
+    if adjustment.normals.objective <= 10.0 * problem.observations:
+        return False
+    random = np.random.default_rng(1763)
+    points = adjustment.values["point"]
+    extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
+    scale = np.zeros(problem.index.count)
+    for number, kind in enumerate(problem.index.unknown_kind):
+        size = _BESIDE * extent if kind in ("point", "base") else _BESIDE if kind == "rotation" else 0.0
+        scale[problem.index.kind_of == number] = size
+    beside = move(problem.index, adjustment.values, scale * random.standard_normal(problem.index.count))
+    return not adjust(problem, beside, Settings(max_iterations=0)).defect.undetermined
+
+
+def _further_steps(adjustment: Adjustment) -> FloatArray:
+    """(u, s) steps of the iteration if it went on from its last values."""
+    problem, values = adjustment.problem, adjustment.values
+    steps: list[FloatArray] = []
+    while len(steps) < STEPS and adjustment.outcome is Outcome.NOT_CONVERGED:
+        after = adjust(problem, values, Settings(max_iterations=1))
+        if not after.iterations or after.outcome is Outcome.DIVERGED:
+            break
+        steps.append(_difference(problem.index, values, after.values))
+        values = after.values
+        if after.outcome is not Outcome.NOT_CONVERGED:
+            break
+    return np.stack(steps, axis=1) if steps else np.zeros((problem.index.count, 0))
+
+
+def _difference(index: Index, before: Values, after: Values) -> FloatArray:
+    """(u,) the step from one place to another; of rotations the vector of the small rotation."""
+    step = np.zeros(index.count)
+    for kind, columns in index.columns.items():
+        if index.blocks[kind].kind.is_rotation:
+            turn = after[kind] @ np.swapaxes(before[kind], 1, 2)
+            # D' = (I − [δ]×) D to first order
+            change = 0.5 * np.stack(
+                [turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]],
+                axis=1,
+            )
+        else:
+            change = after[kind] - before[kind]
+        step[columns[columns >= 0]] = change[columns >= 0]
+    return step
+
+
+def _diagonal(problem: Problem, values: Values) -> FloatArray:
+    """(u,) diagonal of the normal matrix: what one unit of each unknown does to all observations, squared."""
+    diagonal = np.zeros(problem.index.count + 1)
+    tangent = rotation_tangents(problem.index, values)
+    for group in problem.groups:
+        for start in range(0, group.count, _ROWS):
+            rows: IntArray = np.arange(start, min(start + _ROWS, group.count))
+            found = linearise(group, problem.index, values, tangent, rows)
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
+            np.add.at(diagonal, found.columns, squares)
+    return diagonal[:-1]

@@ -1,0 +1,173 @@
+"""A folder for results, reserved for one run and exchanged as a whole: there always is a complete result, old or new.
+
+Beside a folder ``NAME`` there is, while a run has it reserved, a folder ``.NAME.mor``: in it ``lock``, which the system
+locks for as long as the process lives, and ``new``, where results grow. The complete new folder and the old one change
+places in one step. What a killed run leaves in ``.NAME.mor`` is taken away by the next run that reserves the folder.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mor.errors import InputError, Problem
+
+try:
+    import fcntl
+except ImportError:  # not on Windows: there two runs at once are not told of each other
+    fcntl = None  # type: ignore[assignment]
+
+_AT_WORKING_FOLDER = -100
+_EXCHANGE = 2
+"""Of the Linux call ``renameat2``."""
+_WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+
+
+@dataclass(frozen=True)
+class Reservation:
+    """A folder that nobody else writes results into."""
+
+    folder: Path
+    force: bool
+    """True where results in it may be replaced."""
+    work: Path
+    """Folder beside it, on the same file system."""
+
+    @property
+    def new(self) -> Path:
+        """Where the new folder grows."""
+        return self.work / "new"
+
+    @property
+    def old(self) -> Path:
+        """Where the old folder is for a moment, where the system cannot exchange two in one step."""
+        return self.work / "old"
+
+
+def check_free(folder: Path, force: bool) -> None:
+    """Raise :class:`InputError` where results would overwrite something and ``force`` was not asked for."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError([Problem("this is a file, expected a folder for the results", str(folder))])
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise InputError(
+            [Problem("the folder exists and is not empty; --force replaces results in it", str(folder))]
+        )
+
+
+@contextmanager
+def reserve(folder: Path, force: bool) -> Iterator[Reservation]:
+    """Reserve a folder for results; folders above it are made, and go again where nothing was written.
+
+    Raises :class:`InputError` where another run has it reserved, or where something would be overwritten unasked.
+    """
+    check_free(folder, force)
+    target = folder.resolve()
+    if not target.name:
+        raise InputError([Problem("results need a folder of their own", str(folder))])
+    missing = [path for path in target.parents if not path.exists()]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    place = Reservation(target, force, target.with_name(f".{target.name}.mor"))
+    try:
+        lock = _locked(place, folder)
+        try:
+            _tidy(place)
+            check_free(folder, force)
+            yield place
+        finally:
+            try:
+                _tidy(place)
+            except KeyboardInterrupt:
+                # polars raises an interruption by itself, and Python once more: it may have hit the clearing away
+                _tidy(place)
+                raise
+            finally:
+                _released(place, lock)
+    finally:
+        with suppress(OSError):  # not empty: there are results in them
+            for path in missing:
+                path.rmdir()
+
+
+def put_in_place(place: Reservation) -> None:
+    """Let the complete new folder take the place of the old one, in one step where the system can do that.
+
+    Elsewhere the old folder is aside for a moment; a run that is killed just then is made good by the next one.
+    """
+    if not place.folder.exists():
+        place.new.rename(place.folder)
+        return
+    shutil.copymode(place.folder, place.new)
+    if not _exchanged(place.new, place.folder):
+        place.folder.rename(place.old)
+        place.new.rename(place.folder)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Whether the system has let two folders change places."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
+    if rename is None:
+        return False
+    here = ctypes.c_int(_AT_WORKING_FOLDER)
+    return bool(rename(here, os.fsencode(one), here, os.fsencode(other), ctypes.c_uint(_EXCHANGE)) == 0)
+
+
+def _tidy(place: Reservation) -> None:
+    """Take away what is left of this run or of a killed one; an old folder that was aside comes back."""
+    if place.old.is_dir() and not place.folder.exists():
+        place.old.rename(place.folder)
+    for path in (place.new, place.old):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _locked(place: Reservation, said: Path) -> int:
+    """Descriptor of the lock of a folder. Raises :class:`InputError` where another process holds it."""
+    path = place.work / "lock"
+    while True:
+        with suppress(FileExistsError):
+            place.work.mkdir()
+        try:
+            lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        except FileNotFoundError:  # the run before has just taken the folder away
+            continue
+        try:
+            _lock(lock)
+            if os.path.samestat(os.fstat(lock), path.stat()):
+                os.ftruncate(lock, 0)
+                os.write(lock, str(os.getpid()).encode())
+                return lock
+        except FileNotFoundError:  # another run has taken the file away before it was locked
+            pass
+        except BlockingIOError:
+            process = os.read(lock, 20).decode() or "?"
+            os.close(lock)
+            words = f"another run of mor (process {process}) is writing results into this folder"
+            raise InputError(
+                [Problem(f"{words}; wait for its end, or choose another folder", str(said))]
+            ) from None
+        os.close(lock)
+
+
+def _lock(descriptor: int) -> None:
+    """Lock a file, where its file system has locks."""
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in _WITHOUT_LOCKS:
+            raise
+
+
+def _released(place: Reservation, lock: int) -> None:
+    """Take away the lock, while it is still held, and then the folder around it."""
+    with suppress(OSError):
+        (place.work / "lock").unlink()
+    os.close(lock)
+    with suppress(OSError):  # not empty: the next run has come in
+        place.work.rmdir()

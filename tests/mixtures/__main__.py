@@ -1,0 +1,50 @@
+"""``python -m tests.mixtures --count 1000 --seed 1``: how many random mixtures start from nothing, by ingredient.
+
+The criterion: with nothing given the adjustment reaches the solution that starting at the truth reaches. Only worlds
+whose adjustment from the truth converges are counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from tests.mixtures.ingredients import mixture, wrong_identities
+from tests.mixtures.trial import Trial, tried
+
+
+def main() -> None:
+    """Run the trials, print each that failed and the rates."""
+    parser = argparse.ArgumentParser(prog="python -m tests.mixtures", description=__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--wrong", type=float, default=0.0, help="share of wrong identities")
+    parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
+    options = parser.parse_args()
+    trials: list[Trial] = []
+    with tempfile.TemporaryDirectory() as scratch, contextlib.suppress(KeyboardInterrupt):
+        for seed in range(options.seed, options.seed + options.count):
+            world = mixture(seed)
+            wrong_identities(world, options.wrong)
+            trials.append(trial := tried(world, (options.keep or Path(scratch)) / str(seed)))
+            if trial.counts and not trial.reached:
+                print(f"{seed}: {trial.words} [{', '.join(sorted(trial.tags))}]", flush=True)
+    _print_rates(trials)
+
+
+def _print_rates(trials: list[Trial]) -> None:
+    counted = [trial for trial in trials if trial.counts]
+    of, reached = Counter(), Counter()
+    for trial in counted:
+        of.update(["all", *trial.tags])
+        reached.update(["all", *trial.tags] if trial.reached else [])
+    for tag in sorted(of, key=lambda tag: (tag != "all", tag)):
+        print(f"{tag:34} {reached[tag]:5} of {of[tag]:5}  {100.0 * reached[tag] / of[tag]:6.2f} %")
+    print(f"{len(trials)} worlds; {len(trials) - len(counted)} not counted: not determined from the truth")
+
+
+if __name__ == "__main__":
+    main()

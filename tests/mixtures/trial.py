@@ -1,0 +1,59 @@
+"""One world, started from the truth and from nothing: do both adjustments reach the same solution?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome
+from mor.errors import InputError
+from mor.pipeline import determinable_start, make_problem, read_document, read_network
+from tests.mixtures.project_file import write_project
+from tests.mixtures.world import World
+
+MOST_ITERATIONS = 300
+"""Gross errors make the adjustment creep, from the truth as well."""
+SAME = 1e-9
+"""Relative difference of σ0 at which two solutions are one."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What became of a world."""
+
+    tags: frozenset[str]
+    counts: bool
+    """True where the adjustment from the truth converged."""
+    reached: bool
+    words: str
+
+
+def tried(world: World, folder: Path) -> Trial:
+    """Adjust a world from the truth and from nothing."""
+    nothing, truth = write_project(world, folder)
+    tags = frozenset(world.tags)
+    expected = _adjusted(truth)
+    if isinstance(expected, str) or expected.outcome is not Outcome.CONVERGED:
+        return Trial(tags, False, False, expected if isinstance(expected, str) else expected.reason)
+    found = _adjusted(nothing)
+    if isinstance(found, str):
+        return Trial(tags, True, False, found)
+    if found.outcome is not Outcome.CONVERGED:
+        return Trial(tags, True, False, f"{found.outcome.value}: {found.reason}")
+    objectives = expected.normals.objective, found.normals.objective
+    same = abs(objectives[1] - objectives[0]) <= 2.0 * SAME * objectives[0] + 1e-12
+    return Trial(
+        tags,
+        True,
+        same,
+        "" if same else f"another solution: v'Pv {objectives[1]:.6g}, not {objectives[0]:.6g}",
+    )
+
+
+def _adjusted(path: Path) -> Adjustment | str:
+    try:
+        network, start = determinable_start(read_network(read_document(path), path.parent))
+    except InputError as error:
+        return f"not started: {str(error)[:300]}"
+    return adjust(make_problem(network, start, start), start, Settings(MOST_ITERATIONS))

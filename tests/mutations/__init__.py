@@ -1,0 +1,1 @@
+"""Seeded mutants of every project there is, run through the command line and judged: ``python -m tests.mutations``."""

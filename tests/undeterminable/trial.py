@@ -1,0 +1,99 @@
+"""One trial: is what was planted named, and is the rest what it is without it?"""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tests.small_projects import mor
+from tests.undeterminable.plantings import KINDS, planted, sound, write
+
+CLOSE = 1e-4
+"""Difference of coordinates in units of their σ up to which two adjustments are the same."""
+
+
+class Trial(NamedTuple):
+    """How it went: the mistakes found, none where all is well."""
+
+    seed: int
+    kinds: tuple[str, ...]
+    mistakes: tuple[str, ...]
+
+
+def trial(seed: int, folder: Path) -> Trial:
+    """Run a seed: the sound project, and with what was planted, left out."""
+    random = np.random.default_rng(1000 + seed)
+    kinds = tuple(random.choice(KINDS, int(random.integers(1, 4)), replace=False).tolist())
+    world = sound(seed)
+    clean = copy.deepcopy(world)
+    expected = planted(world, kinds)
+    mistakes = [
+        *_left_out(clean, world, expected, folder),
+        *_refused(world, expected, folder),
+    ]
+    return Trial(
+        seed,
+        (*kinds, "free" if world.free else "control", "given" if world.given else "none"),
+        tuple(mistakes),
+    )
+
+
+def _left_out(clean, world, expected, folder):
+    truth = mor("adjust", write(folder / "clean", clean, "refuse"), "--no-html", "--force")
+    if truth.code:
+        return []  # not a matter of this test
+    run = mor("adjust", write(folder / "planted", world, "leave_out"), "--no-html", "--force")
+    if run.code:
+        return [f"leave_out: exit {run.code}: {run.err[-300:]}"]
+    one, other = (_results(folder / name) for name in ("clean", "planted"))
+    named = {(row["kind"], row["id"]) for row in other["undeterminable"]}
+    mistakes = [f"not named: {thing} ({expected[thing]})" for thing in set(expected) - named]
+    mistakes += [f"wrongly left out: {thing}" for thing in named - set(expected)]
+    return [*mistakes, *_different(one, other)]
+
+
+def _different(one, other):
+    points = {row["id"]: row for row in other["points"]}
+    worst = 0.0
+    for row in one["points"]:
+        for axis in "xyz":
+            sigma = row[f"s{axis}"]
+            if sigma:
+                value = points[row["id"]][axis]
+                if value is None:
+                    return [f"point {row['id']} has no coordinates"]
+                worst = max(worst, abs(value - row[axis]) / sigma)
+    return [f"the rest differs by {worst:.2g} sigma"] if worst > CLOSE else []
+
+
+def _refused(world, expected, folder):
+    """Without leave_out: far points are held, anything else stops the adjustment and is named."""
+    run = mor("adjust", write(folder / "refused", world, "refuse"), "--no-html", "--force")
+    others = {thing for thing, kind in expected.items() if kind != "far"}
+    if not others:
+        if run.code:
+            return [f"far: exit {run.code}: {run.err[-300:]}"]
+        held = {(row["kind"], row["id"]) for row in _results(folder / "refused")["undeterminable"]}
+        return [] if held == set(expected) else [f"far: held {held}"]
+    if run.code not in (2, 4):
+        return [f"refuse: exit {run.code}"]
+    missing = [name for _, name in others if name not in _said(folder / "refused", run)]
+    return [f"refuse: not named {missing}"] if missing else []
+
+
+def _said(folder, run):
+    tables = folder / "project.results"
+    texts = [
+        path.read_text()
+        for path in sorted(tables.glob("*"))
+        if path.name in ("report.txt", "undetermined.csv")
+    ]
+    return "\n".join([run.err, *texts])
+
+
+def _results(folder):
+    return json.loads((folder / "project.results" / "results.json").read_text())
