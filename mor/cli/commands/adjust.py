@@ -155,7 +155,9 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.phase("adjusting")
     project = Project(document, network, folder)
     phase = "precision and reliability"
-    return adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    say.notes(solved.network.notes[len(network.notes) :])
+    return solved
 
 
 def chosen(
