@@ -109,7 +109,7 @@ def command(
     from mor.report.words.language import words_of
 
     writes = output is not None or not as_json
-    folder = output or project.with_suffix(".results")
+    folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
@@ -136,7 +136,7 @@ def command(
 def read_inputs(project: Path, folder: Path | None) -> Document:
     """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
     from mor.pipeline import read_document
-    from mor.report.results.folder import check_inputs
+    from mor.report.results.folder import check_inputs, folder_beside
 
     document = read_document(project)
     if folder is not None:

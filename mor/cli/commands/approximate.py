@@ -40,12 +40,12 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.results.adjusted_project import Placed
-    from mor.report.results.folder import check_inputs
+    from mor.report.results.folder import check_inputs, folder_beside
     from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import PROJECT, write_project
 
-    folder = output or project.with_suffix(".start")
+    folder = output or folder_beside(project, ".start")
     check_free(folder, force)
     document = read_document(project)
     tables = (project.parent / name for name in document.table_files())
