@@ -103,6 +103,7 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.report.results.folder import folder_beside
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
@@ -136,7 +137,7 @@ def command(
 def read_inputs(project: Path, folder: Path | None) -> Document:
     """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
     from mor.pipeline import read_document
-    from mor.report.results.folder import check_inputs, folder_beside
+    from mor.report.results.folder import check_inputs
 
     document = read_document(project)
     if folder is not None:
