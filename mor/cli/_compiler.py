@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from typing import Protocol
 
 FIRST_RUN = "first run on this machine: compiling, some 20 seconds, this once"
-PLAIN = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
+PLAIN = (
+    "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
+)
 NOT_KEPT = "what was compiled cannot be kept, each run compiles anew: {reason}"
 
 

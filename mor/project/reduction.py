@@ -74,6 +74,26 @@ def without_blocks(network: Network, marked: Marked, things: Sequence[Undetermin
     )
 
 
+def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterminable]) -> Network:
+    """The network with some blocks held where they are, of which no observation that counts says anything.
+
+    Their observations stay, for they are told. ``things`` says what they are.
+    """
+    if not things:
+        return network
+    blocks = {
+        kind: replace(table, free=table.free & ~marked[kind][:, None])
+        for kind, table in network.blocks.items()
+    }
+    return replace(
+        network,
+        blocks=blocks,
+        undeterminable=(*network.undeterminable, *things),
+        original=network.original or network,
+        absent=_absent(network, marked),
+    )
+
+
 def with_points_at_infinity(
     network: Network,
     start: Values,

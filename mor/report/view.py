@@ -27,6 +27,7 @@ from mor.report.tables.estimates import (
 )
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
+from mor.report.tables.suspects import suspects
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class View:
     cameras: list[dict[str, Any]]
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
+    suspects: dict[str, Any] | None
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -88,6 +90,7 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         cameras=interior_rows(solved),
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
+        suspects=suspects(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -121,6 +124,7 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         cameras=data["cameras"],
         checks=data["checks"],
         gross_errors=data["gross_errors"],
+        suspects=data.get("suspects"),
         residuals=_residuals(data, folder),
     )
 

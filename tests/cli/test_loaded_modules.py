@@ -12,7 +12,16 @@ from small_projects import LEVELLING, write
 from mor import compilation
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
-NEVER = {"numba", "llvmlite", "plotly", "matplotlib", "scipy.stats", "scipy.optimize", "scipy.interpolate", "rich"}
+NEVER = {
+    "numba",
+    "llvmlite",
+    "plotly",
+    "matplotlib",
+    "scipy.stats",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "rich",
+}
 """What no small project needs, with or without page."""
 WITHOUT_PAGE = {"jinja2", "scipy.spatial"}
 ONE_FRONT = {"scipy.sparse", "mor.approximate.growth.strategy", "mor.formats.gkf"}
@@ -41,7 +50,9 @@ def test_small_projects_with_their_page_load_no_compiler(sample, tmp_path):
     assert modules & NEVER == set()
 
 
-@pytest.mark.parametrize("command", [["covariance", "--blocks", "-o", "c.csv"], ["datum", "--to", "free", "-o", "d"]])
+@pytest.mark.parametrize(
+    "command", [["covariance", "--blocks", "-o", "c.csv"], ["datum", "--to", "free", "-o", "d"]]
+)
 def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command, tmp_path):
     results = tmp_path / "results"
     loaded("adjust", SAMPLES / "facade" / "project.yaml", "-q", "--no-html", "-o", results)

@@ -176,11 +176,15 @@ def test_standard_deviations_of_a_dynamic_datum(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 0.001\nB 0.002"))
     observed = read_foreign(path).data["observations"][0]
-    np.testing.assert_allclose(np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15)
+    np.testing.assert_allclose(
+        np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15
+    )
 
 
 def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 1 2 3\nB 1"))
-    with pytest.raises(InputError, match="found rows of 3, 1 numbers, expected of 2 observed coordinates a σ each"):
+    with pytest.raises(
+        InputError, match="found rows of 3, 1 numbers, expected of 2 observed coordinates a σ each"
+    ):
         read_foreign(path)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mor.adjustment.solve import Adjustment, Outcome, Settings, adjust
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
 from mor.pipeline import determinable_start, make_problem, read_document, read_network
 from tests.mixtures.project_file import write_project

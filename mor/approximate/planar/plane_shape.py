@@ -29,8 +29,8 @@ from mor.approximate.planar.two_images import (
     PlaneOrientation,
     PlaneOutcome,
     PlaneSolutions,
-    misfit_limit,
     along_normal,
+    misfit_limit,
     planar_orientations,
     under_normal,
 )

@@ -122,6 +122,8 @@ def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> 
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
     result: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
+        if camera_of.get(str(name)) not in areas:
+            continue  # an image that was left out has no camera any more
         area = areas[camera_of[name]]
         size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
         result[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)

@@ -13,6 +13,7 @@ from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
+from mor.report.text.suspects import sentences
 from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
@@ -50,6 +51,9 @@ def headline(data: PageData) -> Statement:
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
+    left_out = sentences(data.view.suspects, say)
+    if left_out:
+        return Statement(BAD, say("Not accepted"), " ".join(left_out))
     emptied = [*_emptied(data), *_mostly_out(data)]
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     if not test["accepted"]:

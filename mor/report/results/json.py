@@ -27,6 +27,7 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.suspects import suspects
 
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
@@ -51,6 +52,7 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "groups": group_table(solved).to_dicts(),
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
+        "suspects": suspects(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),

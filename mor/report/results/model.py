@@ -31,6 +31,7 @@ from mor.report.results.model_parts import (
     Sigma0,
     Station,
     Step,
+    Suspects,
     System,
     Units,
     VarianceComponents,
@@ -86,6 +87,9 @@ class Results(Part):
         default=None, description="How the factors of the σ of the groups were estimated"
     )
     gross_errors: GrossErrors = Field(description="Tests of single observations")
+    suspects: Suspects | None = Field(
+        default=None, description="What was left out because all observations together have no solution"
+    )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     checks: list[Check] = Field(description="Observations kept out to check by")
     failure: Failure | None = Field(

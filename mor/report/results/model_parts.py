@@ -332,6 +332,24 @@ class GrossErrors(Part):
     robust: Robust | None = Field(default=None, description="Robust solution, where it was asked for")
 
 
+class Suspect(Place):
+    """An observation that was left out."""
+
+    misfit: float = Field(description="|v|/σ against the robust solution")
+
+
+class Suspects(Part):
+    """Observations left out so that the rest has a solution."""
+
+    outcome: Literal["converged", "not converged", "diverged"] = Field(
+        description="How the adjustment of all observations ended; converged: at a place that fits hardly any of them"
+    )
+    iterations: int
+    sigma0_ratio: Number
+    count: int
+    observations: list[Suspect] = Field(description="The worst first, at most 10 000")
+
+
 class FixedPoint(Part):
     """Test of the coordinates a point is held at."""
 
