@@ -151,11 +151,24 @@ def build_network(
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
+    groups = (*plain, *(_said_outside(reading, group) for group in others))
+    return _network(reading, groups, checks, correlated, datum)
+
+
+def _network(
+    reading: Reading,
+    groups: tuple[ObservationGroup, ...],
+    checks: tuple[ObservationGroup, ...],
+    correlated: tuple[Correlation, ...],
+    datum: DatumChoice,
+) -> Network:
+    """What was read, put together."""
+    project, document = reading.project, reading.document
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
     return Network(
         project=project,
-        edge=edge,
+        edge=reading.edge,
         scales=reading.scales,
         things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
         blocks={key: store.blocks() for key, store in stores.items()},
@@ -165,7 +178,7 @@ def build_network(
         },
         observed=observed,
         sigma={key: store.all_sigma() for key, store in stores.items()},
-        groups=(*plain, *(_said_outside(reading, group) for group in others)),
+        groups=groups,
         checks=checks,
         correlations=correlated,
         datum=datum,

@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import Field
 
 from mor.report.results.model_failure import Failure, Undeterminable
+from mor.report.results.model_gross_errors import GrossErrors, Suspects
 from mor.report.results.model_parts import (
     Axes,
     Camera,
@@ -19,7 +20,6 @@ from mor.report.results.model_parts import (
     Feature,
     FixedPoint,
     GlobalTest,
-    GrossErrors,
     Group,
     Image,
     Number,
@@ -31,7 +31,6 @@ from mor.report.results.model_parts import (
     Sigma0,
     Station,
     Step,
-    Suspects,
     System,
     Units,
     VarianceComponents,
