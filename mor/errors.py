@@ -19,6 +19,7 @@ class ExitCode(IntEnum):
     INPUT = 2
     NOT_CONVERGED = 3
     SINGULAR = 4
+    MEMORY = 5
     INTERNAL = 70
 
 
@@ -73,6 +74,12 @@ class NoSolutionError(MorError):
     """What was asked for needs a solution, and the adjustment has none: it says why."""
 
     exit_code = ExitCode.NOT_CONVERGED
+
+
+class OutOfMemoryError(MorError):
+    """There is not enough memory for what was asked for; it says how much is, and what helps."""
+
+    exit_code = ExitCode.MEMORY
 
 
 class NoStartValuesError(InputError):

@@ -17,7 +17,7 @@ LAYERS = (
     ("escapes",),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
-    ("geometry", "input_files"),
+    ("geometry", "input_files", "memory"),
     ("parameters",),
     ("observations",),
     ("project",),

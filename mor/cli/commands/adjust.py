@@ -99,7 +99,7 @@ def command(
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
     \b
-    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular.
+    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular; 5 memory.
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
@@ -150,12 +150,26 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     from mor.api.project import Project
     from mor.pipeline import read_network
 
+    check_reading(document, folder)
     network = read_network(document, folder, say.table_counter(document, folder))
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
     phase = "precision and reliability"
     return adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+
+
+OF_CSV = 5
+"""Bytes of memory for a byte of a CSV table: its rows as arrays, and its texts while it is read."""
+
+
+def check_reading(document: Document, folder: Path) -> None:
+    """Refuse tables that memory cannot hold, by the sizes of their files."""
+    from mor.memory import check_room
+
+    files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
+    size = sum(path.stat().st_size for path in files if path.is_file())
+    check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
 
 
 def chosen(
@@ -168,10 +182,14 @@ def chosen(
 ) -> Choice:
     """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
     from mor.report.results.json import entries
+    from mor.memory import check_room
+    from mor.report.results.memory import FEWER, memory_of_reports
     from mor.report.results.writing import Choice, is_large, tables_by_size
 
     say.notes(left_out(solved, tables, html))
     page = html if html is not None else not is_large(solved)
+    need = memory_of_reports(solved.network, page, tables or tables_by_size(solved))
+    check_room(need, "writing the reports", FEWER)
     return Choice(
         tables=tables or tables_by_size(solved),
         kind=table_format,
