@@ -87,8 +87,11 @@ class NoStartValuesError(InputError):
 
     def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
         self.things = tuple(things)
-        advice = "settings: {undetermined: leave_out} adjusts the rest without them"
-        super().__init__([Problem(words) for words in (*remarks, *map(str, self.things), advice)])
+        count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
+        advice = (
+            f"{count} no start values; settings: {{undetermined: leave_out}} adjusts the rest without them"
+        )
+        super().__init__([Problem(words) for words in (advice, *map(str, self.things), *remarks)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
 from mor.cli._language import language_option
-from mor.errors import ExitCode
+from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
     from mor.cli._progress import Progress
     from mor.errors import Problem
     from mor.project.file.nodes import Document
     from mor.quality.solved import Solved
+    from mor.report.results.reservation import Reservation
     from mor.report.results.writing import Choice
 
 
@@ -115,7 +117,8 @@ def command(
         say.phase("reading")
         document = read_inputs(project, folder if writes else None)
         place = held.enter_context(reserve(folder, force)) if writes else None
-        solved = adjusted(document, project.parent, snoop, say)
+        with named_in_full(place):
+            solved = adjusted(document, project.parent, snoop, say)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
@@ -131,6 +134,22 @@ def command(
         if writes:
             click.echo(words("results in {place}", place=folder), err=True)
     return code
+
+
+@contextmanager
+def named_in_full(place: Reservation | None) -> Iterator[None]:
+    """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
+    from mor.cli import MOST_TOLD
+
+    try:
+        yield
+    except NoStartValuesError as error:
+        if place is not None and len(error.things) >= MOST_TOLD:
+            from mor.report.results.writing import write_undeterminable
+
+            write_undeterminable(error.things, place)
+            click.echo(f"all of them are named in {place.folder / 'undetermined.csv'}:", err=True)
+        raise
 
 
 def read_inputs(project: Path, folder: Path | None) -> Document:
@@ -181,8 +200,8 @@ def chosen(
     say: Progress,
 ) -> Choice:
     """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
-    from mor.report.results.json import entries
     from mor.memory import check_room
+    from mor.report.results.json import entries
     from mor.report.results.memory import FEWER, memory_of_reports
     from mor.report.results.writing import Choice, is_large, tables_by_size
 
