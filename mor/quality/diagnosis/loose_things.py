@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.adjustment.datum.local_defects import LocalDefects, local_defects
+from mor.adjustment.datum.local_defects import LocalDefects, beside, local_defects
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, IntArray
@@ -18,6 +18,8 @@ from mor.project.network.entities import thing_of
 from mor.project.reduction import nothing_marked, without_blocks
 from mor.quality.diagnosis.connected_components import connected_parts
 
+OPEN = "unknowns are not determined by the observations"
+"""Reason of an outcome."""
 NO_OBSERVATION = "no observation refers to it"
 TOO_FEW = "fewer observations refer to it than it has unknowns"
 LOOSE = "its observations leave a direction of it open"
@@ -69,7 +71,10 @@ def without_loose(network: Network, values: Values, make: Callable[[Network, Val
     things = things_of(network)
     reduced = network
     while True:
-        defects = local_defects(make(reduced, values), values, things.of_blocks, len(things.names))
+        problem = make(reduced, values)
+        # Beside the start values: what is singular there alone is not undetermined.
+        place = beside(problem, values)
+        defects = local_defects(problem, place, things.of_blocks, len(things.names))
         if not defects.loose.any():
             return reduced
         named = _named(things, defects, first=reduced is network)
