@@ -50,6 +50,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
     return replace(
         type_,
         key=type_.key + AT_INFINITY,
+        written=type_.name,
         slots=(*(type_.slots[k] for k in kept), Slot("rotation", type_.slots[target].of, "direction")),
         equation=equation,
         distances=None,

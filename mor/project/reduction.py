@@ -74,6 +74,26 @@ def without_blocks(network: Network, marked: Marked, things: Sequence[Undetermin
     )
 
 
+def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterminable]) -> Network:
+    """The network with some blocks held where they are, of which no observation that counts says anything.
+
+    Their observations stay, for they are told. ``things`` says what they are.
+    """
+    if not things:
+        return network
+    blocks = {
+        kind: replace(table, free=table.free & ~marked[kind][:, None])
+        for kind, table in network.blocks.items()
+    }
+    return replace(
+        network,
+        blocks=blocks,
+        undeterminable=(*network.undeterminable, *things),
+        original=network.original or network,
+        absent=_absent(network, marked),
+    )
+
+
 def with_points_at_infinity(
     network: Network,
     start: Values,
@@ -148,8 +168,10 @@ def _with_directions(blocks: Blocks, ids: Sequence[str]) -> Blocks:
     count, more = len(blocks.ids), len(ids)
     about = np.zeros(count, dtype=bool) if blocks.about_axes is None else blocks.about_axes
     own = np.broadcast_to(np.arange(count, count + more)[:, None], (more, 3))
+    apart = blocks.difference
     return replace(
         blocks,
+        difference=None if apart is None else np.concatenate([apart, np.zeros((more, 3))]),
         ids=(*blocks.ids, *ids),
         free=np.concatenate([blocks.free, np.broadcast_to(np.array(FREE_TURNS), (more, 3))]),
         owner=np.concatenate([blocks.owner, own]),

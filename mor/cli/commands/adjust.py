@@ -255,5 +255,7 @@ def exit_code(solved: Solved, strict: bool) -> ExitCode:
         return ExitCode.SINGULAR
     if quality is None:
         return ExitCode.NOT_CONVERGED
+    if solved.suspects is not None:
+        return ExitCode.REJECTED
     rejected = not quality.global_test.accepted or any(flags.any() for flags in quality.flagged)
     return ExitCode.REJECTED if strict and rejected else ExitCode.DONE

@@ -93,13 +93,15 @@ class _Place(NamedTuple):
     values: Values
     sizes: tuple[FloatArray, ...]
     damping: float
+    change: float = 0.0
+    """The last step in units of σ."""
 
 
 def _iteration(problem: Problem, number: int, place: _Place, factors: Factors) -> Iteration:
     """The iteration as those who watch see it: with the weighted sum of squares and what weights are left."""
     weighted = sum(float(np.sum(f * s**2)) for f, s in zip(factors, place.sizes, strict=True))
     active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(factors, place.sizes, strict=True))
-    return Iteration(number, weighted, float("nan"), place.damping, max(int(active) - problem.index.count, 0))
+    return Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0))
 
 
 def _sizes(plan: Plan, values: Values) -> tuple[FloatArray, ...]:
@@ -145,9 +147,8 @@ def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:
         gain = (tried.objective - objective(weighted, moved)) / max(tried.gain, 1e-300)
         if gain > 0.0:
             easier = max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
-            return _Place(
-                moved, _sizes_of_all(weighted, moved, factors), max(damping * easier, _LEAST_DAMPED)
-            )
+            sizes, change = _sizes_of_all(weighted, moved, factors), float(np.sqrt(max(tried.gain, 0.0)))
+            return _Place(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
         damping, raise_by = damping * raise_by, raise_by * 2.0
     return place._replace(damping=_FIRST_DAMPING)
 

@@ -23,6 +23,8 @@ from mor.quality.gross_errors.graduated_weights import graduated_weights, robust
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
+SUSPECT = "what is observed of it contradicts the rest or itself"
+"""Reason why a thing is left out."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _GIVEN_UP = ("point", "rotation")
@@ -94,6 +96,16 @@ def left_out(problem: Problem, suspects: Suspects) -> Problem:
     return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
 
 
+def with_suspects(rest: Problem, suspects: Suspects) -> tuple[Problem, tuple[BoolArray, ...]]:
+    """The problem of the rest with the suspects in it again, and which they are. Lost blocks stay out."""
+    plain = suspects.plain.problem
+    gone = tuple(np.zeros(group.observed.shape, dtype=bool) for group in plain.groups)
+    _add_rows(plain, gone, set(suspects.lost))
+    kept_out = [group.left_out | mask for group, mask in zip(plain.groups, gone, strict=True)]
+    masks = tuple(mask & ~out for mask, out in zip(suspects.masks, kept_out, strict=True))
+    return exclude(replace(rest, clusters=plain.clusters), kept_out), masks
+
+
 def held(blocks: Mapping[str, Blocks], lost: Sequence[tuple[str, str]]) -> dict[str, Blocks]:
     """Blocks with the lost ones (kind, name) fixed."""
     result = dict(blocks)
@@ -147,10 +159,15 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
 def _without(problem: Problem, suspects: Suspects, blocks: set[tuple[str, str]]) -> Suspects:
     """The suspects with all observations that refer to these blocks."""
     masks = tuple(mask.copy() for mask in suspects.masks)
+    _add_rows(problem, masks, blocks)
+    return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))
+
+
+def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[str, str]]) -> None:
+    """Add all observations that refer to these blocks (kind, name) to the masks, in place."""
     for kind in {kind for kind, _ in blocks}:
         gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
         for group, mask in zip(problem.groups, masks, strict=True):
             for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
                 if slot.kind == kind:
                     mask |= gone[numbers][:, None] & group.mask & ~group.left_out
-    return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))

@@ -14,6 +14,7 @@ from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
     group_table,
+    image_interiors,
     image_table,
     interior_rows,
     other_rows,
@@ -26,6 +27,7 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.suspects import suspects
 
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
@@ -40,16 +42,17 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
     return {
         **summary(solved),
         "points": _rows(points, beside),
-        "images": _rows(images, beside),
+        "images": _with_interiors(_rows(images, beside), solved),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
         "pairs": pair_table(solved).to_dicts(),
         "features": feature_table(solved).to_dicts(),
-        "others": other_rows(solved),
+        "others": [row for row in other_rows(solved) if not row["kind"].startswith("interior/")],
         "groups": group_table(solved).to_dicts(),
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
+        "suspects": suspects(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),
@@ -65,6 +68,14 @@ def entries(solved: Solved) -> int:
 
 def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
     return frame.to_dicts() if frame.height <= INLINE or not beside else None
+
+
+def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
+    """Images with the interior orientation they have of their own."""
+    if images is None:
+        return None
+    interiors = image_interiors(solved)
+    return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
 
 
 def to_json(data: dict[str, Any]) -> str:

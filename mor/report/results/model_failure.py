@@ -13,26 +13,30 @@ class Undeterminable(Part):
     """A row of undetermined.csv: a thing that nothing determines."""
 
     kind: str = Field(description="point, image, station, system, pair")
-    id: str
-    reason: str
-    treatment: Literal["", "left out", "at infinity"]
+    id: str = Field(description="Its name")
+    reason: str = Field(description="Why it is not determined")
+    treatment: Literal["", "left out", "at infinity"] = Field(
+        description="What was done about it; empty: nothing"
+    )
     observations: int = Field(description="Rows of observations that refer to it")
     dx: Number = Field(description="Unit vector to a point at infinity, project axes")
-    dy: Number
-    dz: Number
+    dy: Number = Field(description="y of the same")
+    dz: Number = Field(description="z of the same")
     sigma: Number = Field(description="Its standard deviation across, the larger one, an angle")
 
 
 class Moving(Part):
     """An unknown that does not come to rest."""
 
-    kind: str
-    of: str
-    id: str
-    component: str
-    unit: str
+    kind: str = Field(description="Kind of its block")
+    of: str = Field(description="What kind of thing it belongs to")
+    id: str = Field(description="Name of that thing")
+    component: str = Field(description="Which component")
+    unit: str = Field(description="Unit of the steps")
     steps: list[Number] = Field(description="Its last steps, or the one that could not be taken")
-    way: Literal["to and fro", "away", "wanted"]
+    way: Literal["to and fro", "away", "wanted"] = Field(
+        description="to and fro, away, or wanted: the step that the last values call for"
+    )
 
 
 class Misfit(Residual):
@@ -44,6 +48,6 @@ class Misfit(Residual):
 class Failure(Part):
     """What is known where there is no solution."""
 
-    notice: str
-    moving: list[Moving]
-    worst: list[Misfit]
+    notice: str = Field(description="What the values of such results are worth")
+    moving: list[Moving] = Field(description="Unknowns that do not come to rest")
+    worst: list[Misfit] = Field(description="Observations that fit worst at the last values")

@@ -16,6 +16,7 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
+    suspects,
     undetermined,
     unsettled,
 )
@@ -29,6 +30,7 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         undetermined.section(solved, words),
         undetermined.listed(solved, words),
         unsettled.section(solved, words),
+        suspects.section(solved, words),
         checks.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),

@@ -6,9 +6,11 @@ from mor.adjustment.state import Outcome
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
+from mor.report.tables.suspects import suspects
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
-from mor.report.text.undetermined import sentences
+from mor.report.text.suspects import sentences as sentences_on_suspects
+from mor.report.text.undetermined import sentences_of_things
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -63,7 +65,8 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
-    lines = [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
+    lines = sentences_on_suspects(suspects(solved), words)
+    lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
     if test.redundancy == 0:
         lines.append(words("Nothing is controlled: the redundancy is 0, there is no test."))
@@ -90,7 +93,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    lines += sentences(solved.network.undeterminable, words)
+    lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
 
