@@ -23,12 +23,14 @@ CASES = (
 
 def project_of(case: tuple[str, tuple[int, ...], str], folder: Path) -> Path:
     """A simulated project of the benchmarks."""
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    import folders
-    import scenes
-
     name, sizes, kind = case
-    return Path(folders.write_project(getattr(scenes, name)(*sizes), folder, kind))
+    script = (
+        "import sys; sys.path[:0] = sys.argv[1:3]; import folders, scenes; from pathlib import Path; "
+        f"folders.write_project(scenes.{name}(*{sizes}), Path(sys.argv[3]), {kind!r})"
+    )
+    places = (str(ROOT), str(ROOT / "benchmarks"), str(folder))
+    subprocess.run([sys.executable, "-c", script, *places], check=True)
+    return folder / "project.yaml"
 
 
 def measured(project: Path, *options: str) -> dict[str, float]:

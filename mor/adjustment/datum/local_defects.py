@@ -57,6 +57,7 @@ def local_defects(
     problem: Problem, values: Values, bodies: Mapping[str, IntArray], count: int
 ) -> LocalDefects:
     """Loose ones among ``count`` bodies; ``bodies[kind]`` (n,) are those of the blocks, −1 for none."""
+    bodies = {kind: body for kind, body in bodies.items() if (body >= 0).any()}
     of = _bodies(problem, bodies, count)
     rows, entries = _counts(problem, bodies, count)
     too_few = (of.sizes > 0) & (entries < of.sizes)
