@@ -5,7 +5,7 @@ called for the first time where compiled kernels are wanted: importing numba and
 longer than a small project takes in plain numpy. Elsewhere, and where there is no numba, a kernel is the Python
 function it is written as. ``wanted`` tells the callers whether to take a kernel or the plain numpy form of a step.
 
-A project decides once, by its amount of work (:func:`chosen_by_work`): all of its steps are compiled, or none, so that
+A project decides once, by its size (:func:`chosen_by_size`): all of its steps are compiled, or none, so that
 it gives the same bytes whether or not there is machine code of an earlier run.
 """
 
@@ -28,15 +28,20 @@ Result = TypeVar("Result")
 # not-a-numbers keep their meaning, unlike under numba's unrestricted ``fastmath=True``.
 _FAST_SUMS = {"reassoc", "contract", "nsz"}
 
-WORTH_COMPILING = 1_500_000.0
-"""Work of a project (:func:`mor.adjustment.work.work_of`) from which on compiled kernels save more than they cost."""
+WORTH_COMPILING = 6_000
+"""Observations of a project from which on compiled kernels save more than they cost, being on disk already.
+
+Importing numba and reading the kernels takes some 0.4 s. Plain numpy loses that in aerial blocks at 6 000 observations,
+in close range blocks, whose points have many rays, at 12 000, in geodetic networks at 15 000 (docs/dependencies.md).
+"""
 
 available = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 """True where there is a compiler."""
 
 _one_at_a_time = Lock()
 _plainly: ContextVar[bool] = ContextVar("plainly", default=False)
-_announce: ContextVar[Callable[[], None] | None] = ContextVar("announce", default=None)
+_announce: ContextVar[Callable[[], None]] = ContextVar("announce", default=lambda: None)
+_miss: ContextVar[Callable[[], None]] = ContextVar("miss", default=lambda: None)
 
 
 def wanted() -> bool:
@@ -45,9 +50,11 @@ def wanted() -> bool:
 
 
 @contextmanager
-def chosen_by_work(work: float) -> Iterator[None]:
-    """Within, kernels are compiled where the work is worth it, and left to plain numpy where it is not."""
-    before = _plainly.set(work < WORTH_COMPILING)
+def chosen_by_size(observations: int) -> Iterator[None]:
+    """Within, kernels are compiled if a project of so many observations is worth it, and nothing is elsewhere."""
+    before = _plainly.set(observations < WORTH_COMPILING)
+    if not available and not _plainly.get():
+        _miss.get()()
     try:
         yield
     finally:
@@ -65,14 +72,22 @@ def as_here(work: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
 
 
 @contextmanager
-def compilation_announced(announce: Callable[[], None]) -> Iterator[None]:
-    """Within, call ``announce`` once before the first kernel is compiled, which takes a while on the first run."""
-    left = [announce]
-    before = _announce.set(lambda: left.pop()() if left else None)
+def compilation_announced(announce: Callable[[], None], miss: Callable[[], None]) -> Iterator[None]:
+    """Within, call ``announce`` once before the first kernel is compiled, which takes a while on the first run.
+
+    Or call ``miss`` once where a project is worth compiling and there is no compiler.
+    """
+    compiling, missing = _announce.set(_once(announce)), _miss.set(_once(miss))
     try:
         yield
     finally:
-        _announce.reset(before)
+        _announce.reset(compiling)
+        _miss.reset(missing)
+
+
+def _once(say: Callable[[], None]) -> Callable[[], None]:
+    left = [say]
+    return lambda: left.pop()() if left else None
 
 
 class Kernel(Generic[Parameters, Result]):
@@ -97,8 +112,8 @@ class Kernel(Generic[Parameters, Result]):
         with _one_at_a_time:
             compiled = numba.njit(self.py_func, **self._options)
             compiled._cache = KernelCache(self.py_func, self._options)
-            called: Callable[Parameters, Result] = self.__dict__.setdefault("compiled", compiled)
-            return called
+            kept: Callable[Parameters, Result] = self.__dict__.setdefault("compiled", compiled)
+        return kept
 
     @property
     def targetoptions(self) -> dict[str, Any]:
@@ -149,12 +164,10 @@ def _numba() -> Any:
         """Tells once when something is compiled that was not on disk."""
 
         def on_start(self, event: Event) -> None:
-            announce = _announce.get()
-            if announce is not None:
-                announce()
+            _announce.get()()
 
         def on_end(self, event: Event) -> None:
             pass
 
-    register("numba:compile", Announcer())
+    register("numba:compile", Announcer())  # type: ignore[no-untyped-call]
     return numba

@@ -5,17 +5,19 @@ project file → Project → Network → Problem + start values → Adjustment �
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import Settings, Watcher, adjust
-from mor.adjustment.state import Adjustment
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome, Watcher
+from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
-from mor.errors import InputError, NoStartValuesError
+from mor.compilation import chosen_by_size
+from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
@@ -26,14 +28,27 @@ from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
+from mor.project.network.entities import thing_of
 from mor.project.network.reading import TableWatcher, ignore_table
+from mor.project.reduction import with_blocks_held
+from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, assess
 from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
+from mor.quality.diagnosis.self_check import checked
 from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
+from mor.quality.gross_errors.suspects import (
+    SUSPECT,
+    Suspects,
+    left_out,
+    lost_blocks,
+    may_be_absurd,
+    without_suspects,
+)
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
+from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
@@ -65,18 +80,67 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
+    with chosen_by_size(network.observations), mistakes_in(network.file):
+        return _solved(network, watch, assessing)
+
+
+def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
-    network, start = determinable_start(network)
-    network, adjustment = adjust_determinable(network, start, _means(settings, watch))
+    rescued: list[tuple[Adjustment, Suspects]] = []
+    with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
+        network, start = determinable_start(network)
+        network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
+    suspects = next((left for found, left in rescued if found is adjustment), None)
+    network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
         return Solved(network, with_fitting_reason(adjustment), None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
     quality = assess(adjustment, levels(settings), aposteriori, done)
-    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings))
+    sound = checked(quality)
+    if not sound.outcome.is_solution:
+        return Solved(network, sound, None, None, suspects)
+    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
-    return Solved(network, last, replace(quality, adjustment=last), treatment)
+    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects)
+
+
+def _without_gross_errors(
+    network: Network, adjustment: Adjustment, watch: Watcher | None
+) -> tuple[Adjustment, Suspects | None]:
+    """A solution without gross errors, where all observations together have none."""
+    plain = adjustment.outcome
+    if plain is Outcome.SINGULAR or (plain.is_solution and not may_be_absurd(adjustment)):
+        return adjustment, None
+    settings = Settings(network.project.settings.max_iterations)
+    found, suspects = without_suspects(adjustment, settings, _counting_on(watch, len(adjustment.iterations)))
+    return _with_settled_sigma(network, found, watch, suspects), suspects
+
+
+def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
+    """The network with blocks (kind, name) held of which only suspects tell, and the word that they are left out."""
+    things = [
+        Undeterminable(*thing, SUSPECT, "left out")
+        for thing in dict.fromkeys(thing_of(*block) for block in lost)
+    ]
+    marked = {kind: lost_blocks(blocks, kind, lost) for kind, blocks in network.blocks.items()}
+    return with_blocks_held(network, marked, things)
+
+
+def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistake]:
+    """The observations that cannot be computed at the start values; the first ones of each group."""
+    mistakes = []
+    for group in problem.groups:
+        for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
+            names = ", ".join(
+                f"{reference.name} {names[row]!r}"
+                for reference, names in zip(group.type.references, group.references, strict=True)
+            )
+            words = f"{group.type.key}, {names}: no value or no derivative where the adjustment starts"
+            line = int(group.lines[row]) if len(group.lines) > row else 0
+            mistakes.append(Mistake(f"{words}; do two of its places coincide there?", group.file, line))
+    return mistakes or [Mistake("observations have no value or no derivative where the iteration has got to")]
 
 
 def snooped(network: Network) -> Network:
@@ -118,6 +182,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
 
     found = approximate(network)
     settings = network.project.settings
+    start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, found.remarks)
@@ -127,13 +192,25 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     return network, with_shared_components(network.blocks, start)
 
 
-def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:
-    """How networks with these settings become problems and are solved."""
+def _means(
+    settings: ProjectSettings, watch: Watcher | None, rescued: list[tuple[Adjustment, Suspects]]
+) -> Means:
+    """How networks with these settings become problems and are solved.
+
+    To ``rescued`` come the solutions that some observations had to be left out for, and which these are.
+    """
 
     def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
         problem = make_problem(network, start, start)
-        adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
-        return _with_settled_sigma(network, adjustment, watch)
+        try:
+            adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+        except NotFiniteError:
+            raise InputError(_undefined(problem, start)) from None
+        adjustment = _with_settled_sigma(network, adjustment, watch)
+        adjustment, suspects = _without_gross_errors(network, adjustment, watch)
+        if suspects is not None:
+            rescued.append((adjustment, suspects))
+        return adjustment
 
     return Means(
         lambda network, start: make_problem(network, start, start),
@@ -142,10 +219,13 @@ def _means(settings: ProjectSettings, watch: Watcher | None) -> Means:
     )
 
 
-def _with_settled_sigma(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Adjustment:
+def _with_settled_sigma(
+    network: Network, adjustment: Adjustment, watch: Watcher | None, suspects: Suspects | None = None
+) -> Adjustment:
     """The adjustment with σ that depend on distances taken at its own result, whatever the start values were."""
     for _ in range(_SIGMA_ROUNDS):
         problem = make_problem(network, adjustment.start, adjustment.values)
+        problem = left_out(problem, suspects) if suspects is not None else problem
         pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
         same = all(
             a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True)

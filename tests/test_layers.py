@@ -14,7 +14,8 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("errors", "units", "compilation", "kernel_cache", "counting", "arrays"),
+    ("escapes", "kernel_cache"),
+    ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
     ("geometry", "input_files"),
     ("parameters",),

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -147,13 +148,22 @@ def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
     return anchors
 
 
-def damped_step(plan: Plan, values: Values, damping: float) -> FloatArray:
-    """Levenberg-Marquardt step (N + μ diag N)⁻¹ b; unknowns that nothing observes stay."""
+class DampedStep(NamedTuple):
+    """A Levenberg-Marquardt step (u,), the objective before it, and bᵀδ: what it gains at least, to first order."""
+
+    step: FloatArray
+    objective: float
+    gain: float
+
+
+def damped_step(plan: Plan, values: Values, damping: float) -> DampedStep:
+    """Levenberg-Marquardt step δ = (N + μ diag N)⁻¹ b; unknowns that nothing observes stay."""
     normals = build_normals(plan, values, damping)
     scale = _unit_diagonal(normals)
     factor = factorise(normals.matrix.scaled(scale), plan.elimination, tolerance=1e-16)
     reduced = scale * factor.solve(scale * normals.reduced_rhs)
-    return full_step(plan, values, reduced, damping)
+    step = full_step(plan, values, reduced, damping)
+    return DampedStep(step, normals.objective, float(step @ normals.rhs))
 
 
 def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[FloatArray, FloatArray]:

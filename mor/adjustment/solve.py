@@ -1,17 +1,16 @@
 """The one loop of the program: linearise, normal equations, step, until nothing moves any more.
 
 Gauss-Newton; where a full step would make the objective larger, Levenberg-Marquardt damping shortens it, and is taken
-back as soon as it is not needed. Convergence is judged on √(δᵀNδ), which bounds the change of every unknown in units of
-its own σ (σ0 = 1), so that noise-free data converge too.
+back as soon as it is not needed. When it is over is said in :mod:`mor.adjustment.convergence`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mor.adjustment.convergence import ACCURACY, is_in_datum, is_over, stands_still
 from mor.adjustment.datum.defect import Defect, explain_defect
 from mor.adjustment.datum.s_transformation import binds, constraint, corrections, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
@@ -20,20 +19,10 @@ from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.state import A_WEAK_TURN, Adjustment, Iteration, Outcome, Stride
+from mor.adjustment.state import A_WEAK_TURN, STANDS_STILL, Adjustment, Iteration, Outcome, Stride, Watcher
 from mor.adjustment.step_control import Taken, accept
 from mor.arrays import FloatArray
 from mor.parameters.index import Values, move
-
-TINY_STEP = 1e-7
-"""Largest change in units of σ at which the iteration is over."""
-SAME_PLACE = 1e-8
-"""Largest change in units of σ that leaves the normal equations as they are, to ten digits.
-
-1e-6 σ does not: a network of 5 m with σ of 0.3 mm then moves by 1e-10 of its size, and cofactors in a datum of few
-points by 2e-9 of themselves."""
-ROUND_OFF_STEP = 1e-3
-"""Changes below this that no longer shrink are round-off of the data, not progress."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +30,6 @@ class Settings:
     """What the user may set of the solver."""
 
     max_iterations: int = 50
-
-
-Watcher = Callable[[Iteration], None]
 
 
 def adjust(
@@ -57,6 +43,8 @@ def adjust(
         state = _advance(state)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
+        if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations):
+            return replace(state, reason=STANDS_STILL)
     return state
 
 
@@ -108,18 +96,17 @@ def _advance(state: Adjustment) -> Adjustment:
     change = float(np.sqrt(max(float((regular + weak) @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
     redundancy = _redundancy(state)
-    still = change <= TINY_STEP or _stalled(state, change) or _next_is_nothing(state, change)
-    if still and change <= SAME_PLACE and _in_datum(state, shift, 1.0, change):
+    over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, change)
+    if over and change <= ACCURACY:
         iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
-    taken = accept(state, regular, stride.weak + shift)
+    taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)
-    moved = _at(state, taken, (*state.iterations, iteration), last=still)
+    moved = _at(state, taken, (*state.iterations, iteration), last=over)
     moved = replace(moved, stride=Stride(stride.whole, stride.share * taken.share))
-    still = still and taken.damping == 0.0 and _in_datum(state, shift, taken.share, change)
-    return _converged(moved) if still else moved
+    return _converged(moved) if over and taken.share == 1.0 else moved
 
 
 def _converged(state: Adjustment) -> Adjustment:
@@ -171,38 +158,6 @@ def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
         return np.zeros(len(step))
     total = corrections(state.problem.datum, state.problem.index, state.values)
     return into_datum(step, state.defect.datum, state.constraint, total) - step
-
-
-def _in_datum(state: Adjustment, shift: FloatArray, share: float, change: float) -> bool:
-    """True where the network has stopped moving as a whole, or all but, and another round would bring no more.
-
-    The constraint is that of the place before the shift; it changes by the shift times the corrections.
-    """
-    moving = float(np.abs(shift[state.constraint.mask]).max(initial=0.0))
-    coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
-    extent = float(np.ptp(coordinates, axis=0).max(initial=0.0))
-    digits = 4.0 * float(np.finfo(float).eps) * float(np.abs(coordinates).max(initial=0.0))
-    changes = [*(iteration.largest_change for iteration in state.iterations[-2:]), change]
-    near = 1e-12
-    if len(changes) == 3 and max(changes) <= ROUND_OFF_STEP and max(changes) <= 4.0 * min(changes):
-        near = 1e-7
-    elif len(changes) == 3 and max(changes) <= TINY_STEP:
-        near = 1e-9
-    return share == 1.0 and moving <= near * extent + digits
-
-
-def _stalled(state: Adjustment, change: float) -> bool:
-    if change > ROUND_OFF_STEP or not state.iterations:
-        return False
-    last = state.iterations[-1]
-    return last.damping == 0.0 and last.largest_change < ROUND_OFF_STEP and change > 0.5 * last.largest_change
-
-
-def _next_is_nothing(state: Adjustment, change: float) -> bool:
-    """True where the steps shrink so fast that the next one would not leave the place, with a margin of four."""
-    if change > ROUND_OFF_STEP or not state.iterations or state.iterations[-1].damping:
-        return False
-    return 4.0 * change * change <= SAME_PLACE * state.iterations[-1].largest_change
 
 
 def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last: bool) -> Adjustment:

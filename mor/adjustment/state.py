@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -22,7 +22,8 @@ _SHORTEST = 0.02
 """Part of a step along weak directions that is taken at least."""
 
 A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
-"""Reason of an outcome."""
+STANDS_STILL = "the iteration stands still"
+"""Reasons of outcomes."""
 
 
 class Outcome(Enum):
@@ -97,3 +98,7 @@ class Adjustment:
     constraint: Constraint
     iterations: tuple[Iteration, ...]
     stride: Stride
+
+
+Watcher = Callable[[Iteration], None]
+"""Is told of every iteration."""

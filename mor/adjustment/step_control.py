@@ -22,6 +22,8 @@ from mor.parameters.index import move
 
 _CORRECTIONS = 3
 """Regular steps that lead back to the solution at most."""
+_EXPECTED = 0.25
+"""Part of the gain a step promises that it must keep."""
 _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
@@ -35,18 +37,34 @@ class Taken(NamedTuple):
     normals: Normals | None = None
 
 
-def accept(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:
-    """The first of the steps that does not make the objective larger; ``None`` where there is none.
+def accept(state: Adjustment, regular: FloatArray, along: FloatArray, change: float) -> Taken | None:
+    """The first of the steps that makes the objective so much smaller as can be expected; ``None`` where there is none.
 
-    The whole step nearly always does, so the system is built there at once.
+    The whole step nearly always does, so the system is built there at once. The whole step is expected to gain
+    ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it gains the part
+    ρ = 2 − κ of that: where residuals are large, κ may exceed 2, and steps go to and fro. The part 1/κ = 1/(2 − ρ) of
+    the step then hits.
     """
-    values = move(state.problem.index, state.values, regular + along)
+    whole = regular + along
+    values = move(state.problem.index, state.values, whole)
     normals = build_normals(state.plan, values)
-    if normals.objective <= _limit(state):
-        return Taken(values, 0.0, 1.0, normals)
-    if along.any() and (taken := _along(state, regular, along)) is not None:
+    full = Taken(values, 0.0, 1.0, normals) if normals.objective <= _limit(state) else None
+    gained = state.normals.objective - normals.objective
+    curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
+    if full is not None and not (curved and change > 1.0):
+        return full
+    if full is None and along.any() and (taken := _along(state, regular, along)) is not None:
         return taken
-    return _damped(state)
+    if curved:
+        share = 1.0 / (2.0 - _share_of(gained, change))
+        values = move(state.problem.index, state.values, share * whole)
+        if objective(state.plan, values) < min(state.normals.objective, normals.objective):
+            return Taken(values, 1.0 / share - 1.0, share)
+    return full or _damped(state)
+
+
+def _share_of(gained: float, change: float) -> float:
+    return gained / change**2 if change > 0.0 and np.isfinite(gained) else -np.inf
 
 
 def _limit(state: Adjustment) -> float:
@@ -84,11 +102,16 @@ def _first_share(state: Adjustment, along: FloatArray) -> float:
 
 
 def _damped(state: Adjustment) -> Taken | None:
-    """The least damped step that makes the objective smaller."""
+    """The least damped step that makes the objective smaller, and by no mere fraction of what it promises."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
+    fallback = None
     while damping < 1e6:
-        values = move(state.problem.index, state.values, damped_step(state.plan, state.values, damping))
-        if objective(state.plan, values) < state.normals.objective:
+        tried = damped_step(state.plan, state.values, damping)
+        values = move(state.problem.index, state.values, tried.step)
+        gained = tried.objective - objective(state.plan, values)
+        if gained > _EXPECTED * tried.gain:
             return Taken(values, damping, 1.0)
+        if gained > 0.0 and fallback is None:
+            fallback = Taken(values, damping, 1.0)
         damping *= 10.0
-    return None
+    return fallback

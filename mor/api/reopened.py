@@ -101,10 +101,12 @@ def _with_reference(network: Network, path: Path) -> Network:
     import polars as pl
 
     from mor.observations.names import places
+    from mor.project.tables.guarded import plain_column
 
     reference = network.start["point"].copy()
     points = network.things["point"]
     table = pl.read_csv(path, schema={"id": pl.String, **dict.fromkeys("xyz", pl.Float64)})
+    table = table.with_columns(plain_column(table["id"]))
     place = places(table["id"].fill_null(""), pl.Series(points.ids, dtype=pl.String))
     known = place >= 0
     given = table.select("x", "y", "z").fill_null(np.nan).to_numpy()[known]

@@ -140,10 +140,12 @@ class Result:
         Labelled with names and units, in the datum of the result and with its σ0. Raises :class:`mor.InputError` for
         unknown names, :class:`mor.NoSolutionError`.
         """
+        from mor.compilation import chosen_by_size
         from mor.report.results.covariance import covariance_of_everything, covariance_of_points
 
         solved = self._solution
-        return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
+        with chosen_by_size(solved.network.observations):
+            return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
 
     def cofactor(self, *points: str) -> Labelled:
         """The same for σ0 = 1: the matrix of cofactors Q."""

@@ -95,7 +95,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo("interrupted; no file was left incomplete", err=True)
         return _code_of_signal(error)
     except MorError as error:
-        click.echo(str(error), err=True)
+        _tell(error)
         return error.exit_code
     except (SystemExit, BrokenPipeError):  # click leaves so where a pipe is closed, and only there
         return ExitCode.DONE
@@ -106,6 +106,25 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _internal(error)
     return int(result) if isinstance(result, int) else ExitCode.DONE
+
+
+MOST_TOLD = 20
+"""Mistakes that fill a screen."""
+
+
+def _tell(error: MorError) -> None:
+    """What is wrong, on one screen at most, and how to see the rest."""
+    from mor.escapes import shortened
+
+    lines = [shortened(line) for line in str(error).splitlines()]
+    more = len(lines) - MOST_TOLD
+    if more > 0:
+        words = (
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+        )
+        lines = [*lines[: MOST_TOLD - 1], words, lines[-1]]
+    for line in lines:
+        click.echo(line, err=True)
 
 
 def _code_of_signal(error: BaseException) -> int:

@@ -32,6 +32,7 @@ VECTOR = ObservationType(
     slots=BETWEEN_SLOTS,
     equation=vector_equation,
     distances=("from", "to"),
+    between_marks=True,
     in_object_axes=True,
 )
 HEIGHT_DIFFERENCE = ObservationType(
@@ -41,4 +42,5 @@ HEIGHT_DIFFERENCE = ObservationType(
     slots=BETWEEN_SLOTS,
     equation=height_equation,
     distances=("from", "to"),
+    between_marks=True,
 )

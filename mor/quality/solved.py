@@ -9,6 +9,7 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.diagnosis.unsettled import Movements, last_movements
+from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.treatment import Treatment
 
@@ -22,6 +23,8 @@ class Solved:
     quality: Quality | None
     treatment: Treatment | None = None
     """What was done about gross errors and weights; ``None`` where there was no solution."""
+    suspects: Suspects | None = None
+    """What was left out because all observations together have no solution."""
 
     @cached_property
     def movements(self) -> Movements | None:

@@ -9,6 +9,7 @@ from mor.quality.assess import Levels, Quality
 from mor.quality.gross_errors.data_snooping import Snooping, snoop
 from mor.quality.gross_errors.exclusion import reweighted
 from mor.quality.gross_errors.robust_estimation import Method, Robust, robust_estimate
+from mor.quality.gross_errors.suspects import Suspects, with_suspects
 from mor.quality.variance_components.simplified import Components, components, iterated_components
 from mor.quality.variance_components.simplified import Method as ComponentMethod
 
@@ -31,16 +32,22 @@ class Treatment:
     robust: Robust | None = None
 
 
-def treat(quality: Quality, levels: Levels, aposteriori: bool, wanted: Wanted) -> tuple[Quality, Treatment]:
+def treat(
+    quality: Quality, levels: Levels, aposteriori: bool, wanted: Wanted, suspects: Suspects | None = None
+) -> tuple[Quality, Treatment]:
     """Robust comparison, data snooping (starting from what the robust solution rejects), variance components.
 
-    With components iterated, data snooping goes over it again with the new weights.
+    Data snooping begins with the suspects taken out, if there are any, and may put them back. With components iterated,
+    it goes over it again with the new weights.
     """
-    problem = quality.adjustment.problem
+    problem, rejected = quality.adjustment.problem, None
+    if suspects is not None and wanted.snooping:
+        problem, rejected = with_suspects(problem, suspects)
     robust = robust_estimate(quality, wanted.robust) if wanted.robust is not None else None
     snooping = None
     if wanted.snooping:
-        rejected = robust.rejected if robust is not None and robust.settled else None
+        if rejected is None and robust is not None and robust.settled:
+            rejected = robust.rejected
         snooping = snoop(problem, quality, levels, aposteriori, rejected)
         quality = snooping.quality
     if not wanted.iterate_components:

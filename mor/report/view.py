@@ -13,6 +13,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
+from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
 from mor.report.results.summary import summary
@@ -26,6 +27,7 @@ from mor.report.tables.estimates import (
 )
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
+from mor.report.tables.suspects import suspects
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class View:
     cameras: list[dict[str, Any]]
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
+    suspects: dict[str, Any] | None
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -69,10 +72,8 @@ class View:
 
 
 def is_ray(residuals: pl.DataFrame) -> pl.Series:
-    """True for image coordinates; types are looked at once each, not row by row."""
-    types = residuals["type"]
-    rays = [key for key in types.unique() if str(key).startswith(("image/", "follower/"))]
-    return types.is_in(rays)
+    """True for image coordinates."""
+    return residuals["type"] == "image"
 
 
 def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv") -> View:
@@ -89,6 +90,7 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         cameras=interior_rows(solved),
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
+        suspects=suspects(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -101,8 +103,18 @@ def view_of_folder(folder: Path) -> View:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
-    if data.get("global_test") is None:
+    except (ValueError, RecursionError):
+        raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+    if not isinstance(data, dict) or data.get("global_test") is None:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
+    try:
+        return _view(data, folder)
+    except (KeyError, TypeError, pl.exceptions.PolarsError):
+        words = "these results are not complete, or of another version of mor"
+        raise InputError([Problem(words, str(path))]) from None
+
+
+def _view(data: dict[str, Any], folder: Path) -> View:
     return View(
         summary=data,
         points=_placed(_table(data, "points", folder)),
@@ -112,6 +124,7 @@ def view_of_folder(folder: Path) -> View:
         cameras=data["cameras"],
         checks=data["checks"],
         gross_errors=data["gross_errors"],
+        suspects=data.get("suspects"),
         residuals=_residuals(data, folder),
     )
 
@@ -148,7 +161,8 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
     if path.suffix == ".parquet":
         return pl.read_parquet(path)
     frame = pl.read_csv(path, schema_overrides=kinds, infer_schema_length=None)
-    return frame.with_columns(pl.col(pl.String).fill_null(""))
+    texts = frame.select(pl.col(pl.String).fill_null(""))
+    return frame.with_columns(*map(plain_column, texts))
 
 
 def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:

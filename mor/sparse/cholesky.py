@@ -30,6 +30,10 @@ _HALVE_ABOVE = 64
 _NONE = np.empty(0, dtype=np.int64)
 
 
+class NotFiniteError(ValueError):
+    """A matrix contains infinities or not-a-numbers."""
+
+
 @dataclass(frozen=True)
 class Factor:
     """Cholesky factor, front by front.
@@ -99,12 +103,12 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
         tolerance: pivots below it, negative ones included, are set aside.
 
     Raises:
-        ValueError: the matrix contains infinities or not-a-numbers.
+        NotFiniteError: the matrix contains infinities or not-a-numbers.
     """
     if not np.isfinite(
         matrix.values.sum()
     ):  # whatever is not finite shows in the sum, and it is five times as fast
-        raise ValueError("the normal matrix contains values that are not finite")
+        raise NotFiniteError("the normal matrix contains values that are not finite")
     updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
     pivots, below = _room_for(elimination)
     set_aside = [np.empty(0, dtype=np.int64)]

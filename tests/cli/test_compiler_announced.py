@@ -1,4 +1,4 @@
-"""The first run says that it compiles; a run without compiler says that it is slower."""
+"""The first run says that it compiles; a large project without compiler says that it is slower."""
 
 from __future__ import annotations
 
@@ -25,4 +25,8 @@ def test_a_machine_without_compiler_is_told(monkeypatch):
     monkeypatch.setattr(compilation, "available", False)
     said: list[str] = []
     with compiler_announced(said.append):
-        assert said == [PLAIN]
+        with compilation.chosen_by_size(compilation.WORTH_COMPILING - 1):
+            assert said == []
+        for _ in range(2):
+            with compilation.chosen_by_size(compilation.WORTH_COMPILING):
+                assert said == [PLAIN]

@@ -159,3 +159,42 @@ class TestFeatures:
     def test_unknown_point(self, tmp_path: Path) -> None:
         text = TRIANGLE + "features: [{type: line, id: edge, points: [A, B, D, C], sigma: 0.001}]\n"
         assert mistakes(write(tmp_path, text)) == ["project.yaml:7: point 'D' does not exist"]
+
+
+class TestHeightsOfInstruments:
+    """A point and a station over it differ by the height of the instrument, and that is said."""
+
+    STATION = "stations:\n  - {columns: [id, point, height], rows: [[S, A, 1.5]]}\n"
+
+    @pytest.mark.parametrize(
+        ("kind", "columns", "row"),
+        [
+            ("distance", "from, to, distance", "A, C, 9"),
+            ("zenith_angle", "from, to, zenith_angle", "A, C, 96"),
+            ("zenith_directions", "station, to, horizontal, zenith", "A, C, 10, 96"),
+        ],
+    )
+    def test_a_sight_from_the_point_is_noted(self, tmp_path: Path, kind: str, columns: str, row: str) -> None:
+        entry = f"  - {{type: {kind}, columns: [{columns}, sigma], rows: [[{row}, 1]]}}\n"
+        run = mor("check", write(tmp_path, TRIANGLE + entry + self.STATION))
+        assert run.code == 0, run.err
+        assert (
+            "'A' is the point itself; the height of the instrument counts where station 'S' over it"
+            in run.err
+        )
+
+    @pytest.mark.parametrize(
+        "entry",
+        [
+            "{type: distance, columns: [from, to, distance, sigma], rows: [[S, C, 9, 1]]}",
+            "{type: distance, columns: [from, to, distance, sigma, from_height], rows: [[A, C, 9, 1, 1.6]]}",
+            "{type: height_difference, columns: [from, to, dz, sigma], rows: [[A, C, 1, 1]]}",
+        ],
+    )
+    def test_nothing_is_noted_where_it_is_clear(self, tmp_path: Path, entry: str) -> None:
+        run = mor(
+            "check",
+            write(tmp_path, TRIANGLE.replace("[A, C, 94", "[C, A, 94") + f"  - {entry}\n" + self.STATION),
+        )
+        assert run.code == 0, run.err
+        assert "the point itself" not in run.err

@@ -195,7 +195,10 @@ def write(folder: Path, world: World, undetermined: str) -> Path:
 
     stations = {n: f"{n},{start(n, p)},{'0.01' if world.given else ''}" for n, p in world.stations.items()}
     tables = {
-        "control": ["id,x,y,z", *(f"{n},{','.join(map(repr, p.tolist()))}" for n, p in world.control.items())],
+        "control": [
+            "id,x,y,z",
+            *(f"{n},{','.join(map(repr, p.tolist()))}" for n, p in world.control.items()),
+        ],
         "points": ["id,x,y,z", *(f"{n},{start(n, p)}" for n, p in world.points.items())],
         "images": ["id,camera,x,y,z,omega,phi,kappa", *map(pose, world.images)],
         "stations": ["id,x,y,z,orientation", *stations.values()],

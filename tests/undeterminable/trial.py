@@ -35,7 +35,11 @@ def trial(seed: int, folder: Path) -> Trial:
         *_left_out(clean, world, expected, folder),
         *_refused(world, expected, folder),
     ]
-    return Trial(seed, (*kinds, "free" if world.free else "control", "given" if world.given else "none"), tuple(mistakes))
+    return Trial(
+        seed,
+        (*kinds, "free" if world.free else "control", "given" if world.given else "none"),
+        tuple(mistakes),
+    )
 
 
 def _left_out(clean, world, expected, folder):
@@ -83,7 +87,11 @@ def _refused(world, expected, folder):
 
 def _said(folder, run):
     tables = folder / "project.results"
-    texts = [path.read_text() for path in sorted(tables.glob("*")) if path.name in ("report.txt", "undetermined.csv")]
+    texts = [
+        path.read_text()
+        for path in sorted(tables.glob("*"))
+        if path.name in ("report.txt", "undetermined.csv")
+    ]
     return "\n".join([run.err, *texts])
 
 

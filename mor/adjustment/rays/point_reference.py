@@ -58,12 +58,16 @@ class _Part:
         """(order, p, 3) sums of what rays (n, K, 3) have in common with their points."""
         width = 3 * self.rays.points
         places = self.of_rays[:, :, None] * width + (3 * self.point[:, None] + np.arange(3))[:, None, :]
-        flat = np.bincount(places.ravel(), of_rays.ravel(), self.order * width)
+        flat: FloatArray = np.asarray(
+            np.bincount(places.ravel(), weights=of_rays.ravel(), minlength=self.order * width),
+            dtype=np.float64,
+        )
         return flat.reshape(self.order, -1, 3)
 
     def summed(self, of_rays: FloatArray) -> FloatArray:
         """(order,) sums of numbers (n, K) over the rays."""
-        return np.bincount(self.of_rays.ravel(), of_rays.ravel(), self.order)
+        total = np.bincount(self.of_rays.ravel(), weights=of_rays.ravel(), minlength=self.order)
+        return np.asarray(total, dtype=np.float64)
 
     def own_products(self) -> FloatArray:
         """(order, order) Σ jᵀj, without the points."""

@@ -15,16 +15,23 @@ from mor.approximate.growth.part import Part, empty_part
 from mor.approximate.growth.sightings import Sightings
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.approximate.relative_orientation.upright import FEWEST, upright_orientation
+from mor.arrays import FloatArray, IntArray
+from mor.geometry.rotations import exponential
 
 PAIRS_TRIED = 24
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+GOOD_SHARE = 0.25
+"""The same in parts of the most points that two frames have in common."""
 DOUBTFUL, MOST = 2e-3, 0.9
 """Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 FEWEST_COMMON = 8
+FEWEST_UPRIGHT = FEWEST
+"""The same of two frames that both know the vertical."""
+UPRIGHT_TOLERANCE = 1e-3
 _SAMPLE = 80
 
 
@@ -63,15 +70,19 @@ def common_pairs(seen: Sightings) -> Pairs:
     return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points: int) -> Seed:
-    """A part of two frames, base 1, of the pair of ``free`` (frames,) ones that is oriented best."""
+def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int) -> Seed:
+    """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best."""
     best: tuple[float, Part] | None = None
     reason = ""
-    among = np.flatnonzero(free[pairs.first] & free[pairs.second])
-    both = among[pairs.common[among] >= FEWEST_COMMON]
+    upright = np.array([bool(np.isfinite(frame.up).all()) for frame in frames])
+    fewest = np.where(
+        upright[pairs.first[among]] & upright[pairs.second[among]], FEWEST_UPRIGHT, FEWEST_COMMON
+    )
+    both = among[pairs.common[among] >= fewest]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
+    enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
     for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
         if tried >= PAIRS_TRIED and best is not None:
             break
@@ -81,7 +92,7 @@ def seed_bundles(frames: Sequence[Frame], free: BoolArray, pairs: Pairs, points:
             continue
         if best is None or found[0] > best[0]:
             best = found
-        if best is not None and best[0] >= GOOD_ENOUGH:
+        if best is not None and best[0] >= enough:
             break
     return Seed(None, reason) if best is None else Seed(best[1], "")
 
@@ -116,6 +127,9 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
         at_i, at_j = at_i[chosen], at_j[chosen]
     found = _with_least_slack(frames[i], frames[j], at_i, at_j)
     if isinstance(found, RelativeOutcome):
+        part = _upright(frames, i, j, at_i, at_j, points)
+        if part is not None:
+            return float(len(at_i)), part
         return f"{frames[i].name} and {frames[j].name}, relative orientation: {found.value}"
     slack, result = found
     orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
@@ -134,6 +148,34 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     return count * min(angle, 0.6), part
 
 
+def _upright(
+    frames: Sequence[Frame], i: int, j: int, at_i: IntArray, at_j: IntArray, points: int
+) -> Part | None:
+    """A levelled part of two frames that both know the vertical; fewer points will do, and no plane is critical."""
+    one, other = frames[i], frames[j]
+    if not (np.isfinite(one.up).all() and np.isfinite(other.up).all()):
+        return None
+    A, B = _towards_vertical(one.up), _towards_vertical(other.up)
+    found = upright_orientation(one.rays[at_i] @ A.T, other.rays[at_j] @ B.T, UPRIGHT_TOLERANCE)
+    if found is None:
+        return None
+    part = empty_part(points)
+    part.levelled = True
+    part.poses[i] = (np.zeros(3), A.T)
+    part.poses[j] = (found.base, B.T @ found.turn)
+    words = f"relative orientation of {one.name} and {other.name}, both upright, {len(at_i)} points"
+    part.how[one.name] = part.how[other.name] = words
+    return part
+
+
+def _towards_vertical(up: FloatArray) -> FloatArray:
+    """The smallest rotation that takes a direction in the axes of a frame to e_Z."""
+    cross = np.cross(up, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(cross))
+    axis = cross / sine if sine > 0.0 else np.array([1.0, 0.0, 0.0])
+    return np.asarray(exponential((np.arctan2(sine, up[2]) * axis)[None])[0])
+
+
 def _with_least_slack(
     one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
@@ -144,7 +186,7 @@ def _with_least_slack(
     """
     best: tuple[float, RobustOrientation] | None = None
     outcome = RelativeOutcome.DOES_NOT_FIT
-    for slack in reversed(SLACKS):
+    for slack in reversed(SLACKS) if len(at_one) >= FEWEST_COMMON else ():
         a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
         b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
         result = robust_relative_orientation(a, b)

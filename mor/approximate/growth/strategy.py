@@ -16,7 +16,8 @@ import numpy as np
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
 from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.growth.level_and_scale import level_and_scale
+from mor.approximate.growth.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.part import Part
 from mor.approximate.growth.relative_poses import grow_relative
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
@@ -56,8 +57,8 @@ class _Assembly:
     parts: list[Part]
     fewest: int = ENOUGH
     tried_stations: set[int] = field(default_factory=set)
-    given_up: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Frames of which no two can be oriented relative to each other."""
+    given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
+    """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
     reasons: list[str] = field(default_factory=list)
 
@@ -72,13 +73,15 @@ def approximate(network: Network) -> Approximation:
     assembly = _Assembly(scene, parts)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
-        assembly.given_up, assembly.tried_stations = np.zeros(len(scene.frames), dtype=bool), set()
+        assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
         for part in parts:
             _grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
     system = parts[0]
     intersect_the_rest(system, scene.seen)
+    if grow_mixed(system, scene, contradicting=True):
+        _grow(system, scene, FEWEST)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
     return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
@@ -101,16 +104,21 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
     before = len(part.poses)
     while True:
         grown = level_and_scale(part, scene)
-        grown |= grow_levelled(part, scene.terrestrial) if part.levelled else False
+        grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
+        grown |= grow_mixed(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+
+
+def _grow_levelled(part: Part, scene: Scene) -> bool:
+    return part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
 
 
 def _grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
@@ -146,16 +154,32 @@ def _next_seed(assembly: _Assembly) -> Part | None:
     scene, measured = assembly.scene, assembly.scene.terrestrial
     unknown, tried = _unknown_stations(assembly), assembly.tried_stations
     part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
+    if part is not None:
+        return part
     free = _free_frames(assembly)
-    if part is None and np.count_nonzero(free & ~assembly.given_up) > 1:
-        assembly.pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
-        among = free & ~assembly.given_up
-        part, reason = seed_bundles(scene.frames, among, assembly.pairs, scene.points)
-        assembly.given_up |= among if part is None else False
-        assembly.reasons += [reason] if reason else []
-    if part is None:
-        part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
+    for chained in (False, True):
+        part = _seed_of_frames(assembly, free, chained)
+        if part is not None:
+            return part
+    part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
     return part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+
+
+def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
+    """A part of two frames that no part has; or, ``chained``, of one and a neighbour that ties it to its part."""
+    scene, given_up = assembly.scene, assembly.given_up[int(chained)]
+    open_ = free & ~given_up
+    if np.count_nonzero(open_) < (1 if chained else 2):
+        return None
+    assembly.pairs = pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
+    if chained:
+        among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
+    else:
+        among = open_[pairs.first] & open_[pairs.second]
+    part, reason = seed_bundles(scene.frames, np.flatnonzero(among), pairs, scene.points)
+    given_up |= open_ if part is None else False
+    assembly.reasons += [reason] if reason and not chained else []
+    return part
 
 
 def _unknown_stations(assembly: _Assembly) -> set[int]:
@@ -215,6 +239,8 @@ def _place_the_rest(assembly: _Assembly) -> None:
     while len(parts) > 1:
         source = max(parts[1:], key=_size)
         parts.remove(source)
+        level_roughly(source, scene)
+        direct_roughly(source, scene)
         found = tie(parts[0], source, scene)
         carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
         _grow(parts[0], scene, assembly.fewest)

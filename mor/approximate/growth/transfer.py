@@ -12,7 +12,7 @@ from mor.approximate.growth.part import Part, empty_part
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable
-from mor.geometry.rotations import rotation_from_angles
+from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
 
@@ -82,21 +82,31 @@ def fill_in(
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
         if frame.relative is None:
-            _put_rotation(rotations, frame.rotation, D)
+            _put_rotation(network, rotations, frame.rotation, D)
             _put_position(network, points, frame, centre, D)
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
-            _put_rotation(rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
-    _fill_pairs(start, part, frames)
+            _put_rotation(network, rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+    _fill_pairs(network, start, part, frames)
     fill_systems(network, start)
     how = _named(network, part)
     return start, how, _missing(network, start)
 
 
-def _put_rotation(rotations: FloatArray, block: int, D: FloatArray) -> None:
-    if not np.isfinite(rotations[block]).all():
-        rotations[block] = D
+def _put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatArray) -> None:
+    """An attitude where there is none; angles that are fixed or observed stay as they are."""
+    if np.isfinite(rotations[block]).all():
+        return
+    given = network.observed["rotation"][block]
+    held = np.isfinite(given) & (
+        ~network.blocks["rotation"].free[block] | np.isfinite(network.sigma["rotation"][block])
+    )
+    rotations[block] = D
+    if held.any():
+        rotations[block] = rotation_from_angles(
+            np.where(held, given, angles_from_rotation(D[None])[0])[None]
+        )[0]
 
 
 def _put_position(
@@ -110,7 +120,7 @@ def _put_position(
         points[frame.position, missing] = place[missing]
 
 
-def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
+def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
     """Relative orientations from the poses of both images; leaders from their followers."""
     leaders = {frame.rotation: n for n, frame in enumerate(frames) if frame.relative is None}
     for number, frame in enumerate(frames):
@@ -121,7 +131,7 @@ def _fill_pairs(start: dict[str, FloatArray], part: Part, frames: Sequence[Frame
             continue
         (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[number]
         turn, base = frame.relative
-        _put_rotation(start["rotation"], turn, D_b @ D_a.T)
+        _put_rotation(network, start["rotation"], turn, D_b @ D_a.T)
         if np.isnan(start["base"][base]).any():
             start["base"][base] = D_a @ (O_b - O_a)
 

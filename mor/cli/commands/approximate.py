@@ -36,6 +36,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     """
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
+    from mor.compilation import chosen_by_size
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
     from mor.report.results.adjusted_project import Placed
@@ -51,7 +52,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
         network = read_network(document, project.parent)
-        with compiler_announced(partial(_note, quiet)):
+        with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
             approximation = approximate(network)
         click.echo(protocol(network, approximation), nl=False)
         if approximation.missing:

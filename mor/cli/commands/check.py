@@ -9,24 +9,37 @@ import click
 
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-def command(project: Path, quiet: bool) -> None:
+def command(project: Path, everything: bool, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.
 
     \b
     Examples:
       mor check project.yaml
       mor check project.yaml --quiet && echo "fine"
+      mor check project.yaml --all 2> mistakes.txt
 
-    All mistakes are told at once, with file and line.
+    Mistakes are told at once, with file and line: a screenful of them, or all.
 
     \b
     Exit codes: 0 done; 2 input.
     """
     from mor.api.project import read
+    from mor.errors import ExitCode, InputError
+    from mor.escapes import escaped
 
-    found = read(project)
+    try:
+        found = read(project)
+    except InputError as error:
+        if not everything:
+            raise
+        click.echo(str(error), err=True)
+        return error.exit_code
     if not quiet:
         for note in found.notes:
             click.echo(f"note: {note}", err=True)
-        click.echo(str(found))
+        click.echo(escaped(str(found)))
+    return ExitCode.DONE

@@ -12,6 +12,7 @@ import click
 
 from mor.counting import counted
 from mor.errors import ExitCode, InputError, Problem
+from mor.input_files import TABLE, read_text
 
 if TYPE_CHECKING:
     import polars as pl
@@ -83,7 +84,9 @@ def command(
         table, words = _epochs(results[0], results[1], level, known_sigma0)
     else:
         return _regression(results[0], results[1], tol, quiet)
-    click.echo(table.write_csv(), nl=False)
+    from mor.project.tables.guarded import csv_lines
+
+    click.echo(bytes(csv_lines(table)).decode(), nl=False)
     if not quiet:
         click.echo("\n".join(words), err=True)
     return ExitCode.REJECTED if table["moved"].any() else ExitCode.DONE
@@ -113,10 +116,8 @@ def _said(value: Any) -> str:
 def _content(path: Path) -> Any:
     file = path / "results.json" if path.is_dir() else path
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError([Problem("this file does not exist", str(file))]) from None
-    except ValueError:
+        content = json.loads(read_text(file, TABLE))
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError([Problem("expected a folder of results, or its results.json", str(file))])
@@ -130,6 +131,7 @@ def _folder(path: Path) -> Path:
 
 def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
     from mor.api.reopened import reopen, solve
+    from mor.compilation import chosen_by_size
     from mor.quality.deformation.epochs import blocks_of, common_points, compare_epochs, over_points
     from mor.report.tables.movements import movement_table, verdict
 
@@ -145,7 +147,8 @@ def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataF
         for epoch in (first, second)
     ]
     assessed = [(s.quality, blocks_of(s.network, names)) for s in solved if s.quality is not None]
-    found = compare_epochs(names, assessed[0], assessed[1], level, known)
+    with chosen_by_size(max(s.network.observations for s in solved)):
+        found = compare_epochs(names, assessed[0], assessed[1], level, known)
     table = movement_table(names, found.result.points, first.network.edge.matrix, level, known)
     return table, verdict(found, level, known)
 

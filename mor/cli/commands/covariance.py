@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from mor.quality.solved import Solved
 
 
 @click.command(name="covariance")
@@ -60,8 +64,8 @@ def command(
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.reopened import in_datum, reopen, solve
+    from mor.compilation import chosen_by_size
     from mor.errors import InputError, Problem
-    from mor.report.results import covariance as report
 
     if sum((points is not None, full, blocks, bool(relative))) != 1:
         raise InputError([Problem("choose one of --points, --full, --blocks, --relative")])
@@ -73,6 +77,14 @@ def command(
     if output.resolve() in {path.resolve() for path in reopened.inputs}:
         raise InputError([Problem("the results are read from this file; choose another one", str(output))])
     solved = in_datum(reopened.project, target, "--to")[1] if target is not None else solve(reopened.project)
+    with chosen_by_size(solved.network.observations):
+        _write(output, solved, points, blocks, relative)
+
+
+def _write(output: Path, solved: Solved, points: str | None, blocks: bool, relative: tuple[str, ...]) -> None:
+    from mor.errors import InputError, Problem
+    from mor.report.results import covariance as report
+
     if blocks:
         report.write_rows(output, report.POINT_BLOCK_HEADER, report.point_blocks(solved))
     elif relative:

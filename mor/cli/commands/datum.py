@@ -63,4 +63,6 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
             write_results(solved, project.document, project.folder, place, choice)
         click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:
-        click.echo(point_table(solved).write_csv(), nl=False)
+        from mor.project.tables.guarded import csv_lines
+
+        click.echo(bytes(csv_lines(point_table(solved))).decode(), nl=False)

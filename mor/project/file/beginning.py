@@ -12,6 +12,7 @@ import yaml
 
 from mor.project.file.recognition import PLACES, Found
 from mor.project.file.writing import LONGEST
+from mor.project.tables.guarded import guarded
 
 _SIGMA = {
     "image": "{sigma: 1 um}",
@@ -124,7 +125,7 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
         rows = yaml.safe_dump([[name] for name in rest], default_flow_style=True, width=100_000).strip()
         return f"columns: [id]\n    rows: {rows}"
     path = target.with_name(f"{target.stem}_{what}.csv")
-    texts[path] = "id\n" + "".join(f"{name}\n" for name in rest)
+    texts[path] = "id\n" + "".join(f"{guarded(name)}\n" for name in rest)
     return f"file: {path.name}"
 
 

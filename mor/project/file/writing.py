@@ -8,7 +8,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-import yaml
+from mor.project.file.yaml_text import yaml_text
+from mor.project.tables.guarded import any_unsafe, guarded
 
 LONGEST = 20
 """Rows that stay in the project file."""
@@ -27,8 +28,7 @@ def project_files(data: dict[str, Any], source: Path, target: Path) -> dict[Path
             table = target.with_name(f"{target.stem}_{section}_{number}.csv")
             entries.append(_entry(dict(entry), source, target, table, texts))
         written[section] = entries
-    body = yaml.dump(written, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
-    return {target: body, **texts}
+    return {target: yaml_text(written, width=120), **texts}
 
 
 def _entry(
@@ -50,17 +50,9 @@ def _entry(
 def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
     chosen = [k for k, name in enumerate(columns) if name is not None]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    cells = [["" if k >= len(row) else row[k] or "" for k in chosen] for row in rows]
+    unsafe = any_unsafe(cell for row in cells for cell in row)
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if unsafe else csv.QUOTE_MINIMAL)
     writer.writerow([columns[k] for k in chosen])
-    writer.writerows([["" if k >= len(row) or row[k] is None else row[k] for k in chosen] for row in rows])
+    writer.writerows([[guarded(cell) for cell in row] for row in cells])
     return text.getvalue()
-
-
-class _Dumper(yaml.SafeDumper):
-    """Short lists and mappings without lists stand in one line, as a person writes them."""
-
-    def represent_sequence(
-        self, tag: str, sequence: Any, flow_style: bool | None = None
-    ) -> yaml.SequenceNode:
-        simple = all(not isinstance(item, list | dict) for item in sequence)
-        return super().represent_sequence(tag, sequence, flow_style=simple)

@@ -27,6 +27,7 @@ def read_cameras(reading: Reading) -> None:
     ids, blocks, eccentricities, models = [], [], [], []
     for name, camera in reading.project.cameras.items():
         at = reading.at("cameras", name)
+        reading.shop.begin(f"camera {name}")
         try:
             scale = image_scale(camera, reading.project.units)
         except UnitError as error:
@@ -65,9 +66,10 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     path: Path = ("cameras", name, "interior")
     place = reading.at(*path)
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
+    before = len(reading.problems)
     statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
     values = statuses.values
-    if values[0, 0] <= 0.0 and model.components[0].name in given:
+    if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
         reading.problems.append(
             place.problem(
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
@@ -181,6 +183,8 @@ def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
         shared = int(shop.things["camera"].parts["interior"][number])
         row = slice(shared, shared + 1)
         variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        if not variant:
+            continue
         values = np.repeat(store.all_values()[row], len(mine), axis=0)
         free = np.repeat(store.all_free()[row], len(mine), axis=0)
         free[:, list(variant)] = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mor.arrays import IntArray
@@ -10,7 +12,7 @@ from mor.project.file.model import Points
 from mor.project.network.entities import entities
 from mor.project.network.poses import Seen, check_unique, inwards
 from mor.project.network.reading import Reading
-from mor.project.tables.statuses import component_columns, component_rows, number_column
+from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, read_table
 from mor.units import LENGTH
 
@@ -21,12 +23,14 @@ def read_points(reading: Reading) -> None:
     numbers: list[IntArray] = []
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.points):
+        reading.begin("points", k, table)
         found = _read_points_table(reading, table, reading.at("points", k), seen)
         reading.watch(table.file)
         if found is None:
             continue
         names, blocks = found
         ids += names
+        reading.end("point", len(names))
         numbers.append(blocks)
         if table.group:
             reading.groups.setdefault(table.group, []).extend(blocks.tolist())
@@ -45,9 +49,26 @@ def _read_points_table(
     names = rows.text("id")
     check_unique("point", names, rows, seen, reading.problems)
     statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
+    return names, _add(reading, names, statuses)
+
+
+def _add(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray:
+    """Add points; coordinates that are not estimated at all are fixed."""
     absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
     for k, component in enumerate("xyz"):
         if component in absent:
             statuses.values[:, k] = np.nan_to_num(statuses.values[:, k])
             statuses.free[:, k], statuses.sigma[:, k], statuses.start[:, k] = False, np.nan, np.nan
-    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+    return reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+
+
+def add_free_points(reading: Reading, names: Sequence[str]) -> None:
+    """Add points of which nothing is known."""
+    points = reading.shop.things["point"]
+    reading.tables.setdefault("point", []).append(("", len(names)))
+    nothing = np.full((len(names), 3), np.nan)
+    free = np.ones(nothing.shape, dtype=bool)
+    blocks = _add(reading, names, Statuses(nothing, free, nothing.copy(), nothing.copy()))
+    parts = {"position": blocks, "height": np.zeros_like(blocks)}
+    everything = {part: np.concatenate([points.parts[part], new]) for part, new in parts.items()}
+    reading.shop.things["point"] = entities((*points.ids, *names), everything)

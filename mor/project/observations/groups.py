@@ -22,6 +22,7 @@ from mor.project.edge import UnitError, split
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.image_groups import image_groups, raw_image, units_of_values
+from mor.project.observations.instrument_heights import note_points_under_instruments, with_own_height
 from mor.project.observations.names import Resolved, check_different, instrument_blocks, resolve
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
 from mor.project.tables.columns import tell_rows
@@ -114,11 +115,12 @@ def _plain_group(
     blocks = tuple(
         np.full(rows.count, instrument[slot.part], dtype=np.int64)
         if slot.of == "instrument"
-        else _with_own_height(reading, rows, slot.of, named[slot.of].blocks[slot.part], number)
+        else with_own_height(reading, rows, slot.of, named[slot.of].blocks[slot.part], number)
         if slot.part == "height"
         else named[slot.of].blocks[slot.part]
         for slot in type_.slots
     )
+    note_points_under_instruments(reading, type_, named, rows)
     if any(found.at_centre.any() for found in named.values()):
         type_ = PROJECTION_CENTRE_TYPES[type_.key]
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
@@ -224,19 +226,3 @@ def _centring(reading: Reading, entry: Observations, place: Place) -> SetUp:
     except UnitError as error:
         reading.problems.append(place.problem(f"centring: {error}", "centring"))
         return SetUp()
-
-
-def _with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, number: int) -> IntArray:
-    """Height blocks, where a row says its own: one fixed block for every different value."""
-    given = rows.number(f"{of}_height")
-    result = heights.copy()
-    known = np.flatnonzero(np.isfinite(given))
-    if len(known) == 0:
-        return result
-    values, inverse = np.unique(given[known], return_inverse=True)
-    names = [f"observations {number + 1} {of} {value:g}" for value in values]
-    blocks = reading.shop.store("height").add(
-        names, values[:, None], np.zeros((len(values), 1), dtype=bool), np.full((len(values), 1), np.nan)
-    )
-    result[known] = blocks[inverse]
-    return result

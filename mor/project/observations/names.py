@@ -18,6 +18,7 @@ from mor.project.file.model import Observations
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.reading import Reading
 from mor.project.observations.orientations import add_set, freedom_of_set, set_name
+from mor.project.observations.undeclared_points import declare
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Place, Rows
 
@@ -53,6 +54,8 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     names = rows.names(reference.name)
     if reference.among[0] == "station":
         names = _stations_on_points(reading, names, rows)
+    elif "point" in reference.among:
+        declare(reading, rows, reference.name, reference.among)
     known = pl.Series(names.known, dtype=pl.String)
     spaces = {space: reading.shop.things[space] for space in reference.among}
     open_ = np.ones(len(known), dtype=bool)
@@ -129,6 +132,7 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     places = np.empty(len(order), dtype=np.int32)
     places[order] = np.arange(len(order), dtype=np.int32)
     stands = [(names[row], sets[row]) for row in first[order].tolist()]
+    declare(reading, rows, "station", ("station", "point"))
     _add_stations(reading, stands)
     return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
 
@@ -175,6 +179,8 @@ def _same_words(ends: str, type_: str, cells: pl.Series, row: int) -> str:
 
 def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names:
     """The things of one namespace that the rows name, −1 where there is none; each unknown name is told once."""
+    if space == "point":
+        declare(reading, rows, column, ("point",))
     things = reading.shop.things[space]
     cells = rows.series(column)
     found = places(cells, pl.Series(things.ids, dtype=pl.String))

@@ -133,6 +133,10 @@ def _identifiers(column: Column, cells: pl.Series, source: Source, problems: lis
     result = cells.cast(pl.String).str.strip_chars().fill_null("")
     if column.required:
         tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
+    broken = result.str.contains("[\n\r\\x00]").to_numpy()
+    tell_rows(
+        problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks"
+    )
     return result
 
 

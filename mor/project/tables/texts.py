@@ -22,6 +22,7 @@ from mor.errors import Problem
 from mor.input_files import limit, raise_it
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Source, tell_rows
+from mor.project.tables.guarded import plain_column
 
 _PART = 1 << 24
 """Bytes of a file that are looked at together."""
@@ -65,9 +66,9 @@ def from_text(
         return None
     cleaned = _cleaned(text, table.delimiter)
     del text
-    columns = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
-    if columns > limit(COLUMNS):
-        problems.append(Problem(too_many_columns(columns), file, 1))
+    width = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
+    if width > limit(COLUMNS):
+        problems.append(Problem(too_many_columns(width), file, 1))
         return None
     header = _header(cleaned, table)
     names = [None if name.startswith("skip ") else our_name(table, name) for name in header]
@@ -83,7 +84,16 @@ def from_text(
     if frame is None:
         return _one_by_one(cleaned, names, table, file, problems)
     columns = {ours: frame[name] for name, ours in zip(header, names, strict=True) if ours is not None}
-    return Source([name for name in names if name], columns, lines, file)
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+
+
+def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
+    """Columns without the apostrophes that guard names."""
+    if b"'" not in cleaned.content:
+        return columns
+    return {
+        name: plain_column(cells) if cells.dtype == pl.String else cells for name, cells in columns.items()
+    }
 
 
 def _first_undecodable_line(text: bytes) -> int:
@@ -101,7 +111,7 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in text:
-        text = _without_comments(text)
+        text = _without_comments(text, quotes=delimiter != " ")
     if delimiter == " ":
         text = re.sub(rb"[ \t]+", b" ", text).replace(b" \n", b"\n").replace(b"\n ", b"\n").strip(b" ")
     data = np.frombuffer(text, dtype=np.uint8)
@@ -123,17 +133,22 @@ def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
-def _without_comments(text: bytes) -> bytes:
-    parts, start, place = [], 0, text.find(b"#")
+def _without_comments(text: bytes, quotes: bool) -> bytes:
+    """The text without comments; with ``quotes`` a # inside of them begins none. Every byte is looked at once."""
+    parts, start, seen, inside = [], 0, 0, False
+    place = text.find(b"#")
     while place >= 0:
-        if place == 0 or text[place - 1 : place].isspace():
+        if quotes:
+            line = text.rfind(b"\n", seen, place) + 1
+            inside = (inside and not line) ^ bool(text.count(b'"', line or seen, place) % 2)
+            seen = place
+        end = place + 1
+        if not inside and (place == 0 or text[place - 1 : place].isspace()):
             end = text.find(b"\n", place)
             end = len(text) if end < 0 else end
             parts.append(text[start:place])
-            start = end
-            place = text.find(b"#", end)
-        else:
-            place = text.find(b"#", place + 1)
+            start = seen = end
+        place = text.find(b"#", end)
     return b"".join([*parts, text[start:]])
 
 
@@ -223,4 +238,4 @@ def _one_by_one(
         for k, name in enumerate(names)
         if name
     }
-    return Source([name for name in names if name], columns, lines, file)
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)

@@ -9,13 +9,13 @@ import numpy as np
 
 from mor.adjustment.datum.local_defects import LocalDefects, local_defects
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Adjustment, Outcome
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, IntArray
 from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
-from mor.project.network.reduction import nothing_marked, without_blocks
+from mor.project.reduction import nothing_marked, without_blocks
 from mor.quality.diagnosis.connected_components import connected_parts
 
 NO_OBSERVATION = "no observation refers to it"
@@ -64,9 +64,7 @@ def things_of(network: Network) -> Things:
     return Things([*names, *numbers], of_blocks)
 
 
-def without_loose(
-    network: Network, values: Values, make: Callable[[Network, Values], Problem]
-) -> Network:
+def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
     """The network without things that nothing determines even where all else is known; it says which these were."""
     things = things_of(network)
     reduced = network
@@ -80,7 +78,7 @@ def without_loose(
 
 def _named(things: Things, defects: LocalDefects, first: bool) -> list[Undeterminable]:
     named = []
-    for k in np.flatnonzero(defects.loose):
+    for k in np.flatnonzero(defects.loose).tolist():
         reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
         reason = reason if first else HANGS_ON
         named.append(Undeterminable(*things.names[k], reason, "left out", int(defects.rows[k])))
@@ -110,9 +108,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [
-        Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()
-    ]
+    named = [Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()]
     return without_blocks(network, marked, named)
 
 

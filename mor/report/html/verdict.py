@@ -13,6 +13,7 @@ from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
+from mor.report.text.suspects import sentences
 from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
@@ -50,6 +51,9 @@ def headline(data: PageData) -> Statement:
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
+    left_out = sentences(data.view.suspects, say)
+    if left_out:
+        return Statement(BAD, say("Not accepted"), " ".join(left_out))
     emptied = [*_emptied(data), *_mostly_out(data)]
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     if not test["accepted"]:
@@ -128,10 +132,10 @@ def _global(data: PageData) -> Statement | None:
 
 
 def _worst(data: PageData) -> Statement | None:
-    used = data.view.used.filter(pl.col("test").is_not_null())
+    used = data.view.used.filter(pl.col("w").is_not_null())
     if used.height == 0:
         return None
-    row = used[int(used["test"].abs().arg_max() or 0)].row(0, named=True)
+    row = used[int(used["w"].abs().arg_max() or 0)].row(0, named=True)
     summary, say = data.view.summary, data.words
     expected = used.height * summary["snooping_level"]
     sentence = say(
@@ -142,7 +146,7 @@ def _worst(data: PageData) -> Statement | None:
         expected=f"{expected:.1f}" if expected >= 0.05 else f"{expected:.1g}",
         all=used.height,
         place=place(row),
-        w=f"{row['test']:.2f}",
+        w=f"{row['w']:.2f}",
         error=f"{row['error']:.3g}",
         unit=row["unit"],
     )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mor.report.bins import normal_bins
 from mor.report.palette import BLUE, GREEN, ORANGE, RED
 from mor.report.plots.sheet import sheet
 from mor.report.view import View
@@ -18,14 +19,16 @@ if TYPE_CHECKING:
 def histogram(view: View, words: Words = ENGLISH) -> Figure:
     """Density of w with N(0, 1) and the critical values; counts of r."""
     used = view.used
-    w, r = used["test"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
-    limit = max(float(np.ceil(np.abs(w).max(initial=1.0))), view.critical + 0.5)
+    w, r = used["w"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
+    bins = normal_bins(w, view.critical)
     figure = sheet(9.0, 3.8)
     left, right = figure.subplots(1, 2)
-    edges = np.arange(-limit, limit + 0.125, 0.25)
     counted = words("w ({count:observation|observations})", count=len(w))
-    left.hist(w, bins=edges, density=bool(len(w)), color=BLUE, label=counted)
-    t = np.linspace(-limit, limit, 401)
+    if bins.beyond:
+        limit = f"{bins.limit:g}"
+        counted += "\n" + words("{count} of them beyond ±{limit}", count=bins.beyond, limit=limit)
+    left.hist(bins.w, bins=bins.edges, density=bool(len(w)), color=BLUE, label=counted)
+    t = np.linspace(-bins.limit, bins.limit, 401)
     left.plot(t, np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi), color=ORANGE, label="N(0, 1)")
     for value in (-view.critical, view.critical):
         left.axvline(value, color=RED, ls="--", lw=1.0)

@@ -15,6 +15,7 @@ from mor.errors import InputError, Problem
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 from mor.parameters.index import moves_by_angles
 from mor.project.network.entities import unknown_name
+from mor.project.tables.guarded import guarded
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
 from mor.quality.solved import Solved
@@ -198,7 +199,9 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
-        writer.writerows([[repr(c) if isinstance(c, float) else c for c in row] for row in rows])
+        writer.writerows(
+            [[repr(c) if isinstance(c, float) else guarded(str(c)) for c in row] for row in rows]
+        )
 
 
 def write_covariance(path: Path, found: Labelled) -> None:

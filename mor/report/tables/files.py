@@ -13,6 +13,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from mor.adjustment.rays.lanes import processors
+from mor.project.tables.guarded import any_unsafe, csv_lines
 from mor.quality.solved import Solved
 from mor.report.results.folder import Writer
 from mor.report.tables.assessed_observations import AssessedGroups, AssessedRows
@@ -43,7 +44,7 @@ def table_writer(frame: pl.DataFrame, kind: Format = "csv") -> Writer:
         if kind == "parquet":
             frame.write_parquet(path, row_group_size=_ROWS_TOGETHER)
         else:
-            frame.write_csv(path)
+            path.write_bytes(csv_lines(frame))
 
     return write
 
@@ -51,11 +52,12 @@ def table_writer(frame: pl.DataFrame, kind: Format = "csv") -> Writer:
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
     tested = AssessedGroups(solved)
+    unsafe = _has_unsafe_names(solved)
 
     def csv(path: Path) -> None:
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows))):
+            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows), unsafe)):
                 file.write(text)
                 done(height)
 
@@ -76,12 +78,19 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     return parquet if kind == "parquet" else csv
 
 
-def _csv_lines(table: pl.DataFrame) -> tuple[int, memoryview]:
-    """Number of rows of a piece of the long table, and their lines."""
+def _has_unsafe_names(solved: Solved) -> bool:
+    names = (name for things in solved.network.things.values() for name in things.ids)
+    return any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
+
+
+def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
+    """Number of rows of a piece of the long table, and their lines; names are guarded where some are unsafe."""
     lines = BytesIO()
     shorter = table.with_columns(
         pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
     )
+    if unsafe:
+        return table.height, csv_lines(shorter, header=False)
     shorter.write_csv(lines, include_header=False)
     return table.height, lines.getbuffer()
 

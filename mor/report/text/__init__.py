@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mor.escapes import escaped
 from mor.quality.solved import Solved
 from mor.report.text import (
     cameras,
@@ -15,7 +16,7 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
-    undeterminable,
+    suspects,
     undetermined,
     unsettled,
 )
@@ -27,8 +28,9 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     sections = [
         head.section(solved, words),
         undetermined.section(solved, words),
-        undeterminable.section(solved, words),
+        undetermined.listed(solved, words),
         unsettled.section(solved, words),
+        suspects.section(solved, words),
         checks.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),
@@ -40,4 +42,4 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         points.section(solved, words),
         residuals.section(solved, words),
     ]
-    return "\n\n".join(section for section in sections if section) + "\n"
+    return escaped("\n\n".join(section for section in sections if section)) + "\n"

@@ -66,6 +66,7 @@ def frames_of(made, wrong=0):
                 rays=rays,
                 sigma=np.full(count, 1e-4),
                 offset=np.zeros(4),
+                up=np.full(3, np.nan),
             )
         )
     return frames
@@ -132,6 +133,7 @@ def block(rng, held=3):
                 rays,
                 np.full(count, 1e-4),
                 np.zeros(4),
+                np.full(3, np.nan),
             )
         )
         poses[number] = (place, D)

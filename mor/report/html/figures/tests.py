@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
+from mor.report.bins import WIDTH, normal_bins
 from mor.report.html.figures.layout import Figure, figure, numbers
 from mor.report.html.page_data import PageData
 from mor.report.palette import BLUE, GREEN, GREY, ORANGE, RED
@@ -16,17 +17,21 @@ _MOST_FRAMES = 400
 
 
 def normal_histogram(w: FloatArray, critical: float, words: Words = ENGLISH) -> Figure:
-    """Density of the test values with the standard normal density and the critical values."""
-    limit = max(float(np.ceil(np.abs(w).max(initial=1.0) * 2.0) / 2.0), critical + 0.5)
-    edges = np.arange(-limit, limit + 0.125, 0.25)
-    density = np.histogram(w, edges)[0] / max(len(w), 1) / 0.25
-    t = np.linspace(-limit, limit, 241)
+    """Density of the test values with the standard normal density and the critical values.
+
+    What lies beyond the last class stands in it, and is counted in the legend.
+    """
+    bins = normal_bins(w, critical)
+    edges = bins.edges
+    density = np.histogram(bins.w, edges)[0] / max(len(w), 1) / WIDTH
+    t = np.linspace(-bins.limit, bins.limit, 241)
+    beyond = words("{count} of them beyond ±{limit}", count=bins.beyond, limit=f"{bins.limit:g}")
     bars = {
         "type": "bar",
-        "name": f"w ({len(w)})",
+        "name": f"w ({len(w)}{', ' + beyond if bins.beyond else ''})",
         "x": numbers(0.5 * (edges[1:] + edges[:-1])),
         "y": numbers(density),
-        "width": 0.25,
+        "width": WIDTH,
         "marker": {"color": BLUE, "line": {"width": 0}},
         "hovertemplate": f"w %{{x}}: {words('density')} %{{y:.4f}}<extra></extra>",
     }
@@ -115,7 +120,7 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
 def test_figures(data: PageData) -> dict[str, Figure]:
     """All charts of the section on tests."""
     used, words = data.view.used, data.words
-    tested = used["test"].drop_nulls().to_numpy()
+    tested = used["w"].drop_nulls().to_numpy()
     figures = {
         "w": normal_histogram(tested, data.view.critical, words),
         "r": histogram(

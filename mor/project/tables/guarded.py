@@ -1,0 +1,62 @@
+"""Names in CSV files, written so that no spreadsheet runs them as a formula and no reader takes them for a comment.
+
+A name that begins with =, +, -, @ or a tab (and is no number) would be run when the table is opened in a spreadsheet;
+one that begins with # would be a comment. An apostrophe is put before them, and taken away on reading. What begins with
+apostrophes before one of these signs gets another one, so that every name comes back as it was.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from io import BytesIO
+
+import polars as pl
+
+_SIGNS = "[=+@\t#-]"
+_UNSAFE = re.compile(f"'*{_SIGNS}")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_AFTER_A_BLANK = re.compile(r"\s#")
+
+
+def is_unsafe(name: str) -> bool:
+    """True for a name that needs an apostrophe, or quotes around it, in a CSV file."""
+    begins = _UNSAFE.match(name) is not None and _NUMBER.fullmatch(name) is None
+    return begins or _AFTER_A_BLANK.search(name) is not None
+
+
+def any_unsafe(names: Iterable[str]) -> bool:
+    """True where one of the names needs to be guarded."""
+    return any(map(is_unsafe, names))
+
+
+def guarded(name: str) -> str:
+    """A name as it is written."""
+    return f"'{name}" if _UNSAFE.match(name) and not _NUMBER.fullmatch(name) else name
+
+
+def plain(name: str) -> str:
+    """A name behind what is written."""
+    return name[1:] if re.match(f"'+{_SIGNS}", name) else name
+
+
+def plain_column(cells: pl.Series) -> pl.Series:
+    """Names behind a column of texts."""
+    return cells.str.replace(f"^'('*{_SIGNS})", "$1")
+
+
+def guarded_column(cells: pl.Series) -> pl.Series:
+    """Names of a column as they are written."""
+    begins = cells.str.contains(f"^'*{_SIGNS}") & ~cells.str.contains(f"^(?:{_NUMBER.pattern})$")
+    written = ("'" + cells).zip_with(begins.fill_null(False), cells)
+    return written.alias(cells.name) if begins.any() else cells
+
+
+def csv_lines(frame: pl.DataFrame, header: bool = True) -> memoryview:
+    """A table as CSV, names guarded; all texts in quotes where one of them would look like a comment otherwise."""
+    texts = [guarded_column(column) for column in frame.select(pl.col(pl.String))]
+    written = frame.with_columns(*texts)
+    hidden = any(column.str.contains(r"\s#").any() for column in texts)
+    lines = BytesIO()
+    written.write_csv(lines, include_header=header, quote_style="non_numeric" if hidden else "necessary")
+    return lines.getbuffer()

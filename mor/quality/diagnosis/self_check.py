@@ -1,0 +1,86 @@
+"""Is a converged solution one? The sum of the redundancy numbers, and unknowns with a σ beyond any use.
+
+Σ r = n − u + d holds exactly, whatever the observations are; where it does not, round-off has eaten the cofactors.
+
+A coordinate whose σ exceeds the size of the network is nowhere in particular: the point of two parallel lines of sight,
+or of two places that have fallen together. An angle is known worse than not at all from σ = π/√3 on, that of an angle
+spread evenly over the circle. Both come out of a system that is regular to the last digits, so that no pivot vanishes;
+what is linear over one σ elsewhere is not so there, and σ itself means nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mor.adjustment.datum.undetermined import Undetermined
+from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
+from mor.adjustment.state import Adjustment, Outcome
+from mor.arrays import BoolArray, FloatArray
+from mor.quality.assess import Quality
+
+REDUNDANCY_LOST = "the sum of the redundancy numbers is not the redundancy: round-off has eaten the solution"
+BEYOND_USE = "the standard deviations of unknowns are beyond any use"
+"""Reasons of outcomes."""
+_SUM = 1e-3
+"""Σ r − (n − u + d) that is no longer round-off of exact cofactors, and 10⁻⁶ of it in large systems."""
+_BEYOND_MEDIAN = 10.0
+"""Size of a network in units of the median distance of its points from their median."""
+_LENGTHS = ("point", "base")
+_TOLD = 1000
+
+
+def checked(quality: Quality) -> Adjustment:
+    """The adjustment of an assessed solution, with the outcome it deserves."""
+    adjustment = quality.adjustment
+    useless = _beyond_use(quality)
+    if useless:
+        defect = replace(adjustment.defect, undetermined=tuple(useless))
+        return replace(adjustment, outcome=Outcome.SINGULAR, reason=BEYOND_USE, defect=defect)
+    missing = abs(quality.redundancy_sum - quality.redundancy)
+    if not missing <= max(_SUM, 1e-6 * quality.redundancy):
+        return replace(adjustment, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
+    return adjustment
+
+
+def _beyond_use(quality: Quality) -> list[Undetermined]:
+    """Blocks with unknowns whose σ (σ0 = 1) is larger than the scale they live on; those first that are worst."""
+    problem, found = quality.adjustment.problem, []
+    size = network_size(quality.adjustment)
+    for kind, columns in problem.index.columns.items():
+        limit = size if kind in _LENGTHS else NOTHING_KNOWN if kind == "rotation" else np.inf
+        if not np.isfinite(limit) or limit <= 0.0:
+            continue
+        variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
+        sigma = np.sqrt(np.maximum(variance, 0.0))
+        beyond = (columns >= 0) & ~(sigma <= limit) & ~_told_by_user(quality, kind)[:, None]
+        for block in np.flatnonzero(beyond.any(axis=1)):
+            components = np.flatnonzero(beyond[block])
+            labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
+            amounts = sigma[block, components]
+            found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
+    found.sort(key=lambda one: -one[0])
+    return [
+        Undetermined(labels, tuple(float(x) for x in amounts / amounts.max()))
+        for _, labels, amounts in found[:_TOLD]
+    ]
+
+
+def network_size(adjustment: Adjustment) -> float:
+    """Size of the network, length unit, which points that have run away do not change; 0 where there are no points."""
+    if "point" not in adjustment.values:
+        return 0.0
+    points = adjustment.values["point"]
+    middle: FloatArray = np.median(points, axis=0)
+    return _BEYOND_MEDIAN * float(np.median(np.linalg.norm(points - middle, axis=1)))
+
+
+def _told_by_user(quality: Quality, kind: str) -> BoolArray:
+    """(n,) blocks whose values were observed themselves: how badly they are known is what the user said."""
+    problem = quality.adjustment.problem
+    told = np.zeros(len(problem.index.columns[kind]), dtype=bool)
+    for group in problem.groups:
+        if group.type.key in (f"observed/{kind}", "coordinates") and group.type.slots[0].kind == kind:
+            told[group.blocks[0]] = True
+    return told

@@ -1,0 +1,159 @@
+"""Redescending weights of shrinking width: an adjustment that gross errors do not lead astray before it has converged.
+
+Graduated non-convexity (A. Blake, A. Zisserman 1987; H. Yang et al. 2020) with the weights of S. Geman, D. McClure,
+
+    f = (c² / (c² + s²))²,    s = |v|/σ,
+
+of a width c that is some multiple of the median of s in the group, so that most of the group always counts in full: at
+the start values, where every residual is large, hardly anything is made lighter; as the good observations come to fit,
+the median falls, c with it, and what does not come along loses its weight. The multiple shrinks from very wide to the
+usual three σ. Each iteration is one damped step of the weighted system: it makes the robust objective smaller
+(majorisation). The two coordinates of a ray are one pointing and share their weight.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.inverse import damped_step
+from mor.adjustment.normals import objective
+from mor.adjustment.plan import Plan, make_plan
+from mor.adjustment.problem import Problem
+from mor.adjustment.rays.eliminable import eliminable_rays
+from mor.adjustment.reweighting import Factors, normalised_misclosures, reweighted_plan
+from mor.adjustment.state import Iteration, Watcher
+from mor.arrays import BoolArray, FloatArray
+from mor.observations import ObservationGroup
+from mor.parameters.index import Values, move
+
+WIDEST, NARROWEST = 20.0, 3.0
+"""Width in units of the robust σ of a group, first and last."""
+_SHRINKS = 0.8
+_MEDIAN = 0.6745
+"""Median of |x| of a standard normal x."""
+_FEW = 10
+"""Observations of a group below which its own median says nothing of it."""
+_ITERATIONS = 60
+_FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
+_SMALLEST = 1e-10
+"""Factor on a weight below which nothing is made lighter: the system must stay regular."""
+_SETTLED = 1e-2
+"""Largest change of a factor in an iteration after which the weights have settled."""
+REJECTED = 3.29
+"""Residual in units of the robust σ beyond which an observation is a suspect: level 0.001."""
+
+
+class Graduated(NamedTuple):
+    """Where graduated weights lead."""
+
+    values: Values
+    suspects: tuple[BoolArray, ...]
+    """(n, m) of each group: what has no weight in the end."""
+    sizes: tuple[FloatArray, ...]
+    """(n, m) |v|/σ of each group."""
+    iterations: int
+
+
+class Scales(NamedTuple):
+    """Robust σ in units of that given a priori, 1 at least, from medians."""
+
+    groups: FloatArray
+    """(g,) of each group; small groups have that of all observations together."""
+    overall: float
+
+
+def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
+    """Adjust with graduated redescending weights from the start values."""
+    plan = make_plan(problem, eliminable_rays(problem, start))
+    place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
+    scales = robust_scales(problem, place.sizes).groups
+    multiple = WIDEST
+    factors = _factors(problem, place.sizes, multiple * scales)
+    for number in range(1, _ITERATIONS + 1):
+        place = _descend(reweighted_plan(plan, factors), place, factors)
+        multiple = max(multiple * _SHRINKS, NARROWEST)
+        scales = np.minimum(scales, robust_scales(problem, place.sizes).groups)
+        before, factors = factors, _factors(problem, place.sizes, multiple * scales)
+        if watch is not None:
+            watch(_iteration(problem, number, place, before))
+        if multiple == NARROWEST and _change(factors, before) < _SETTLED:
+            break
+    suspects = tuple(
+        group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)
+        for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)
+    )
+    return Graduated(place.values, suspects, place.sizes, number)
+
+
+class _Place(NamedTuple):
+    """Where the iteration is: values, |v|/σ there, and the damping with which it goes on."""
+
+    values: Values
+    sizes: tuple[FloatArray, ...]
+    damping: float
+    change: float = 0.0
+    """The last step in units of σ."""
+
+
+def _iteration(problem: Problem, number: int, place: _Place, factors: Factors) -> Iteration:
+    """The iteration as those who watch see it: with the weighted sum of squares and what weights are left."""
+    weighted = sum(float(np.sum(f * s**2)) for f, s in zip(factors, place.sizes, strict=True))
+    active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(factors, place.sizes, strict=True))
+    return Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0))
+
+
+def _sizes(plan: Plan, values: Values) -> tuple[FloatArray, ...]:
+    return tuple(np.abs(found) for found in normalised_misclosures(plan, values))
+
+
+def _joint(group: ObservationGroup, size: FloatArray) -> FloatArray:
+    """(n, m) sizes by which observations are judged: of the two coordinates of a ray the root mean square times √2."""
+    if not group.type.key.startswith(("image/", "follower/")):
+        return size
+    together = np.sqrt(np.sum(size**2, axis=1, keepdims=True))
+    return np.broadcast_to(together / np.sqrt(1.4), size.shape)
+
+
+def robust_scales(problem: Problem, sizes: tuple[FloatArray, ...]) -> Scales:
+    """Robust σ of every group and of all observations, from |v|/σ (n, m) of each group."""
+    used = [size[group.mask & ~group.left_out] for group, size in zip(problem.groups, sizes, strict=True)]
+    every = np.concatenate([np.zeros(0), *used])
+    overall = float(np.median(every)) if every.size else 0.0
+    medians = [float(np.median(size)) if size.size >= _FEW else overall for size in used]
+    return Scales(np.maximum(np.array(medians) / _MEDIAN, 1.0), max(overall / _MEDIAN, 1.0))
+
+
+def _factors(problem: Problem, sizes: tuple[FloatArray, ...], widths: FloatArray) -> tuple[FloatArray, ...]:
+    return tuple(
+        np.maximum((width**2 / (width**2 + _joint(group, size) ** 2)) ** 2, _SMALLEST)
+        for group, size, width in zip(problem.groups, sizes, widths, strict=True)
+    )
+
+
+def _change(factors: Factors, before: Factors) -> float:
+    return max(
+        (float(np.abs(a - b).max(initial=0.0)) for a, b in zip(factors, before, strict=True)), default=0.0
+    )
+
+
+def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:
+    """One step that makes the weighted sum of squares smaller, damped as the gain ratio asks for (H. B. Nielsen)."""
+    damping, raise_by = place.damping, 2.0
+    while damping < _MOST_DAMPED:
+        tried = damped_step(weighted, place.values, damping)
+        moved = move(weighted.problem.index, place.values, tried.step)
+        gain = (tried.objective - objective(weighted, moved)) / max(tried.gain, 1e-300)
+        if gain > 0.0:
+            easier = max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
+            sizes, change = _sizes_of_all(weighted, moved, factors), float(np.sqrt(max(tried.gain, 0.0)))
+            return _Place(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
+        damping, raise_by = damping * raise_by, raise_by * 2.0
+    return place._replace(damping=_FIRST_DAMPING)
+
+
+def _sizes_of_all(weighted: Plan, values: Values, factors: Factors) -> tuple[FloatArray, ...]:
+    """Sizes under the weights the observations came with."""
+    found = normalised_misclosures(weighted, values)
+    return tuple(np.abs(v) / np.sqrt(f) for v, f in zip(found, factors, strict=True))

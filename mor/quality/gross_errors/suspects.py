@@ -1,0 +1,187 @@
+"""What keeps a plain adjustment from a solution: suspects found by graduated weights, and the adjustment without them.
+
+Least squares finds gross errors only once it has converged, and near the truth. Where it does not converge, or where it
+lands at a place that all observations contradict, graduated weights tell the observations apart first; those without
+weight in the end are suspects. What the rest cannot do without stays in, however bad it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mor.adjustment.problem import Problem
+from mor.adjustment.reweighting import normalised_misclosures
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment, Outcome, Watcher
+from mor.arrays import BoolArray, FloatArray
+from mor.parameters.index import Blocks, index_unknowns
+from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.gross_errors.graduated_weights import graduated_weights, robust_scales
+
+_WORSE = 3.0
+"""Times that half of all residuals are larger than they need be, where a converged solution is no good."""
+SUSPECT = "what is observed of it contradicts the rest or itself"
+"""Reason why a thing is left out."""
+_CONTROLLED = 10
+"""Redundancy below which a solution of all observations is left to the tests of single observations."""
+_ROUNDS = 8
+"""Times that what suspects leave undetermined is given up with them."""
+_GIVEN_UP = ("point", "rotation")
+"""Kinds of blocks that are given up where suspects are most of what tells of them."""
+
+
+@dataclass(frozen=True)
+class Suspects:
+    """Observations left out so that the rest has a solution."""
+
+    plain: Adjustment
+    """The adjustment of all observations, which is none."""
+    masks: tuple[BoolArray, ...]
+    """(n, m) of each group."""
+    sizes: tuple[FloatArray, ...]
+    """(n, m) |v|/σ of all observations against the robust solution."""
+    lost: tuple[tuple[str, str], ...]
+    """(kind, name) of the blocks of which so little is left that all that refers to them is among the suspects."""
+
+    @property
+    def count(self) -> int:
+        """Number of suspects."""
+        return int(sum(np.count_nonzero(mask) for mask in self.masks))
+
+
+def may_be_absurd(adjustment: Adjustment) -> bool:
+    """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
+    problem = adjustment.problem
+    redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
+    if redundancy <= 0 or adjustment.normals.objective <= redundancy * _WORSE**2:
+        return False
+    return _overall(adjustment) > _WORSE
+
+
+def without_suspects(
+    plain: Adjustment, settings: Settings | None = None, watch: Watcher | None = None
+) -> tuple[Adjustment, Suspects | None]:
+    """A solution in place of a plain adjustment that has none, or an absurd one.
+
+    All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
+    left out. Otherwise it is the adjustment without the suspects. A solution is absurd where another one is known that
+    half of the observations fit three times better. Where nothing better is found, it is the plain adjustment as it is.
+    """
+    problem = plain.problem
+    found = graduated_weights(problem, plain.start, watch)
+    scale = robust_scales(problem, found.sizes).overall
+    if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
+        return plain, None
+    again = adjust(problem, found.values, settings, watch)
+    if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
+        return again, None
+    suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
+    for _ in range(_ROUNDS):
+        rest = adjust(left_out(problem, suspects), found.values, settings, watch)
+        if rest.outcome is Outcome.CONVERGED:
+            believed = plain.outcome is not Outcome.CONVERGED or _outweighs(rest, suspects.count)
+            return (rest, suspects) if believed else (plain, None)
+        missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
+        missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
+        if not missing:
+            break
+        suspects = _enough_left(problem, _without(problem, suspects, missing))
+    return plain, None
+
+
+def _outweighs(rest: Adjustment, suspects: int) -> bool:
+    """True where the rest says more against the suspects than they against it.
+
+    Any solution can be made to fit by leaving out as many observations as are redundant. Where there is a solution of
+    all observations, the rest must therefore control itself well more often than it has to leave out.
+    """
+    problem = rest.problem
+    redundancy = problem.observations - problem.index.count + rest.defect.datum.shape[1]
+    return redundancy >= max(_CONTROLLED, 2 * suspects)
+
+
+def left_out(problem: Problem, suspects: Suspects) -> Problem:
+    """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
+    kept_out = (group.left_out for group in problem.groups)
+    masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
+    return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
+
+
+def with_suspects(rest: Problem, suspects: Suspects) -> tuple[Problem, tuple[BoolArray, ...]]:
+    """The problem of the rest with the suspects in it again, and which they are. Lost blocks stay out."""
+    plain = suspects.plain.problem
+    gone = tuple(np.zeros(group.observed.shape, dtype=bool) for group in plain.groups)
+    _add_rows(plain, gone, set(suspects.lost))
+    kept_out = [group.left_out | mask for group, mask in zip(plain.groups, gone, strict=True)]
+    masks = tuple(mask & ~out for mask, out in zip(suspects.masks, kept_out, strict=True))
+    return exclude(replace(rest, clusters=plain.clusters), kept_out), masks
+
+
+def held(blocks: Mapping[str, Blocks], lost: Sequence[tuple[str, str]]) -> dict[str, Blocks]:
+    """Blocks with the lost ones (kind, name) fixed."""
+    result = dict(blocks)
+    for kind in {kind for kind, _ in lost}:
+        gone = lost_blocks(blocks[kind], kind, lost)
+        result[kind] = replace(blocks[kind], free=blocks[kind].free & ~gone[:, None])
+    return result
+
+
+def lost_blocks(blocks: Blocks, kind: str, lost: Sequence[tuple[str, str]]) -> BoolArray:
+    """(n,) which blocks of a kind are lost."""
+    names = {name for k, name in lost if k == kind}
+    return np.array([name in names for name in blocks.ids], dtype=bool)
+
+
+def _overall(adjustment: Adjustment) -> float:
+    sizes = tuple(map(np.abs, normalised_misclosures(adjustment.plan, adjustment.values)))
+    return robust_scales(adjustment.problem, sizes).overall
+
+
+def _enough_left(problem: Problem, suspects: Suspects) -> Suspects:
+    """The suspects, and with them whatever has fewer observations left than free components."""
+    while True:
+        short = {
+            (kind, problem.index.blocks[kind].ids[block])
+            for kind in _GIVEN_UP
+            if kind in problem.index.blocks
+            for block in _short(problem, suspects.masks, kind)
+        }
+        short.difference_update(suspects.lost)
+        if not short:
+            return suspects
+        suspects = _without(problem, suspects, short)
+
+
+def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]:
+    """Blocks of a kind that had enough observations, and have no longer."""
+    columns = problem.index.columns[kind]
+    needed = np.count_nonzero(columns >= 0, axis=1)
+    before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))
+    for group, mask in zip(problem.groups, masks, strict=True):
+        had = group.mask & ~group.left_out
+        counts = np.count_nonzero(had, axis=1), np.count_nonzero(had & ~mask, axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind:
+                np.add.at(before, blocks, counts[0])
+                np.add.at(left, blocks, counts[1])
+    return [int(block) for block in np.flatnonzero((left < needed) & (before > left))]
+
+
+def _without(problem: Problem, suspects: Suspects, blocks: set[tuple[str, str]]) -> Suspects:
+    """The suspects with all observations that refer to these blocks."""
+    masks = tuple(mask.copy() for mask in suspects.masks)
+    _add_rows(problem, masks, blocks)
+    return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))
+
+
+def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[str, str]]) -> None:
+    """Add all observations that refer to these blocks (kind, name) to the masks, in place."""
+    for kind in {kind for kind, _ in blocks}:
+        gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
+        for group, mask in zip(problem.groups, masks, strict=True):
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+                if slot.kind == kind:
+                    mask |= gone[numbers][:, None] & group.mask & ~group.left_out

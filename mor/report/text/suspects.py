@@ -1,0 +1,64 @@
+"""What was left out because all observations together have no solution, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mor.quality.solved import Solved
+from mor.report.tables.suspects import suspects
+from mor.report.tables.worst import component_of
+from mor.report.text.layout import fixed, heading, short, table
+from mor.report.words.language import ENGLISH, Words
+
+SHOWN = 200
+
+
+def section(solved: Solved, words: Words = ENGLISH) -> str:
+    """The suspects, the worst first; nothing where there are none."""
+    data = suspects(solved)
+    if data is None:
+        return ""
+    rows = [
+        [_place(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:SHOWN]
+    ]
+    lines = [
+        heading(words("Left out: suspects of gross errors")),
+        words(
+            "Found with weights that fall to zero (graduated, to 3 sigma). This report is the plain adjustment of all "
+            "other observations; data snooping (--snoop) begins from here and puts back what fits."
+        ),
+        table(["observation", "|v| [sigma]"], rows, 1, words),
+    ]
+    if data["count"] > len(rows):
+        lines.append(words("and {count} more in the table of residuals", count=data["count"] - len(rows)))
+    return "\n".join(lines)
+
+
+def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
+    """The verdict on them; first of all that not all observations have been adjusted."""
+    if data is None:
+        return []
+    if data["outcome"] == "converged":
+        first = words(
+            "ABSURD with all observations (sigma0 ratio {ratio}): it fits hardly any of them.",
+            ratio=fixed(data["sigma0_ratio"], 1),
+        )
+    else:
+        first = words(
+            "DOES NOT CONVERGE with all observations ({outcome} after {count:iteration|iterations}).",
+            outcome=words.listed(data["outcome"]),
+            count=data["iterations"],
+        )
+    return [
+        first,
+        words(
+            "Without {count:suspect|suspects} it does; what follows is that adjustment. The worst: {place}.",
+            count=data["count"],
+            place="; ".join(_place(row, words) for row in data["observations"][:2]),
+        ),
+    ]
+
+
+def _place(row: dict[str, Any], words: Words) -> str:
+    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
+    return f"{row['type']} {names}{component_of(row)}"
