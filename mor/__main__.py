@@ -1,5 +1,48 @@
-"""``python -m mor``."""
+"""``mor`` and ``python -m mor``: the process around the command line."""
 
-from mor.cli import main
+from __future__ import annotations
 
-main()
+import signal
+import sys
+import warnings
+from types import FrameType
+
+
+def main() -> None:
+    """Run the command line and exit with the documented code.
+
+    Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C.
+    """
+    try:
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, _interrupt)
+        _heed_warnings()
+        from mor.cli import run
+
+        code = run()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # all is done
+    except KeyboardInterrupt:
+        code = 128 + signal.SIGINT
+    sys.exit(code)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)  # once is enough
+    raise KeyboardInterrupt(number)
+
+
+def _heed_warnings() -> None:
+    """Let no warning of Python reach the user.
+
+    Arithmetic that ends in NaN or infinity unasked is an error of the program: no number may come of it. What
+    libraries say of their own future, or of speed, is for developers, and an error in the tests.
+    """
+    if not sys.warnoptions:  # nothing asked for by -W or PYTHONWARNINGS
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("error", RuntimeWarning)
+
+
+if __name__ == "__main__":
+    main()

@@ -12,6 +12,7 @@ it gives the same bytes whether or not there is machine code of an earlier run.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
@@ -34,7 +35,7 @@ Importing numba and reading the kernels takes some 0.4 s. Plain numpy loses that
 in close range blocks, whose points have many rays, at 12 000, in geodetic networks at 15 000 (docs/dependencies.md).
 """
 
-available = find_spec("numba") is not None
+available = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 """True where there is a compiler."""
 
 _one_at_a_time = Lock()
@@ -94,7 +95,7 @@ class Kernel(Generic[Parameters, Result]):
 
     def __init__(self, function: Callable[Parameters, Result], **options: Any) -> None:
         self.py_func = function
-        self._options = options
+        self._options = {"nogil": True, "fastmath": _FAST_SUMS, **options}
         update_wrapper(self, function)
 
     def __call__(self, *args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -104,13 +105,13 @@ class Kernel(Generic[Parameters, Result]):
 
     @cached_property
     def compiled(self) -> Callable[Parameters, Result]:
-        """The function as numba calls it; without a writable place for machine code it is kept in memory only."""
+        """The function as numba calls it, with machine code of an earlier run where it is there."""
         numba = _numba()
+        from mor.kernel_cache import KernelCache
+
         with _one_at_a_time:
-            try:
-                compiled: Callable[Parameters, Result] = numba.njit(self.py_func, **self._options)
-            except RuntimeError:
-                compiled = numba.njit(self.py_func, **{**self._options, "cache": False})
+            compiled = numba.njit(self.py_func, **self._options)
+            compiled._cache = KernelCache(self.py_func, self._options)
             kept: Callable[Parameters, Result] = self.__dict__.setdefault("compiled", compiled)
         return kept
 
@@ -126,8 +127,13 @@ class Kernel(Generic[Parameters, Result]):
 
 
 def compile_kernel(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:
-    """Compile on first use; keep the machine code on disk wherever a directory for it can be written."""
-    return Kernel(function, cache=True, nogil=True, fastmath=_FAST_SUMS, forceinline=True)
+    """Compile on first use, and keep the machine code on disk.
+
+    What a kernel calls becomes part of its own machine code. Else the system linker of the process decides which of two
+    copies of it is called, the one that stands in the caller or that of another kernel: one in the run that compiles,
+    the other in those that read the machine code from disk, and the two differ in the last digit.
+    """
+    return Kernel(function, forceinline=True)
 
 
 def compile_inline(function: Callable[Parameters, Result]) -> Kernel[Parameters, Result]:
@@ -135,7 +141,13 @@ def compile_inline(function: Callable[Parameters, Result]) -> Kernel[Parameters,
 
     A call that passes arrays costs some 50 nanoseconds, for they are counted in and out.
     """
-    return Kernel(function, inline="always", nogil=True, fastmath=_FAST_SUMS)
+    return Kernel(function, inline="always")
+
+
+def not_kept() -> str:
+    """Why machine code of this run could not be kept on disk; empty where it could."""
+    module = sys.modules.get("mor.kernel_cache")
+    return module.not_kept[0] if module is not None and module.not_kept else ""
 
 
 @cache

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
@@ -63,10 +64,15 @@ class InputError(MorError):
     """The input is wrong. Carries *all* problems found, not only the first one."""
 
     exit_code = ExitCode.INPUT
+    told_by = "mor check --all"
+    """The command that tells all problems, where they are more than a screen holds."""
 
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
 
 
 class NoSolutionError(MorError):
@@ -75,8 +81,20 @@ class NoSolutionError(MorError):
     exit_code = ExitCode.NOT_CONVERGED
 
 
+@contextmanager
+def mistakes_in(file: str) -> Iterator[None]:
+    """Mistakes that belong to no single place get the file of the project they are found in."""
+    try:
+        yield
+    except InputError as error:
+        error.problems = tuple(replace(p, file=p.file or file) for p in error.problems)
+        raise
+
+
 class NoStartValuesError(InputError):
     """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
+
+    told_by = "mor approximate"
 
     def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
         self.things = tuple(things)

@@ -17,7 +17,7 @@ from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
-from mor.errors import InputError, NoStartValuesError, Undeterminable
+from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import read_text
@@ -30,7 +30,7 @@ from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.entities import thing_of
 from mor.project.network.reading import TableWatcher, ignore_table
-from mor.project.network.reduction import with_blocks_held
+from mor.project.reduction import with_blocks_held
 from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, assess
 from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
@@ -80,15 +80,16 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    with chosen_by_size(network.observations):
+    with chosen_by_size(network.observations), mistakes_in(network.file):
         return _solved(network, watch, assessing)
 
 
 def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
     settings = network.project.settings
-    network, start = determinable_start(network)
     rescued: list[tuple[Adjustment, Suspects]] = []
-    network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
+    with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
+        network, start = determinable_start(network)
+        network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
     suspects = next((left for found, left in rescued if found is adjustment), None)
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
@@ -181,6 +182,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
 
     found = approximate(network)
     settings = network.project.settings
+    start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, found.remarks)

@@ -14,7 +14,7 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("escapes",),
+    ("escapes", "kernel_cache"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
     ("geometry", "input_files"),

@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import some_rows
-from mor.observations.at_infinity import can_be_at_infinity, target_slot
+from mor.observations import can_be_at_infinity, some_rows, target_slot
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 
@@ -43,7 +42,13 @@ class RayPoints(NamedTuple):
 
     def take(self, chosen: BoolArray) -> RayPoints:
         """Some of them."""
-        return RayPoints(*(array[chosen] for array in self))
+        return RayPoints(
+            self.points[chosen],
+            self.directions[chosen],
+            self.inverse[chosen],
+            self.sigma[chosen],
+            self.centres[chosen],
+        )
 
     def parallel(self, critical: float) -> BoolArray:
         """(k,) true where the rays do not meet significantly; ``critical`` is the quantile of the test."""

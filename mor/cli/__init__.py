@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Sequence
 
 import click
@@ -26,10 +25,6 @@ COMMANDS = {
     "examples": "List the sample projects, copy one.",
     "schema": "Print the JSON Schema of project files, or of results.json.",
 }
-
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 WIDTH = 100
@@ -62,6 +57,10 @@ class _Lazy(click.Group):
         return super().resolve_command(ctx, args)
 
 
+INTERRUPTED, ENDED, LEFT = 130, 143, 129
+"""Exit codes after Ctrl-C, SIGTERM and SIGHUP, as shells have them: 128 and the number of the signal."""
+
+
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH})
 @click.version_option(__version__, prog_name="mor", message="%(prog)s %(version)s")
 def group() -> None:
@@ -77,14 +76,9 @@ def group() -> None:
 
     \b
     Exit codes: 0 done; 1 rejected or different; 2 input; 3 not converged; 4 singular;
-    70 internal (MOR_DEBUG=1 shows where); 130 interrupted.
+    70 internal (MOR_DEBUG=1 shows where); 130 interrupted, 143 ended.
     Data go to standard output, words to standard error.
     """
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with the documented code."""
-    sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -97,9 +91,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except click.ClickException as error:
         error.show()
         return ExitCode.INPUT
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort) as error:
         click.echo("interrupted; no file was left incomplete", err=True)
-        return INTERRUPTED
+        return _code_of_signal(error)
     except MorError as error:
         _tell(error)
         return error.exit_code
@@ -122,12 +116,22 @@ def _tell(error: MorError) -> None:
     """What is wrong, on one screen at most, and how to see the rest."""
     from mor.escapes import shortened
 
-    lines = str(error).splitlines()
-    for line in lines[:MOST_TOLD]:
-        click.echo(shortened(line), err=True)
-    if len(lines) > MOST_TOLD:
-        words = f"{len(lines) - MOST_TOLD} more mistakes; mor check --all tells all of them"
-        click.echo(f"… and {words}", err=True)
+    lines = [shortened(line) for line in str(error).splitlines()]
+    more = len(lines) - MOST_TOLD
+    if more > 0:
+        words = (
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+        )
+        lines = [*lines[: MOST_TOLD - 1], words, lines[-1]]
+    for line in lines:
+        click.echo(line, err=True)
+
+
+def _code_of_signal(error: BaseException) -> int:
+    """Exit code after the signal that interrupted; click puts an interruption behind an error of its own."""
+    interruption = error.__cause__ if isinstance(error, click.Abort) else error
+    number = next((one for one in getattr(interruption, "args", ()) if isinstance(one, int)), None)
+    return INTERRUPTED if number is None else 128 + int(number)
 
 
 def _internal(error: Exception) -> int:

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
 
 FIRST_RUN = "first run on this machine: compiling, some 20 seconds, this once"
-PLAIN = "the Python package numba is missing: same results, but much slower (pip install numba)"
+PLAIN = (
+    "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
+)
+NOT_KEPT = "what was compiled cannot be kept, each run compiles anew: {reason}"
 
 
-def compiler_announced(say: Callable[[str], None]) -> AbstractContextManager[None]:
-    """Within, say once where kernels have to be compiled, or where a large project has no compiler."""
+class Say(Protocol):
+    """Tells the user something, with values for the places in braces."""
+
+    def __call__(self, words: str, /, **values: object) -> None:
+        """Say it."""
+
+
+@contextmanager
+def compiler_announced(say: Say) -> Iterator[None]:
+    """Within, say once where kernels have to be compiled, or where a large project has no compiler.
+
+    At the end, say where what was compiled could not be kept.
+    """
     from mor import compilation
 
-    return compilation.compilation_announced(lambda: say(FIRST_RUN), lambda: say(PLAIN))
+    with compilation.compilation_announced(lambda: say(FIRST_RUN), lambda: say(PLAIN)):
+        yield
+    if reason := compilation.not_kept():
+        say(NOT_KEPT, reason=reason)

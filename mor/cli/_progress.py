@@ -93,11 +93,11 @@ class Progress:
                 said = replace(note, message=self.words.listed(note.message))
                 click.echo(self.words("note: {text}", text=said), err=True)
 
-    def note(self, words: str) -> None:
-        """Something the user should know."""
-        self.event("note", message=words, file="", line=0)
+    def note(self, words: str, /, **values: object) -> None:
+        """Something the user should know, with values for the places in braces."""
+        self.event("note", message=words.format(**values), file="", line=0)
         if not self.quiet:
-            click.echo(self.words("note: {text}", text=self.words.listed(words)), err=True)
+            click.echo(self.words("note: {text}", text=self.words(words, **values)), err=True)
 
     def iteration(self, step: Iteration) -> None:
         """One iteration is done."""

@@ -1,5 +1,12 @@
 """Observation types: one file each, every one a value of :class:`ObservationType`."""
 
+from mor.observations._at_infinity import (
+    AT_INFINITY,
+    FREE_TURNS,
+    at_infinity,
+    can_be_at_infinity,
+    target_slot,
+)
 from mor.observations._contract import (
     PERFECT_SET_UP,
     Computed,
@@ -67,7 +74,9 @@ ALL_TYPES = {
 
 __all__ = [
     "ALL_TYPES",
+    "AT_INFINITY",
     "FOLLOWER_TYPES",
+    "FREE_TURNS",
     "IMAGE_TYPES",
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
@@ -81,7 +90,10 @@ __all__ = [
     "Reference",
     "SetUp",
     "Slot",
+    "at_infinity",
+    "can_be_at_infinity",
     "some_rows",
+    "target_slot",
     "without",
     "wrap",
 ]

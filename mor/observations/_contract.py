@@ -67,8 +67,15 @@ class ObservationType:
     """Face (1 or 2) that the reading (n,) of the last component tells, for types with a constant ``face``."""
     in_object_axes: bool = False
     """True where the components are coordinates in the axes of the object system."""
+    written: str = ""
+    """What a project calls it, where that is not the key."""
     between_marks: bool = False
     """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
+
+    @property
+    def name(self) -> str:
+        """What a project calls this type, and reports do."""
+        return self.written or self.key
 
     @property
     def wraps(self) -> BoolArray:

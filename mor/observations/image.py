@@ -86,6 +86,7 @@ def _image_type(
     interior = Slot(interior_key(model.key), "image", "interior")
     return ObservationType(
         key=f"{prefix}/{model.key}",
+        written="image",
         components=COMPONENTS,
         references=REFERENCES,
         slots=(*FRAME_SLOTS, *extra, interior, POINT_SLOT),

@@ -28,9 +28,10 @@ def observed_parameter(kind: BlockKind) -> ObservationType:
 
     return ObservationType(
         key=f"observed/{kind.key}",
+        written="parameter",
         components=kind.components,
-        references=(Reference("block", (kind.key,)),),
-        slots=(Slot(kind.key, "block", "itself"),),
+        references=(Reference("of", (kind.key,)),),
+        slots=(Slot(kind.key, "of", "itself"),),
         equation=equation,
         in_object_axes=kind.key == "point",
     )
@@ -46,6 +47,7 @@ def observed_difference(kind: BlockKind) -> ObservationType:
 
     return ObservationType(
         key=f"difference/{kind.key}",
+        written="difference",
         components=kind.components,
         references=(Reference("from", (kind.key,)), Reference("to", (kind.key,))),
         slots=(Slot(kind.key, "from", "itself"), Slot(kind.key, "to", "itself")),

@@ -54,6 +54,7 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
     return replace(
         type_,
         key=f"{type_.key}/projection centre",
+        written=type_.name,
         slots=(*type_.slots, *extra),
         equation=equation,
     )

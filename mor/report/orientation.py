@@ -18,6 +18,7 @@ from mor.arrays import FloatArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.geometry.rotations import angles_from_rotation
+from mor.input_files import read_bytes
 from mor.report.text.layout import fixed, short, table
 from mor.units import ANGLE_UNITS
 
@@ -32,10 +33,8 @@ class Measured:
 
 def read_homologous(path: Path) -> Measured:
     """Table with the columns id, x1, y1, x2, y2, … Raises :class:`InputError` with every mistake found."""
-    if not path.is_file():
-        raise InputError([Problem("this file does not exist", str(path))])
     try:
-        frame = pl.read_csv(path, infer_schema=False)
+        frame = pl.read_csv(read_bytes(path), infer_schema=False)
     except pl.exceptions.PolarsError as error:
         raise InputError([Problem(f"not a table: {str(error).splitlines()[0]}", str(path))]) from None
     images = 0

@@ -72,10 +72,8 @@ class View:
 
 
 def is_ray(residuals: pl.DataFrame) -> pl.Series:
-    """True for image coordinates; types are looked at once each, not row by row."""
-    types = residuals["type"]
-    rays = [key for key in types.unique() if str(key).startswith(("image/", "follower/"))]
-    return types.is_in(rays)
+    """True for image coordinates."""
+    return residuals["type"] == "image"
 
 
 def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv") -> View:
@@ -105,8 +103,18 @@ def view_of_folder(folder: Path) -> View:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
-    if data.get("global_test") is None:
+    except (ValueError, RecursionError):
+        raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+    if not isinstance(data, dict) or data.get("global_test") is None:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
+    try:
+        return _view(data, folder)
+    except (KeyError, TypeError, pl.exceptions.PolarsError):
+        words = "these results are not complete, or of another version of mor"
+        raise InputError([Problem(words, str(path))]) from None
+
+
+def _view(data: dict[str, Any], folder: Path) -> View:
     return View(
         summary=data,
         points=_placed(_table(data, "points", folder)),

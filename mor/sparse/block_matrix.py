@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from mor import compilation
 from mor.arrays import FloatArray, IntArray
@@ -196,6 +195,10 @@ def find_blocks_by_keys(structure: BlockStructure, rows: IntArray, columns: IntA
 
 def ascending(pointers: IntArray, numbers: IntArray) -> IntArray:
     """Return the numbers with each part ``numbers[pointers[i]:pointers[i+1]]`` sorted."""
+    if numbers.size == 0:
+        return numbers
+    import scipy.sparse  # loads longer than a small system is solved, which is one dense front: nothing to sort
+
     shape = (pointers.size - 1, int(numbers.max(initial=0)) + 1)
     rows = scipy.sparse.csr_array((np.empty(numbers.size, dtype=np.int8), numbers, pointers), shape=shape)
     rows.sort_indices()

@@ -9,14 +9,16 @@ whose update it hands on to its parent. All of this depends on the pattern alone
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
 
 from mor.arrays import BoolArray, FloatArray, IntArray, ranges
 from mor.sparse.block_matrix import BlockStructure, ascending
 from mor.sparse.compiled import symbolic
-from mor.sparse.ordering import block_graph, fill_reducing_order
+
+if TYPE_CHECKING:
+    import scipy.sparse
 
 # Cost of a front: 1 per front, per entry of its square, per multiplication; in units of about 60
 # microseconds.
@@ -105,10 +107,12 @@ def analyse(structure: BlockStructure) -> Elimination:
     stored = int(structure.position[-1])
     if blocks <= 1 or stored > _NEARLY_FULL * unknowns * (unknowns + 1) / 2:
         one_front = np.array([0, blocks] if blocks else [0], dtype=np.int64)
-        graph = scipy.sparse.csr_array((blocks, blocks))
-        return _plan(
-            structure, np.arange(blocks, dtype=np.int64), one_front, np.full(one_front.size - 1, -1), graph
-        )
+        order, root = np.arange(blocks, dtype=np.int64), np.full(one_front.size - 1, -1)
+        nothing = np.zeros(blocks + 1, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        return _plan(structure, order, one_front, root, nothing)
+    # Imported here: small systems are one dense front, and done before the sparse library is loaded.
+    from mor.sparse.ordering import block_graph, fill_reducing_order
+
     graph = block_graph(structure)
     order, parent = _postordered_tree(graph, fill_reducing_order(graph))
     permuted = _permuted(graph, order)
@@ -165,8 +169,8 @@ def _in_front_order(
     by_front = np.argsort(front, kind="stable")
     first_step = np.concatenate(([0], np.cumsum(np.bincount(front, minlength=post.size)))).astype(np.int64)
     final_order = order[by_front]
-    permuted = _permuted(graph, final_order)
-    return _plan(structure, final_order, first_step, _relabelled(front_parent, post), permuted)
+    pattern = _pattern(_permuted(graph, final_order))
+    return _plan(structure, final_order, first_step, _relabelled(front_parent, post), pattern)
 
 
 def _plan(
@@ -174,12 +178,12 @@ def _plan(
     order: IntArray,
     first_step: IntArray,
     parent: IntArray,
-    permuted: scipy.sparse.csr_array,
+    pattern: tuple[IntArray, IntArray],
 ) -> Elimination:
-    """Make the plan from the final order of the blocks, the fronts in it and the graph in that order."""
+    """Make the plan from the final order of the blocks, the fronts in it and the pattern in that order."""
     sizes = structure.sizes[order]
     starts = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
-    step_pointers, steps = symbolic.rows_of_fronts(*_pattern(permuted), first_step, parent)
+    step_pointers, steps = symbolic.rows_of_fronts(*pattern, first_step, parent)
     steps = ascending(step_pointers, steps)
     pivot_pointers = starts[first_step]
     rows = ranges(starts[steps], sizes[steps])

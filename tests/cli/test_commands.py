@@ -120,12 +120,12 @@ class TestExitCodes:
         assert "Traceback" in mor("adjust", write(tmp_path, LEVELLING)).err
 
     def test_unreadable_file(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        def denied(*_: object, **__: object) -> str:
-            raise PermissionError(13, "Permission denied", "project.yaml")
+        def denied(*_: object, **__: object) -> bytes:
+            raise PermissionError(13, "Permission denied")
 
         project = write(tmp_path, LEVELLING)
-        monkeypatch.setattr(Path, "read_text", denied)
-        assert mor("check", project) == (2, "", "project.yaml: Permission denied\n")
+        monkeypatch.setattr(Path, "read_bytes", denied)
+        assert mor("check", project) == (2, "", f"{project}: this file cannot be read: Permission denied\n")
 
 
 class TestWhatGoesWhere:

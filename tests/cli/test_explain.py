@@ -12,7 +12,7 @@ import pytest
 import mor.report.html
 import mor.report.text
 from mor.adjustment.state import Outcome
-from mor.cli import INTERRUPTED, run
+from mor.cli import ENDED, INTERRUPTED, LEFT, run
 from mor.errors import ExitCode, InputError
 from mor.report.words.terms import find, terms
 
@@ -34,7 +34,7 @@ def test_flags_and_outcomes(word: str) -> None:
 
 
 def test_exit_codes() -> None:
-    for code in (*ExitCode, INTERRUPTED):
+    for code in (*ExitCode, INTERRUPTED, ENDED, LEFT):
         assert f"exit code {int(code)}" in find(str(int(code)))[0].names
 
 

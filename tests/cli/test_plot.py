@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
-from small_projects import LEVELLING
+from small_projects import LEVELLING, mor
 
 from mor.cli import run
 from mor.cli.commands.plot import KINDS, view_of_source
@@ -141,3 +141,13 @@ def test_ellipses_of_heights_are_drawn_in_elevation(tmp_path: Path) -> None:
     assert {"X [m]", "Z [m]"} <= words[0]
     assert any(text.startswith("1σ ellipses × ") for text in words[0])
     assert {"X [m]", "Y [m]"} <= words[1]
+
+
+@pytest.mark.parametrize(
+    "content", ["[1", "[" * 100_000, "[]", "{}", '{"global_test": 1}', '{"global_test": 1, "points": 3}']
+)
+def test_results_that_are_damaged(tmp_path, content):
+    (tmp_path / "results.json").write_text(content)
+    run = mor("plot", "network", tmp_path, "-o", tmp_path / "network.svg")
+    assert run.code == 2
+    assert run.err.startswith(f"{tmp_path / 'results.json'}: ")

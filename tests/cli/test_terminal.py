@@ -111,7 +111,7 @@ def test_summary_answers_what_is_asked_first() -> None:
     facade = solved("facade")
     text = screen(facade)
     assert "Global test accepted at the level 0.05." in text
-    assert "Worst: image/mor image IMG_4711, point W50, x: |w| = 3.46, r = 0.71 (flagged)" in text
+    assert "Worst: image IMG_4711, point W50, x: |w| = 3.46, r = 0.71 (flagged)" in text
     assert "weakest K03: longest semi-axis 0.0046 m" in text
     assert "Camera D7: c = 28.37459 ± 0.0038 mm" in text
     assert "Datum: fixed" in text

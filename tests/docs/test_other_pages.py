@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_projects import mor, write_block
 
-from mor.cli import INTERRUPTED
+from mor.cli import ENDED, INTERRUPTED, LEFT
 from mor.errors import ExitCode
 from mor.report.tables.observations import SCHEMA
 
@@ -32,7 +32,7 @@ def text(name: str) -> str:
 
 def test_exit_codes_are_those_of_the_program() -> None:
     documented = {int(code) for code in re.findall(r"^\| (\d+) \|", text("exit-codes.md"), re.M)}
-    assert documented == {*map(int, ExitCode), INTERRUPTED}
+    assert documented == {*map(int, ExitCode), INTERRUPTED, ENDED, LEFT}
 
 
 @pytest.mark.parametrize("column", SCHEMA)

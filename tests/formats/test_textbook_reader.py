@@ -135,3 +135,56 @@ def test_all_mistakes_come_at_once(tmp_path):
 def test_no_observations(tmp_path):
     with pytest.raises(InputError, match="there are no observations"):
         _document(tmp_path, "[Coordinates]\nA 1 2\n")
+
+
+DYNAMIC = """\
+[Coordinates]
+A 100.000
+B 101.000
+C 102.000
+
+[Datum]
+dyn
+{datum}
+
+[Sigma0]
+0.001 m
+
+[LevelledHeightDifferences]
+A B 1.0010 1000 0.001
+B C 1.0005 1000
+A C 2.0010 2000
+"""
+
+
+@pytest.mark.parametrize(
+    "datum",
+    [
+        "A 1e-6 2e-7\nB 2e-7 4e-6",
+        "A 1e-6 2e-7\nB 4e-6",
+        "A 1e-6\nB 2e-7 4e-6",
+    ],
+)
+def test_a_covariance_matrix_or_a_triangle_of_it(tmp_path, datum):
+    path = tmp_path / "net.dat"
+    path.write_text(DYNAMIC.format(datum=datum))
+    observed = read_foreign(path).data["observations"][0]
+    assert np.array(observed["covariance"], dtype=float).tolist() == [[1e-6, 2e-7], [2e-7, 4e-6]]
+
+
+def test_standard_deviations_of_a_dynamic_datum(tmp_path):
+    path = tmp_path / "net.dat"
+    path.write_text(DYNAMIC.format(datum="A 0.001\nB 0.002"))
+    observed = read_foreign(path).data["observations"][0]
+    np.testing.assert_allclose(
+        np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15
+    )
+
+
+def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
+    path = tmp_path / "net.dat"
+    path.write_text(DYNAMIC.format(datum="A 1 2 3\nB 1"))
+    with pytest.raises(
+        InputError, match="found rows of 3, 1 numbers, expected of 2 observed coordinates a σ each"
+    ):
+        read_foreign(path)

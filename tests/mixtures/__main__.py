@@ -7,6 +7,7 @@ whose adjustment from the truth converges are counted.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -23,13 +24,12 @@ def main() -> None:
     parser.add_argument("--wrong", type=float, default=0.0, help="share of wrong identities")
     parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
     options = parser.parse_args()
-    trials = []
-    with tempfile.TemporaryDirectory() as scratch:
+    trials: list[Trial] = []
+    with tempfile.TemporaryDirectory() as scratch, contextlib.suppress(KeyboardInterrupt):
         for seed in range(options.seed, options.seed + options.count):
             world = mixture(seed)
             wrong_identities(world, options.wrong)
-            trial = tried(world, (options.keep or Path(scratch)) / str(seed))
-            trials.append(trial)
+            trials.append(trial := tried(world, (options.keep or Path(scratch)) / str(seed)))
             if trial.counts and not trial.reached:
                 print(f"{seed}: {trial.words} [{', '.join(sorted(trial.tags))}]", flush=True)
     _print_rates(trials)
@@ -43,7 +43,7 @@ def _print_rates(trials: list[Trial]) -> None:
         reached.update(["all", *trial.tags] if trial.reached else [])
     for tag in sorted(of, key=lambda tag: (tag != "all", tag)):
         print(f"{tag:34} {reached[tag]:5} of {of[tag]:5}  {100.0 * reached[tag] / of[tag]:6.2f} %")
-    print(f"{len(trials) - len(counted)} not counted: not determined from the truth")
+    print(f"{len(trials)} worlds; {len(trials) - len(counted)} not counted: not determined from the truth")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
-from mor.pipeline import make_problem, read_document, read_network, start_values
+from mor.pipeline import determinable_start, make_problem, read_document, read_network
 from tests.mixtures.project_file import write_project
 from tests.mixtures.world import World
 
@@ -53,8 +53,7 @@ def tried(world: World, folder: Path) -> Trial:
 
 def _adjusted(path: Path) -> Adjustment | str:
     try:
-        network = read_network(read_document(path), path.parent)
-        start = start_values(network)
+        network, start = determinable_start(read_network(read_document(path), path.parent))
     except InputError as error:
         return f"not started: {str(error)[:300]}"
     return adjust(make_problem(network, start, start), start, Settings(MOST_ITERATIONS))

@@ -29,9 +29,15 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     parser.add_argument("--keep", type=Path, help="folder into which projects with faults are put")
     wanted = parser.parse_args()
+    from .material import all_material
     from .pool import run_pool
 
     numbers = wanted.only or list(range(wanted.first, wanted.first + wanted.count))
+    if not wanted.only:
+        originals = range(-len(all_material()), 0)
+        for result in run_pool(wanted.seed, list(originals), 1, None):
+            told = [fault for fault in result.faults if not fault.startswith("slow")]
+            print("".join(f"{result.material}, not mutated: {fault}\n" for fault in told), end="", flush=True)
     keep = wanted.keep.resolve() if wanted.keep else None
     began, codes, kinds, seconds, peak = time.monotonic(), Counter[int](), Counter[str](), [], 0.0
     for result in run_pool(wanted.seed, numbers, wanted.jobs, keep):
@@ -44,7 +50,8 @@ def main() -> int:
     print(f"{len(seconds)} mutants of seed {wanted.seed} in {time.monotonic() - began:.0f} s")
     print("exit codes: " + ", ".join(f"{code}: {count}" for code, count in sorted(codes.items())))
     print(
-        f"computing time: {sum(seconds) / len(seconds):.3f} s in the mean, {max(seconds):.1f} s at most; {peak:.2f} GB at most"
+        f"computing time: {sum(seconds) / len(seconds):.3f} s in the mean, {max(seconds):.1f} s at most; "
+        f"{peak:.2f} GB at most"
     )
     print("faults: " + (", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"))
     return int(bool(kinds))

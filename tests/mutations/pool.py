@@ -15,6 +15,8 @@ from .worker import Judged
 
 _HANGS = 120.0
 """Seconds on the clock after which a mutant is taken for one that never ends, on a machine with other work too."""
+_COMPILING = 1200.0
+"""The same for the projects themselves, which are run first: kernels are compiled then."""
 _ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1"
 )
@@ -52,7 +54,7 @@ class Worker:
         try:
             self.process.stdin.write(f"{number}\n")
             self.process.stdin.flush()
-            answer = self.answers.get(timeout=_HANGS)
+            answer = self.answers.get(timeout=_HANGS if number >= 0 else _COMPILING)
         except (queue.Empty, BrokenPipeError):
             answer = ""
         if answer:

@@ -20,7 +20,7 @@ OPTIONS: tuple[dict[str, Any], ...] = (
     *({"settings": {"robust": r, "snooping": "true"}} for r in ("l1", "danish")),
     *({"settings": {"variance_components": "iterate", "variance_method": m}} for m in ("simplified", "helmert")),
     *({"settings": {"max_iterations": k}} for k in ("1", "2", "100000")),
-    *({"settings": {"sigma": s, "sigma0": v}} for s, v in (("apriori", "1"), ("aposteriori", "1e-9"), ("apriori", "1e9"))),
+    *({"settings": {"sigma": s, "sigma0": v}} for s in ("apriori", "aposteriori") for v in ("1", "1e-9", "1e9")),
     *({"settings": {key: level}} for key in ("snooping_level", "familywise_level", "global_level", "power")
       for level in ("1e-300", "1e-16", "0.5", "0.9999999999999999")),
     *({"units": {"length": u}} for u in ("mm", "km", "us-ft")),
@@ -261,15 +261,27 @@ def _group(rng: np.random.Generator, data: Any, donor: Any) -> Any:
     table: Any = chosen(rng, tables)
     changes: Any = {
         "observations": (
-            {"type": chosen(rng, TYPES)}, {"ppm": chosen(rng, ("2", "1e6", "1e300"))}, {"factor": chosen(rng, ("1e-9", "1e9", "1e-300"))},
-            {"centring": {"instrument": "1 mm", "target": "1 mm", "target_height": "0"}}, {"values": {"sigma": hostile(rng)}},
-            {"values": {"sigma": chosen(rng, ("0", "1e-12", "1e12", "-1", "1e-160"))}}, {"covariance": [["1", "0"], ["0", "1"]]},
-            {"cluster": "C", "covariance": hostile(rng)}, {"instrument": hostile(rng)}, {"units": hostile(rng)},
+            {"type": chosen(rng, TYPES)}, {"ppm": chosen(rng, ("2", "1e6", "1e300"))},
+            {"factor": chosen(rng, ("1e-9", "1e9", "1e-300"))}, {"values": {"sigma": hostile(rng)}},
+            {"centring": {"instrument": "1 mm", "target": "1 mm", "target_height": "0"}},
+            {"values": {"sigma": chosen(rng, ("0", "1e-12", "1e12", "-1", "1e-160"))}},
+            {"covariance": [["1", "0"], ["0", "1"]]}, {"cluster": "C", "covariance": hostile(rng)},
+            {"instrument": hostile(rng)}, {"units": hostile(rng)},
         ),
-        "points": ({"fixed": ["x", "y", "z"]}, {"fixed": ["z"]}, {"fixed": []}, {"values": {"sigma": "1 mm"}}, {"group": "A"}),
-        "images": ({"fixed": ["x", "y", "z", "omega", "phi", "kappa"]}, {"values": {"sigma_omega": "1"}}, {"values": {"height": "1"}}),
-        "stations": ({"level": chosen(rng, ("free", "fixed", "1 mgon", "0", "-1"))}, {"fixed": ["orientation"]}, {"fixed": ["x"]}),
-        "systems": ({"fixed": ["x", "y", "z", "omega", "phi", "kappa"]}, {"fixed": ["scale"]}, {"values": {"scale": "0"}}),
+        "points": (
+            {"fixed": ["x", "y", "z"]}, {"fixed": ["z"]}, {"fixed": []}, {"values": {"sigma": "1 mm"}}, {"group": "A"},
+        ),
+        "images": (
+            {"fixed": ["x", "y", "z", "omega", "phi", "kappa"]}, {"values": {"sigma_omega": "1"}},
+            {"values": {"height": "1"}},
+        ),
+        "stations": (
+            {"level": chosen(rng, ("free", "fixed", "1 mgon", "0", "-1"))},
+            {"fixed": ["x"]}, {"fixed": ["orientation"]},
+        ),
+        "systems": (
+            {"fixed": ["x", "y", "z", "omega", "phi", "kappa"]}, {"fixed": ["scale"]}, {"values": {"scale": "0"}},
+        ),
     }[section]  # fmt: skip
     table.update(copy.deepcopy(chosen(rng, changes)))  # type: ignore[call-overload]
     if section == "observations" and rng.random() < 0.1:

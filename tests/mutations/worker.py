@@ -22,7 +22,7 @@ from .material import Material, all_material
 from .mutant import Mutant, mutant
 
 _CHECKED, _FOLLOWED = 7, 40
-"""Of the projects that were adjusted: the adjusted project is read again of one in so many, and all else done with it."""
+"""Of one in so many that were adjusted the adjusted project is read again, and all else done with the results."""
 
 
 class Judged(NamedTuple):

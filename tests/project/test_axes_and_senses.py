@@ -183,7 +183,8 @@ def solve(folder: Path, frame: Frame) -> Outcome:
 def observation(frame: Frame, row: dict[str, Any]) -> tuple[tuple[str, ...], float]:
     """A name of an observation that does not depend on the axes, and the sign its residual has."""
     component, sign = row["component"], 1.0
-    if row["type"] in ("vector", "coordinates", "observed/point"):
+    of_axes = row["type"] in ("vector", "coordinates") or (row["type"] == "parameter" and component in "xyz")
+    if of_axes:
         axis = "xyz".index(component[-1])
         direction = frame.matrix[axis]
         component, sign = "enu"[int(np.argmax(np.abs(direction)))], float(direction.sum())

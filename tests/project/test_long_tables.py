@@ -14,6 +14,7 @@ from small_projects import BLOCK, block, table, write_block
 from mor.errors import InputError, nearest
 from mor.pipeline import read_document, read_network
 from mor.project.network.build import Network
+from mor.project.tables.texts import _without_comments
 
 
 def network(project: Path) -> Network:
@@ -147,3 +148,19 @@ def test_numbers_with_units_among_plain_ones(tmp_path: Path) -> None:
     plain = network(write_block(tmp_path / "plain", text)).start["point"]
     found = network(write_block(tmp_path / "units", text, rows=metres)).start["point"]
     np.testing.assert_allclose(found, plain, rtol=1e-12, equal_nan=True)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_comments_and_quotes_as_one_reads_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    signs = [b"a", b'"', b"#", b" ", b"\n", b",", b" #", b'"x"']
+    text = b"".join(signs[k] for k in rng.integers(len(signs), size=200))
+    assert _without_comments(text, quotes=True) == b"\n".join(map(uncommented, text.split(b"\n")))
+
+
+def uncommented(line: bytes) -> bytes:
+    """A line up to the first # that stands first or after a blank, with an even number of quotes before it."""
+    for k, sign in enumerate(line):
+        if sign == ord("#") and (k == 0 or line[k - 1 : k].isspace()) and line[:k].count(b'"') % 2 == 0:
+            return line[:k]
+    return line

@@ -66,7 +66,7 @@ def test_influence_on_points(jag3d):
 @JAG3D
 def test_test_values_and_probabilities(jag3d):
     _, table, columns, _ = jag3d
-    _close(table["test"].to_numpy() ** 2, columns["t_prio"], 1e-12)
+    _close(table["w"].to_numpy() ** 2, columns["t_prio"], 1e-12)
     _close(table["t2"].to_numpy(), columns["t_post"], 1e-12)
     _close(np.log(table["p"].to_numpy()), columns["log_p_prio"], 1e-9)
     _close(np.log(table["p_t"].to_numpy()), columns["log_p_post"], 1e-9)
@@ -108,7 +108,7 @@ def test_variance_components_of_the_groups(jag3d):
 def test_test_values_of_a_commercial_bundle(shared_data):
     folder = shared_data("aicon-115")
     solved = test_aicon._solve(folder, disturbed=False)
-    table = observation_table(solved).filter(type="image/mor")
+    table = observation_table(solved).filter(type="image")
     found = {
         (row["from"], row["to"], row["component"]): (abs(row["tau"]), row["r"])
         for row in table.select("from", "to", "component", "tau", "r").to_dicts()
@@ -167,7 +167,7 @@ def test_two_blunders_are_snooped_out(shared_data, tmp_path):
     excluded = table.filter(flag="excluded")
     assert excluded["component"].to_list() == ["angle", "distance"]
     inside = table.filter(flag="")
-    np.testing.assert_allclose(np.abs(inside["test"]), np.abs(final["w_apriori"]), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(np.abs(inside["w"]), np.abs(final["w_apriori"]), rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(inside["r"], final["r"], atol=1e-7)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from kinds_of_projects import KINDS, known_block, write_pixels
+from published_schemas import mistakes
 from small_projects import BLOCK, mor, write_block
 
 NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum"}
@@ -16,6 +17,8 @@ NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum"}
 def adjust(project: Path, folder: Path) -> dict[str, Any]:
     run = mor("adjust", project, "-o", folder)
     assert run.code == 0, run.err
+    assert mistakes(folder / "results.json") == []
+    assert mistakes(folder / "adjusted.yaml") == []
     data: dict[str, Any] = json.loads((folder / "results.json").read_text())
     return data
 

@@ -96,7 +96,7 @@ class TestNames:
 class TestJson:
     def test_keys(self, data: dict[str, Any]) -> None:
         assert set(data) >= KEYS
-        assert (data["schema"], data["schema_version"]) == ("mor-results", 1)
+        assert (data["schema"], data["schema_version"]) == ("mor-results", 2)
         assert set(data["sigma0"]) >= {"apriori", "aposteriori", "ratio"}
         assert set(data["points"][0]) >= {"id", "x", "y", "z", "sx", "sy", "sz"}
         assert set(data["residuals"][0]) >= RESIDUAL_KEYS
@@ -299,7 +299,7 @@ observations:
     def test_values_with_units_of_a_parameter(self, tmp_path: Path) -> None:
         entry = "  - {type: parameter, columns: [of, component, value, sigma], rows: [[point B, z, 1100 cm, 1 mm]]}\n"
         data = adjust(write(tmp_path, LEVELLING + entry), tmp_path / "out")
-        (row,) = [row for row in data["residuals"] if row["type"] == "observed/point"]
+        (row,) = [row for row in data["residuals"] if row["type"] == "parameter"]
         assert (row["observed"], row["sigma"], row["unit"]) == (11.0, 0.001, "m")
 
 

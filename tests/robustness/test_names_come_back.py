@@ -96,3 +96,14 @@ def test_comments_end_where_quotes_begin(tmp_path: Path) -> None:
     points = 'id,x,y,z # the only "fixed" one\n"A #1",0,0,10 # a comment\n# all of it\n'
     run = mor("adjust", write(tmp_path, text, points=points), "--no-html")
     assert (run.code, names_in(tmp_path / "project.results")) == (0, {"A #1", "B", "C"})
+
+
+@pytest.mark.parametrize("name", ["a\x1b[31m", "<b>&", "$x^{", "$a$ $b", "点", "a\u202eb"])
+def test_pictures_of_odd_names(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    from xml.etree import ElementTree
+
+    assert mor("adjust", project(tmp_path, name), "--no-html").code == 0
+    run = mor("plot", "network", tmp_path / "project.results", "-o", tmp_path / "network.svg")
+    assert (run.code, run.err) == (0, "")
+    ElementTree.parse(tmp_path / "network.svg")

@@ -112,8 +112,9 @@ def intersect_the_rest(part: Part, seen: Sightings) -> None:
 
     The adjustment will tell which of their rays is wrong.
     """
-    points = np.flatnonzero(np.isnan(part.points).all(axis=1) & (np.diff(seen.pointers) > 1))
+    points = np.flatnonzero(np.isnan(part.points).any(axis=1) & (np.diff(seen.pointers) > 1))
     if len(points) and len(part.poses) > 1:
         poses = posed_frames(part.poses, seen.frames)
         found = meet(points, seen, poses, np.inf, 0.1 * SMALLEST_ANGLE, rounds=1)
-        part.points[points[found.good]] = found.X[found.good]
+        here = part.points[points[found.good]]
+        part.points[points[found.good]] = np.where(np.isnan(here), found.X[found.good], here)

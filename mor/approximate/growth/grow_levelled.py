@@ -9,7 +9,7 @@ from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_se
 from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
 from mor.approximate.terrestrial.polar import orient
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
-from mor.arrays import FloatArray
+from mor.arrays import FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
@@ -17,33 +17,37 @@ SMALLEST_SECTION = 0.05
 """Radians at which two bearings must meet."""
 
 
-def grow_levelled(part: Part, measured: Terrestrial) -> bool:
+def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     """Add what follows from what is known; true where anything was added."""
-    distances = Distances(part, measured)
     grown = False
     while True:
         added = _orient(part, measured)
         added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
-        added |= _sections(part, measured, distances)
+        added |= _sections(part, measured)
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
-        if not added:
+        # Arcs last: they ask for many distances at every point that is not known yet.
+        if not added and not _arcs(part, distances):
             return grown
         grown = True
 
 
 class Distances:
-    """Horizontal distances between two positions, as far as they are measured or follow from slope and vertical."""
+    """Horizontal distances between two positions, as far as they are measured or follow from slope and vertical.
 
-    def __init__(self, part: Part, measured: Terrestrial):
-        self.lifts = part.scaled
+    Where the part is not ``scaled`` there are none, and heights of instruments and targets do not count.
+    """
+
+    def __init__(self, measured: Terrestrial, scaled: bool):
+        self.lifts = scaled
         self.horizontal: dict[tuple[int, int], float] = {}
         self.slope: dict[tuple[int, int], tuple[float, float]] = {}
         self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
         self.neighbours: dict[int, set[int]] = {}
         self._collect_verticals(measured)
-        if not part.scaled:
+        self._as_arrays()
+        if not scaled:
             return
         for a, b, s in zip(
             measured.horizontals.start,
@@ -70,6 +74,11 @@ class Distances:
             for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
                 if np.isfinite(value):
                     self.vertical[sight.position, int(b)] = (float(value), self._lift(sight.height - hb))
+
+    def _as_arrays(self) -> None:
+        self.ends = np.array(list(self.vertical), dtype=np.int64).reshape(-1, 2)
+        steep = np.array(list(self.vertical.values())).reshape(-1, 2)
+        self.tangents, self.rises = np.tan(steep[:, 0]), steep[:, 1]
 
     def _lift(self, rise: float) -> float:
         """Heights of instrument and target, which count only in the length unit."""
@@ -129,13 +138,17 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
     return added
 
 
+def _unknown_sights(part: Part, sight: Sight) -> list[tuple[int, float]]:
+    """Sighted points that are not known in plan, and the directions to them."""
+    unknown = np.isnan(part.points[sight.points, :2]).any(axis=1) & np.isfinite(sight.directions)
+    return list(zip(sight.points[unknown].tolist(), sight.directions[unknown].tolist(), strict=True))
+
+
 def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     added = False
     for number, kappa in list(part.kappas.items()):
         sight = measured.sights[number]
-        for point, direction in zip(sight.points, sight.directions, strict=True):
-            if _level_known(part, int(point)) or not np.isfinite(direction):
-                continue
+        for point, direction in _unknown_sights(part, sight):
             length = distances.between(part, sight.position, int(point))
             if np.isfinite(length):
                 t = direction - kappa
@@ -145,16 +158,13 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     return added
 
 
-def _sections(part: Part, measured: Terrestrial, distances: Distances) -> bool:
-    """Unknown points from bearings of oriented sets, or from three or more distances."""
+def _sections(part: Part, measured: Terrestrial) -> bool:
+    """Unknown points from bearings of oriented sets."""
     bearings: dict[int, list[tuple[FloatArray, float]]] = {}
     for number, kappa in part.kappas.items():
         sight = measured.sights[number]
-        for point, direction in zip(sight.points, sight.directions, strict=True):
-            if not _level_known(part, int(point)) and np.isfinite(direction):
-                bearings.setdefault(int(point), []).append(
-                    (part.points[sight.position, :2], direction - kappa)
-                )
+        for point, direction in _unknown_sights(part, sight):
+            bearings.setdefault(point, []).append((part.points[sight.position, :2], direction - kappa))
     added = False
     for point, found in bearings.items():
         if len(found) < 2 or not _meet_well([t for _, t in found]):
@@ -163,13 +173,15 @@ def _sections(part: Part, measured: Terrestrial, distances: Distances) -> bool:
         if section.outcome is SectionOutcome.DETERMINED:
             _place(part, point, section.points[0], f"intersection of {len(found)} bearings")
             added = True
-    return _arcs(part, distances) or added
+    return added
 
 
 def _arcs(part: Part, distances: Distances) -> bool:
+    """Unknown points from three or more distances."""
     added = False
+    unknown = np.isnan(part.points[:, :2]).any(axis=1)
     for point, neighbours in distances.neighbours.items():
-        if _level_known(part, point):
+        if not unknown[point]:
             continue
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
@@ -256,24 +268,36 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
 
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     """Heights from height differences, and from vertical directions over known horizontal distances."""
-    added = False
     h = measured.height_differences
-    rises = h.value[:, 0] + h.start_height - h.end_height
-    for a, b, dz in zip(h.start, h.end, rises, strict=True) if part.scaled else ():
-        added |= _carry_height(part, int(a), int(b), float(dz))
-    for (a, b), (vertical, rise) in distances.vertical.items():
-        length = float(np.linalg.norm(part.points[b, :2] - part.points[a, :2]))
-        if np.isfinite(length):
-            added |= _carry_height(part, a, b, length * float(np.tan(vertical)) + rise)
-        elif (a, b) in distances.slope:
-            added |= _carry_height(part, a, b, distances.slope[a, b][0] * float(np.sin(vertical)) + rise)
+    added = False
+    if part.scaled:
+        added |= _carry_heights(part, h.start, h.end, h.value[:, 0] + h.start_height - h.end_height)
+    a, b = distances.ends.T
+    plan = np.linalg.norm(part.points[b, :2] - part.points[a, :2], axis=1)
+    added |= _carry_heights(part, a, b, plan * distances.tangents + distances.rises)
+    if distances.slope:
+        added |= _heights_by_slopes(part, distances)
     return added
 
 
-def _carry_height(part: Part, a: int, b: int, dz: float) -> bool:
-    for one, other, sign in ((a, b, 1.0), (b, a, -1.0)):
-        if np.isfinite(part.points[one, 2]) and np.isnan(part.points[other, 2]):
-            part.points[other, 2] = part.points[one, 2] + sign * dz
-            part.how.setdefault(f"point {other}", "height transfer")
-            return True
-    return False
+def _heights_by_slopes(part: Part, distances: Distances) -> bool:
+    """Height differences from slope distances and vertical directions, where the plan is not known."""
+    a, b = distances.ends.T
+    open_ = np.flatnonzero(np.isfinite(part.points[a, 2]) != np.isfinite(part.points[b, 2]))
+    rows = [k for k in open_.tolist() if (int(a[k]), int(b[k])) in distances.slope]
+    lengths = np.array([distances.slope[int(a[k]), int(b[k])][0] for k in rows])
+    sines = np.sin(np.arctan(distances.tangents[rows]))
+    return _carry_heights(part, a[rows], b[rows], lengths * sines + distances.rises[rows])
+
+
+def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -> bool:
+    """Heights over known differences, one step forwards and backwards; true where any was carried."""
+    added = False
+    z = part.points[:, 2]
+    for one, other, sign in ((start, end, 1.0), (end, start, -1.0)):
+        fresh = np.isfinite(z[one]) & np.isnan(z[other]) & np.isfinite(dz)
+        z[other[fresh]] = z[one[fresh]] + sign * dz[fresh]
+        for point in other[fresh].tolist():
+            part.how.setdefault(f"point {point}", "height transfer")
+        added |= bool(fresh.any())
+    return added

@@ -16,6 +16,7 @@ from mor.approximate.growth.relative_poses import known_bases
 from mor.approximate.growth.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.approximate.terrestrial.clusters import Cluster
+from mor.approximate.terrestrial.polar import bearing
 from mor.approximate.terrestrial.sights import Lengths
 from mor.arrays import FloatArray
 
@@ -86,7 +87,10 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
 
 
 def level_roughly(part: Part, scene: Scene) -> None:
-    """Turn a part so that the height differences inside it fit as well as they can, though they leave the vertical open."""
+    """Turn a part so that heights of instruments and height differences inside it fit as well as they can."""
+    lift = _lift(part, scene.frames)
+    if not part.levelled and np.any(lift):
+        make_upright(part, lift)
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
         return
@@ -103,6 +107,37 @@ def level_roughly(part: Part, scene: Scene) -> None:
         best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
         best = best / np.linalg.norm(best)
     make_upright(part, best)
+
+
+def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(3,) sum of what leads from lower to higher places over one position: points, centres of cameras and instruments."""
+    over: dict[int, list[tuple[float, FloatArray]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = frames[number]
+        over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+    lift = np.zeros(3)
+    for position, places in over.items():
+        if np.isfinite(part.points[position]).all():
+            places.append((0.0, part.points[position]))
+        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
+        if high > low:
+            lift += above - below
+    return lift
+
+
+def direct_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
+    known = np.isfinite(part.points[:, :2]).all(axis=1)
+    turns = []
+    for sight in scene.terrestrial.sights:
+        if sight.oriented and known[sight.position] and known[sight.points].all():
+            present = bearing(part.points[sight.position, :2], part.points[sight.points, :2])
+            turns.append(np.exp(1j * (sight.directions - present)))
+    if part.oriented or not turns:
+        return
+    turn = float(np.angle(np.mean(np.concatenate(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:

@@ -14,17 +14,21 @@ FITS = 0.05
 """Radians by which a line or plane may pass by."""
 
 
-def grow_mixed(part: Part, scene: Scene) -> bool:
-    """Add points that rays alone do not determine; true where anything was added."""
+def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
+    """Add points that rays alone do not determine; true where anything was added.
+
+    ``contradicting``: also where lines and planes pass by each other, or hardly meet. The adjustment will tell which of them is wrong.
+    """
     if not part.levelled:
         return False
     planes = _planes(part, scene)
+    smallest = 0.05 * SMALLEST_ANGLE if contradicting else SMALLEST_ANGLE
     added = False
     for point in np.flatnonzero(np.isnan(part.points).any(axis=1)).tolist():
         if point not in planes:
             continue
-        X = _meeting(part.points[point], planes[point])
-        if X is not None:
+        X, fits = _meeting(part.points[point], planes[point], smallest)
+        if fits or (contradicting and np.isfinite(X).all()):
             part.points[point] = X
             part.how[f"point {point}"] = f"intersection of {len(planes[point])} lines and planes"
             added = True
@@ -55,11 +59,13 @@ def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatA
     return found
 
 
-def _meeting(known: FloatArray, planes: list[tuple[FloatArray, FloatArray, FloatArray]]) -> FloatArray | None:
-    """The point that lies on all planes and has the coordinates that are known; ``None`` where there is none."""
+def _meeting(
+    known: FloatArray, planes: list[tuple[FloatArray, FloatArray, FloatArray]], smallest: float
+) -> tuple[FloatArray, bool]:
+    """The point nearest to all planes with the coordinates that are known, NaN where there is none; whether it fits."""
     here = np.isfinite(known)
     if sum(len(across) for across, *_ in planes) + here.sum() < 3:
-        return None
+        return np.full(3, np.nan), False
     X, reach = np.where(here, known, 0.0), np.ones(len(planes))
     for _ in range(3):
         rows = np.concatenate([across / r for (across, _, _), r in zip(planes, reach, strict=True)])
@@ -67,16 +73,16 @@ def _meeting(known: FloatArray, planes: list[tuple[FloatArray, FloatArray, Float
             [across @ (at - X) / r for (across, at, _), r in zip(planes, reach, strict=True)]
         )
         values = np.linalg.svd(rows[:, ~here], compute_uv=False)
-        if len(values) < np.count_nonzero(~here) or values[-1] < SMALLEST_ANGLE * values[0]:
-            return None
+        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * values[0]:
+            return np.full(3, np.nan), False
         X[~here] += np.linalg.lstsq(rows[:, ~here], goal, rcond=None)[0]
         reach = np.array(
             [max(float(np.linalg.norm((X - at) * _measured(across))), 1e-9) for across, at, _ in planes]
         )
     for (across, at, towards), r in zip(planes, reach, strict=True):
         if np.abs(across @ (X - at)).max() > FITS * r or (X - at) @ towards < 0.0:
-            return None
-    return X
+            return X, False
+    return X, True
 
 
 def _measured(across: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.approximate.growth.frames import Frame, image_frames, theodolite_frames
+from mor.approximate.growth.grow_levelled import Distances
 from mor.approximate.growth.sightings import Sightings, sightings
 from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
@@ -56,6 +57,8 @@ class Scene:
     systems: tuple[LocalSystem, ...]
     attitudes: dict[int, FloatArray]
     """Frame → rotation D that is fixed or observed."""
+    distances: tuple[Distances, Distances]
+    """Of parts without scale, and of those that have it."""
     shared: dict[tuple[int, int], list[int]]
     """Position and height blocks → the frames with that centre, where there are several."""
 
@@ -83,6 +86,7 @@ def scene_of(network: Network) -> Scene:
         tuple(clusters(sights.vectors)),
         _systems(network),
         _attitudes(network, frames),
+        (Distances(sights, False), Distances(sights, True)),
         _shared(frames),
     )
 

@@ -22,6 +22,8 @@ from mor.geometry.rotations import exponential
 PAIRS_TRIED = 24
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+GOOD_SHARE = 0.25
+"""The same in parts of the most points that two frames have in common."""
 DOUBTFUL, MOST = 2e-3, 0.9
 """Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
 WINDOW = 64
@@ -80,6 +82,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
+    enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
     for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
         if tried >= PAIRS_TRIED and best is not None:
             break
@@ -89,7 +92,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
             continue
         if best is None or found[0] > best[0]:
             best = found
-        if best is not None and best[0] >= GOOD_ENOUGH:
+        if best is not None and best[0] >= enough:
             break
     return Seed(None, reason) if best is None else Seed(best[1], "")
 

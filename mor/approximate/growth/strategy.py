@@ -16,7 +16,7 @@ import numpy as np
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
 from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.growth.level_and_scale import level_and_scale, level_roughly
+from mor.approximate.growth.level_and_scale import direct_roughly, level_and_scale, level_roughly
 from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.part import Part
 from mor.approximate.growth.relative_poses import grow_relative
@@ -80,6 +80,8 @@ def approximate(network: Network) -> Approximation:
     _place_the_rest(assembly)
     system = parts[0]
     intersect_the_rest(system, scene.seen)
+    if grow_mixed(system, scene, contradicting=True):
+        _grow(system, scene, FEWEST)
     start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
     return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
@@ -102,7 +104,7 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
     before = len(part.poses)
     while True:
         grown = level_and_scale(part, scene)
-        grown |= grow_levelled(part, scene.terrestrial) if part.levelled else False
+        grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
@@ -113,6 +115,10 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+
+
+def _grow_levelled(part: Part, scene: Scene) -> bool:
+    return part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
 
 
 def _grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
@@ -234,6 +240,7 @@ def _place_the_rest(assembly: _Assembly) -> None:
         source = max(parts[1:], key=_size)
         parts.remove(source)
         level_roughly(source, scene)
+        direct_roughly(source, scene)
         found = tie(parts[0], source, scene)
         carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
         _grow(parts[0], scene, assembly.fewest)

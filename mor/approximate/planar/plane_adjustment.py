@@ -14,11 +14,16 @@ import numpy as np
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import ahead, reproject
+from mor.approximate.vectors import tangent_axes
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import cross_matrix, rotate
 
 FREE = 4
 """Shift (2), turn and scale in the plane."""
+LEAST_DAMPING, ROUGH = 1e-9, 1e-6
+"""Of the scaled normal matrix: always, for the free movements; and at least, once a step led upwards."""
+STILL = 1e-10
+"""Part of Σ (v/σ)² by which a step must promise to lower it; and σ below which residuals are rounding."""
 UNDETERMINED = 1e-13
 """Eigenvalue of the scaled normal matrix, relative to the largest, below which something else is open as well."""
 
@@ -56,23 +61,35 @@ def adjust_plane(
     seen: FloatArray | BoolArray,
     state: PlaneState,
     in_plane: BoolArray,
-    iterations: int = 50,
+    held: FloatArray | None = None,
+    iterations: int = 100,
 ) -> AdjustedPlane:
-    """Adjust ``state`` to the rays of m ``bundles``; ``seen`` (m, n) says which count. Levenberg–Marquardt."""
+    """Adjust ``state`` to the rays of m ``bundles``; ``seen`` (m, n) says which count. Levenberg–Marquardt.
+
+    Towards ``held`` (3,), in the axes of the first frame, the normal of the plane that it sees does not move.
+    """
     free = _unknowns(seen, state, in_plane)
-    damping = 1e-9
+    free[5] = held is None
+    damping, growth = LEAST_DAMPING, 2.0
     residuals, design = _linearised(bundles, seen, state)
     for _ in range(iterations):
         step = np.zeros(len(free))
-        step[free] = _step(design[:, free], residuals, damping)
+        axes = _turns(state, held)
+        turned = np.concatenate([design[:, :3], design[:, 3:6] @ axes, design[:, 6:]], axis=1)
+        step[free] = _step(turned[:, free], residuals, damping)
+        step[3:6] = axes @ step[3:6]
         moved = _moved(state, step)
         new_residuals, new_design = _linearised(bundles, seen, moved)
-        if new_residuals @ new_residuals <= residuals @ residuals:
-            state, residuals, design = moved, new_residuals, new_design
-            damping = max(damping / 10.0, 1e-9)
+        before, after = float(residuals @ residuals), float(new_residuals @ new_residuals)
+        promised = before - float(np.sum((residuals + design @ step) ** 2))
+        if after <= before:
+            gain = (before - after) / promised if promised > 0.0 else 1.0
+            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), LEAST_DAMPING)
+            state, residuals, design, growth = moved, new_residuals, new_design, 2.0
         else:
-            damping *= 10.0
-        if float(np.max(np.abs(step))) < 1e-12 or damping > 1e6:
+            damping, growth = max(damping, ROUGH) * growth, 2.0 * growth
+        still = promised <= STILL * before or before < STILL**2 * len(residuals)
+        if still or float(np.max(np.abs(step))) < 1e-12 or damping > 1e6:
             break
     return _judged(bundles, seen, state, residuals, design, free)
 
@@ -81,6 +98,13 @@ def _unknowns(seen: FloatArray | BoolArray, state: PlaneState, in_plane: BoolArr
     there = np.any(seen, axis=0)
     points = np.stack([there, there, there & ~in_plane], axis=1)
     return np.concatenate([np.ones(6 * len(state.positions), dtype=bool), points.ravel()])
+
+
+def _turns(state: PlaneState, held: FloatArray | None) -> FloatArray:
+    """Axes (3, 3), as columns, about which the first frame may turn; the last is none where something is held."""
+    if held is None:
+        return np.eye(3)
+    return np.column_stack([tangent_axes(np.cross(state.rotations[0, :, 2], held)), np.zeros(3)])
 
 
 def _step(design: FloatArray, residuals: FloatArray, damping: float) -> FloatArray:

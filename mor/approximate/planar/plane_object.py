@@ -24,6 +24,10 @@ class PlacedPlane:
     """(m, 3)"""
     rotations: FloatArray
     """(m, 3, 3)"""
+    turn: FloatArray
+    """(3, 3) from the axes of the shape to those of the object system."""
+    scale: float
+    """Length in the object system over that of the shape."""
 
 
 class SidesAndAngles(NamedTuple):
@@ -36,14 +40,20 @@ class SidesAndAngles(NamedTuple):
 
 
 def scale_from_length(shape: PlaneShape, first: int, second: int, length: float) -> float:
-    """Factor from the unit of the shape to that of ``length``, measured between two of its points.
+    """Factor from the unit of the shape to that of ``length``, measured between two of its points, also off the plane.
 
     Raises ``ValueError`` if the length is not positive or the points coincide.
     """
-    distance = float(np.linalg.norm(shape.points[second] - shape.points[first]))
+    space = in_space(shape)
+    distance = float(np.linalg.norm(space[second] - space[first]))
     if not length > 0.0 or not distance > 0.0:
         raise ValueError("the scale needs two different points and a positive length")
     return length / distance
+
+
+def in_space(shape: PlaneShape) -> FloatArray:
+    """Points (n, 3) of a shape, the plane Z = 0."""
+    return np.column_stack([shape.points, shape.heights])
 
 
 def on_level_plane(shape: PlaneShape, origin: int, towards: int, scale: float) -> PlacedPlane:
@@ -77,11 +87,12 @@ def _axes(shape: PlaneShape, origin: int, towards: int) -> FloatArray:
 
 def _placed(shape: PlaneShape, origin: int, turn: FloatArray, scale: float) -> PlacedPlane:
     zero = np.append(shape.points[origin], 0.0)
-    space = np.column_stack([shape.points, np.zeros(len(shape.points))])
     return PlacedPlane(
-        scale * (space - zero) @ turn.T,
+        scale * (in_space(shape) - zero) @ turn.T,
         scale * (shape.positions - zero) @ turn.T,
         np.asarray(shape.rotations @ turn.T),
+        turn,
+        scale,
     )
 
 

@@ -29,8 +29,10 @@ from mor.approximate.planar.two_images import (
     PlaneOrientation,
     PlaneOutcome,
     PlaneSolutions,
+    along_normal,
     misfit_limit,
     planar_orientations,
+    under_normal,
 )
 from mor.approximate.vectors import tangent_axes, unit
 from mor.arrays import BoolArray, FloatArray
@@ -38,11 +40,22 @@ from mor.geometry.rotations import cross_matrix
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
-SAME_NORMAL = 0.2
-"""Angle in radians between the normals of two pairs up to which they may be one."""
+SAME_NORMAL = 0.02
+"""Angle in radians between the normals of two pairs up to which one of them is start enough."""
+FAR = 5.0
+"""Standard deviations by which the normal is turned to see whether they hold."""
+PROMISED = 0.64
+"""Part of the promised rise of Σ (v/σ)² that must be there: what σ say is five σ are at least four."""
 SAME = 1e-5
 """Differences of normals and attitudes, beyond their σ, up to which two shapes are one."""
-WEAK = 0.1
+SOLVED = (
+    PlaneOutcome.UNIQUE,
+    PlaneOutcome.AMBIGUOUS,
+    PlaneOutcome.BASE_ALONG_NORMAL,
+    PlaneOutcome.NOT_VISIBLE,
+)
+"""Outcomes of a pair that leave it to all images."""
+WEAK = 0.03
 """σ in radians of the normal of the plane, seen from the first image, beyond which the shape is weak."""
 
 
@@ -99,11 +112,14 @@ def shape_of_plane(bundles: Sequence[Bundle], off: BoolArray | None = None) -> P
         both = seen[0] & seen[k] & rays.in_plane
         pairs.append(planar_orientations(bundles[0].take(both), bundles[k].take(both)))
     based = [pair for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
-    for pair in based or pairs[:1]:
-        if not any(orientation.front for orientation in pair.solutions):
+    for pair in based:
+        if pair.outcome not in SOLVED:
             return _failed(pair.outcome, rays)
-    shapes = [_adjusted(rays, _start(rays, chosen)) for chosen in _hypotheses(pairs)]
-    return _decided(shapes, [pair.outcome for pair in based])
+    hypotheses = _hypotheses(rays, pairs)
+    if not hypotheses:
+        return _failed((based or pairs)[0].outcome, rays)
+    shapes = [_adjusted(rays, _start(rays, chosen)) for chosen in hypotheses]
+    return _decided(rays, pairs, shapes)
 
 
 def _in_plane(bundles: Sequence[Bundle], seen: BoolArray) -> BoolArray:
@@ -115,25 +131,36 @@ def _in_plane(bundles: Sequence[Bundle], seen: BoolArray) -> BoolArray:
     return inside
 
 
-def _hypotheses(pairs: list[PlaneSolutions]) -> list[list[PlaneOrientation]]:
+def _hypotheses(rays: _Rays, pairs: list[PlaneSolutions]) -> list[list[PlaneOrientation]]:
     """One orientation per pair, for each normal that the first image can see the plane under."""
-    normals = [one.normal for pair in pairs for one in pair.solutions if one.front > 0]
-    hypotheses: list[list[PlaneOrientation]] = []
-    spreads: list[float] = []
-    for normal in normals:
-        chosen = [_nearest(pair, normal) for pair in pairs]
-        if not any(all(a is b for a, b in zip(chosen, old, strict=True)) for old in hypotheses):
-            hypotheses.append(chosen)
-            spreads.append(max(float(np.linalg.norm(one.normal - normal)) for one in chosen))
-    kept = [h for h, spread in zip(hypotheses, spreads, strict=True) if spread < SAME_NORMAL]
-    return kept or [hypotheses[int(np.argmin(spreads))]]
+    normals: list[FloatArray] = []
+    for number, pair in enumerate(pairs, 1):
+        double = [_double(rays, number, pair)] if pair.outcome is PlaneOutcome.BASE_ALONG_NORMAL else []
+        for one in [*pair.solutions, *double]:
+            if one.front > 0 and all(np.linalg.norm(one.normal - n) > SAME_NORMAL for n in normals):
+                normals.append(one.normal)
+    return [
+        [_under(rays, number, pair, normal) for number, pair in enumerate(pairs, 1)] for normal in normals
+    ]
 
 
-def _nearest(pair: PlaneSolutions, normal: FloatArray) -> PlaneOrientation:
-    """The orientation of a pair under that normal; an image at the first centre bears any."""
-    if pair.outcome is PlaneOutcome.NO_BASE:
+def _double(rays: _Rays, number: int, pair: PlaneSolutions) -> PlaneOrientation:
+    both = rays.seen[0] & rays.seen[number] & rays.in_plane
+    matrix = np.eye(3) if pair.homography is None else pair.homography.matrix
+    return along_normal(matrix, rays.bundles[0].rays[both], rays.bundles[number].rays[both])
+
+
+def _under(rays: _Rays, number: int, pair: PlaneSolutions, normal: FloatArray) -> PlaneOrientation:
+    """Image ``number`` under a normal; one at the first centre bears any."""
+    if pair.outcome is PlaneOutcome.NO_BASE or pair.homography is None:
         return pair.solutions[0]._replace(normal=normal)
-    return max(pair.solutions, key=lambda one: float(one.normal @ normal))
+    for one in pair.solutions:
+        if np.array_equal(one.normal, normal):
+            return one
+    both = rays.seen[0] & rays.seen[number] & rays.in_plane
+    return under_normal(
+        pair.homography.matrix, normal, rays.bundles[0].rays[both], rays.bundles[number].rays[both]
+    )
 
 
 def _start(rays: _Rays, chosen: list[PlaneOrientation]) -> PlaneState:
@@ -219,7 +246,7 @@ def _sigma_normal(state: PlaneState, covariance: FloatArray) -> float:
     return float(np.sqrt(np.max(np.linalg.eigvalsh(spread)))) if np.all(np.isfinite(spread)) else float("inf")
 
 
-def _decided(shapes: list[PlaneShape], pairs: list[PlaneOutcome]) -> PlaneShape:
+def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape]) -> PlaneShape:
     def rank(shape: PlaneShape) -> tuple[int, float]:
         return int(np.sum(shape.left_out)), float(np.nansum(shape.residuals**2))
 
@@ -232,14 +259,42 @@ def _decided(shapes: list[PlaneShape], pairs: list[PlaneOutcome]) -> PlaneShape:
         if rank(other) <= limit and not any(_same(other, one) for one in (best, *rivals)):
             rivals.append(other)
     outcome = best.outcome
+    based = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
-        if all(pair is PlaneOutcome.BASE_ALONG_NORMAL for pair in pairs):
-            outcome = PlaneOutcome.BASE_ALONG_NORMAL
-        elif rivals:
-            outcome = PlaneOutcome.AMBIGUOUS
-        elif best.sigma_normal > WEAK:
-            outcome = PlaneOutcome.WEAK
+        outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
     return replace(best, outcome=outcome, alternatives=tuple(rivals))
+
+
+def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[PlaneOutcome]) -> PlaneOutcome:
+    along = all(pair is PlaneOutcome.BASE_ALONG_NORMAL for pair in pairs)
+    if along and (len(best.positions) == 2 or rivals or soft):
+        return PlaneOutcome.BASE_ALONG_NORMAL
+    if rivals:
+        return PlaneOutcome.AMBIGUOUS
+    return PlaneOutcome.WEAK if soft else PlaneOutcome.UNIQUE
+
+
+def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
+    """Is the normal of the plane hardly determined, or do its σ say more than the measurements?
+
+    Where the normal is turned by five σ, and all else follows, Σ (v/σ)² must have risen by what σ promise, about 25.
+    """
+    adjusted = shape.adjusted
+    if adjusted is None or not shape.sigma_normal < WEAK:
+        return True
+    covariance = covariance_in(adjusted, inner_constraints(adjusted, rays.in_plane & rays.seen.any(axis=0)))
+    normal = -adjusted.state.rotations[0, :, 2]
+    off = ~rays.in_plane & ~shape.left_out
+    values, axes = np.linalg.eigh(cross_matrix(normal) @ covariance[3:6, 3:6] @ cross_matrix(normal).T)
+    used = np.isfinite(adjusted.residuals[:, :, 0])
+    for sign in (1.0, -1.0):
+        turned = unit(normal + sign * np.tan(FAR * np.sqrt(values[2])) * axes[:, 2])
+        chosen = [_under(rays, number, pair, turned) for number, pair in enumerate(pairs, 1)]
+        start = _with_points(rays, _start(rays, chosen), off)
+        bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, 2])
+        if bent.objective - adjusted.objective < PROMISED * FAR**2:
+            return True
+    return False
 
 
 def _same(first: PlaneShape, second: PlaneShape) -> bool:

@@ -17,7 +17,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.planar.homography import Homography, fit_homography, fit_turn, significance_of_gaps
 from mor.approximate.planar.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.relative_orientation.rinner import nearest_rotation
-from mor.approximate.vectors import principal_rows, unit
+from mor.approximate.vectors import principal_rows, tangent_axes, unit
 from mor.arrays import FloatArray, IntArray
 
 COLLINEAR = 3.0
@@ -103,7 +103,7 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
     solutions = solutions_of_homography(homography.matrix, a.rays, b.rays)
     along = significance_of_gaps(homography) < CERTAIN
     if along and not any(one.front == len(a) for one in solutions):
-        solutions = [_along_normal(homography.matrix, a.rays, b.rays)]
+        solutions = [along_normal(homography.matrix, a.rays, b.rays)]
     return PlaneSolutions(_outcome(homography, solutions, along, len(a)), solutions, homography)
 
 
@@ -233,7 +233,7 @@ def _three_in_line(bundle: Bundle) -> bool:
     )
 
 
-def _along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
+def along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
     """Both centres on one normal n, H = D* (1 − β n nᵀ): n belongs to the singular value that stands alone."""
     _, values, right = np.linalg.svd(matrix)
     alone = 2 if values[0] / values[1] < values[1] / values[2] else 0
@@ -242,6 +242,20 @@ def _along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) ->
     distance_b = float(values[alone]) / pair * float(np.sign(np.linalg.det(matrix)))
     base = (1.0 - distance_b) * normal
     rotation = nearest_rotation(matrix @ (np.eye(3) + np.outer(normal, normal) * (1.0 / distance_b - 1.0)))
+    return PlaneOrientation(normal, base, rotation, _in_front(normal, base, rotation, rays_a, rays_b))
+
+
+def under_normal(
+    matrix: FloatArray, normal: FloatArray, rays_a: FloatArray, rays_b: FloatArray
+) -> PlaneOrientation:
+    """Orientation from a collineation H (3, 3) of a plane whose unit ``normal`` in A is known: H t = D* t across it."""
+    across = tangent_axes(normal)
+    carried = matrix @ across
+    scale = float(np.linalg.norm(carried) / np.sqrt(2.0))
+    both = np.column_stack([across, normal])
+    image = np.column_stack([carried, np.cross(carried[:, 0], carried[:, 1]) / scale])
+    rotation = nearest_rotation(image @ both.T * np.linalg.det(both))
+    base = normal - rotation.T @ matrix @ normal / scale
     return PlaneOrientation(normal, base, rotation, _in_front(normal, base, rotation, rays_a, rays_b))
 
 

@@ -177,6 +177,8 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
     if _places(points[sighted]) > 2:
         position, kappa, _ = resect_directions(points[sighted], observed[sighted, 0])
         seeds.append((position, kappa))
+    if len(both) > 2:
+        return seeds
     for i, j in list(combinations(measured, 2))[:SEED_PAIRS]:
         for position in arc_section(points[[i, j]], observed[[i, j], 1]).points:
             seeds.append((position, _kappa(points, observed, position)))

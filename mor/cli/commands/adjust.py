@@ -14,7 +14,9 @@ from mor.errors import ExitCode
 if TYPE_CHECKING:
     from mor.cli._progress import Progress
     from mor.errors import Problem
+    from mor.project.file.nodes import Document
     from mor.quality.solved import Solved
+    from mor.report.results.writing import Choice
 
 
 @click.command(name="adjust")
@@ -101,42 +103,23 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
-    from mor.pipeline import read_document, read_network, snooped, solve_network
-    from mor.report.results.folder import check_inputs
-    from mor.report.results.json import entries
     from mor.report.results.reservation import reserve
-    from mor.report.results.writing import Choice, is_large, results_text, tables_by_size, write_results
+    from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
     from mor.report.words.language import words_of
 
     writes = output is not None or not as_json
+    folder = output or project.with_suffix(".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
-        document = read_document(project)
-        folder = output or project.with_suffix(".results")
-        if writes:
-            check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
+        document = read_inputs(project, folder if writes else None)
         place = held.enter_context(reserve(folder, force)) if writes else None
-        network = read_network(document, project.parent, say.table_counter(document, project.parent))
-        say.notes(network.notes)
-        network = snooped(network) if snoop else network
-        say.phase("adjusting")
-        solved = solve_network(
-            network, say.iteration, lambda effort: say.phase("precision and reliability", effort)
-        )
+        solved = adjusted(document, project.parent, snoop, say)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
-            say.notes(left_out(solved, tables, html))
-            page = html if html is not None else not is_large(solved)
-            choice = Choice(
-                tables=tables or tables_by_size(solved),
-                kind=table_format,
-                html=page and has_library(say),
-                language=lang,
-                done=say.counter(entries(solved)),
-            )
+            choice = chosen(solved, tables, table_format, html, lang, say)
             write_results(solved, document, project.parent, place, choice)
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
@@ -148,6 +131,54 @@ def command(
         if writes:
             click.echo(words("results in {place}", place=folder), err=True)
     return code
+
+
+def read_inputs(project: Path, folder: Path | None) -> Document:
+    """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
+    from mor.pipeline import read_document
+    from mor.report.results.folder import check_inputs
+
+    document = read_document(project)
+    if folder is not None:
+        check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
+    return document
+
+
+def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> Solved:
+    """What becomes of a project; its tables are found from the folder."""
+    from mor.api.adjust import adjust
+    from mor.api.project import Project
+    from mor.pipeline import read_network
+
+    network = read_network(document, folder, say.table_counter(document, folder))
+    say.notes(network.notes)
+    say.phase("adjusting")
+    project = Project(document, network, folder)
+    phase = "precision and reliability"
+    return adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+
+
+def chosen(
+    solved: Solved,
+    tables: Literal["none", "worst", "all"] | None,
+    table_format: Literal["csv", "parquet"],
+    html: bool | None,
+    language: str,
+    say: Progress,
+) -> Choice:
+    """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
+    from mor.report.results.json import entries
+    from mor.report.results.writing import Choice, is_large, tables_by_size
+
+    say.notes(left_out(solved, tables, html))
+    page = html if html is not None else not is_large(solved)
+    return Choice(
+        tables=tables or tables_by_size(solved),
+        kind=table_format,
+        html=page and has_library(say),
+        language=language,
+        done=say.counter(entries(solved)),
+    )
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Problem]:

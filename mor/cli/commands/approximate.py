@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -51,8 +52,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
         network = read_network(document, project.parent)
-        note = compiler_announced(lambda words: None if quiet else click.echo(f"note: {words}", err=True))
-        with note, chosen_by_size(network.observations):
+        with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
             approximation = approximate(network)
         click.echo(protocol(network, approximation), nl=False)
         if approximation.missing:
@@ -61,3 +61,8 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     if not quiet:
         click.echo(f"project with start values in {folder}", err=True)
     return ExitCode.DONE
+
+
+def _note(quiet: bool, words: str, /, **values: object) -> None:
+    if not quiet:
+        click.echo(f"note: {words.format(**values)}", err=True)

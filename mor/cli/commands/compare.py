@@ -12,6 +12,7 @@ import click
 
 from mor.counting import counted
 from mor.errors import ExitCode, InputError, Problem
+from mor.input_files import TABLE, read_text
 
 if TYPE_CHECKING:
     import polars as pl
@@ -115,10 +116,8 @@ def _said(value: Any) -> str:
 def _content(path: Path) -> Any:
     file = path / "results.json" if path.is_dir() else path
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError([Problem("this file does not exist", str(file))]) from None
-    except ValueError:
+        content = json.loads(read_text(file, TABLE))
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError([Problem("expected a folder of results, or its results.json", str(file))])

@@ -72,6 +72,7 @@ def command(
     from mor.errors import InputError, Problem, nearest
     from mor.project.file.beginning import CameraSettings, begin
     from mor.project.file.recognition import recognise, told_apart
+    from mor.project.file.schema import project_schema
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
@@ -83,6 +84,9 @@ def command(
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     write_new(texts, force)
+    beside = project.with_name("mor.schema.json")
+    if not beside.exists():
+        beside.write_text(project_schema(), encoding="utf-8")
     for table in found:
         click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
     click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)

@@ -50,7 +50,7 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
       mor plot histogram project.results -o w.svg
 
     SOURCE is a folder of results, or a project, which is adjusted first. The same results give the same bytes, so
-    pictures can be compared. Needs matplotlib: pip install 'mor[plot]'.
+    pictures can be compared. Needs matplotlib: pip install 'mor-adjustment[plot]'.
 
     \b
     Exit codes: 0 done; 2 input, or no solution.

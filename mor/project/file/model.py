@@ -40,14 +40,20 @@ def _delimiter(sign: str) -> str:
 class Strict(BaseModel):
     """Unknown keys are errors, nothing changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True, defer_build=True
+    )
 
 
 class Units(Strict):
     """Units of all values that carry none of their own."""
 
-    length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = "m"
-    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = "gon"
+    length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = Field(
+        default="m", description="Unit of lengths and coordinates"
+    )
+    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field(
+        default="gon", description="Unit of angles"
+    )
 
 
 class Axes(Strict):
@@ -56,16 +62,20 @@ class Axes(Strict):
     xy: Literal["en", "nw", "ws", "se", "ne", "sw", "es", "wn"] = Field(
         default="en", description="Directions of the x and y axes: en is x east, y north"
     )
-    angles: Literal["clockwise", "counterclockwise"] = "clockwise"
-    bearings_from: Literal["north", "east", "south", "west"] = "north"
+    angles: Literal["clockwise", "counterclockwise"] = Field(
+        default="clockwise", description="How directions, horizontal angles and bearings count"
+    )
+    bearings_from: Literal["north", "east", "south", "west"] = Field(
+        default="north", description="Where bearings and orientations count from"
+    )
 
 
 class Value(Strict):
     """A component with its status: exactly one of free, fixed, observed."""
 
-    free: Measure | None = None
-    fixed: Measure | None = None
-    observed: Measure | None = None
+    free: Measure | None = Field(default=None, description="Unknown, starting at this value")
+    fixed: Measure | None = Field(default=None, description="Constant")
+    observed: Measure | None = Field(default=None, description="Unknown, observed with sigma")
     sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
     start: Measure | None = Field(
         default=None, description="Start value, where it differs from the observed one"
@@ -96,11 +106,13 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = "mor"
+    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = Field(
+        default="mor", description="Camera model: how distortion is described"
+    )
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
-    image: ImageFormat | None = None
+    image: ImageFormat | None = Field(default=None, description="Size of image and pixel")
     coordinates: Literal["centred", "corner"] = Field(
         default="centred",
         description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
@@ -223,11 +235,11 @@ class Systems(Table):
 class Feature(Strict):
     """A plane, a line or a right angle that points lie on, with the σ of their distances from it."""
 
-    type: Literal["plane", "line", "right angle"]
-    id: Name
+    type: Literal["plane", "line", "right angle"] = Field(description="What the points lie on")
+    id: Name = Field(description="Its name")
     points: list[Name] = Field(description="Points on the plane, on the line, or on the first plane")
     other: list[Name] = Field(default_factory=list, description="Points on the second plane of a right angle")
-    sigma: Measure
+    sigma: Measure = Field(description="σ of the distances of the points from it")
 
 
 class Pairs(Table):
@@ -258,10 +270,14 @@ class Centring(Strict):
 class Observations(Table):
     """A group of observations of one type."""
 
-    type: Text
-    instrument: Name | None = None
+    type: Text = Field(description="Type of the observations: image, distance, directions and more")
+    instrument: Name | None = Field(
+        default=None, description="Name of the instrument they were measured with"
+    )
     ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
-    centring: Centring | None = None
+    centring: Centring | None = Field(
+        default=None, description="Errors of the set-up of instrument and target"
+    )
     factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
@@ -305,7 +321,7 @@ class Datum(Strict):
 class Settings(Strict):
     """How to solve and to test."""
 
-    max_iterations: int = Field(default=50, ge=1)
+    max_iterations: int = Field(default=50, ge=1, description="Most iterations of one adjustment")
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
@@ -354,21 +370,27 @@ class Project(Strict):
     """A project file of mor, version 1."""
 
     mor: Literal["1"] = Field(description="Version of the project file")
-    title: str = ""
-    units: Units = Units()
-    axes: Axes = Axes()
-    cameras: dict[Name, Camera] = Field(default_factory=dict)
-    images: list[Images] = Field(default_factory=list)
-    pairs: list[Pairs] = Field(default_factory=list)
-    points: list[Points] = Field(default_factory=list)
-    stations: list[Stations] = Field(default_factory=list)
-    systems: list[Systems] = Field(default_factory=list)
-    features: list[Feature] = Field(default_factory=list)
-    instruments: dict[Name, Instrument] = Field(default_factory=dict)
-    observations: list[Observations] = Field(default_factory=list)
+    title: str = Field(default="", description="Heads the reports")
+    units: Units = Field(default=Units(), description="Units of all values that carry none of their own")
+    axes: Axes = Field(default=Axes(), description="Axes of the object system, senses and zeros of angles")
+    cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
+    images: list[Images] = Field(default_factory=list, description="Tables of images")
+    pairs: list[Pairs] = Field(
+        default_factory=list, description="Tables of relative orientations of stereo images"
+    )
+    points: list[Points] = Field(default_factory=list, description="Tables of points")
+    stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
+    systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
+    features: list[Feature] = Field(
+        default_factory=list, description="Planes, lines and right angles that points lie on"
+    )
+    instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
+    observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
     checks: list[Observations] = Field(
         default_factory=list,
         description="Observations kept out of the adjustment: check points (type coordinates), check distances",
     )
-    datum: Literal["fixed", "free"] | Datum = "fixed"
-    settings: Settings = Settings()
+    datum: Literal["fixed", "free"] | Datum = Field(
+        default="fixed", description="What holds the coordinates where the observations leave them free"
+    )
+    settings: Settings = Field(default=Settings(), description="How to solve and to test")

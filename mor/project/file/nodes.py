@@ -121,6 +121,8 @@ class _Reader:
         self.anchored: dict[str, list[yaml.Event]] = {}
         """Events behind each anchor; none as long as its node is not complete."""
         self.values, self.most = 0, limit(_VALUES)
+        self.unfolding = 0
+        """Line of the alias that is being unfolded, 0 for none."""
 
     def read(self, events: Iterator[yaml.Event]) -> Document:
         """The only document of a text."""
@@ -136,17 +138,18 @@ class _Reader:
             raise self._error(words, _line(after))
         return Document(data, self.lines, self.file, problems=tuple(self.problems))
 
-    def _node(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Any:
+    def _node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
         self.lines[path] = _line(event)
         self.values += 1
         if self.values > self.most:
             words = f"found more than {self.most} values, with all that is repeated by aliases; put long tables into"
-            raise self._error(f"{words} files of their own, or {raise_it(_VALUES)}", _line(event))
+            raise self._error(
+                f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event)
+            )
         if len(path) > _DEEPEST:
             raise self._error(_TOO_DEEP, _line(event))
         if isinstance(event, yaml.AliasEvent):
-            again = iter(self._behind(event))
-            return self._node(next(again), again, path)
+            return self._unfolded(event, path)
         if event.anchor is None:
             return self._content(event, events, path)
         self.anchored[event.anchor] = []
@@ -155,8 +158,16 @@ class _Reader:
         self.anchored[event.anchor] = recorded
         return content
 
+    def _unfolded(self, alias: yaml.AliasEvent, path: Path) -> Any:
+        outer = self.unfolding
+        self.unfolding = outer or _line(alias)
+        again = iter(self._behind(alias))
+        content = self._node(next(again), again, path)
+        self.unfolding = outer
+        return content
+
     def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
-        found = self.anchored.get(alias.anchor)
+        found = self.anchored.get(str(alias.anchor))
         if found is None:
             words = "this is not valid YAML: texts that begin with * need quotes"
             raise self._error(words, _line(alias))
@@ -164,7 +175,7 @@ class _Reader:
             raise self._error(_TOO_DEEP, _line(alias))
         return found
 
-    def _content(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Any:
+    def _content(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
         if isinstance(event, yaml.MappingStartEvent):
             return self._mapping(events, path)
         if isinstance(event, yaml.SequenceStartEvent):
@@ -201,8 +212,7 @@ class _Reader:
 
 
 def _line(event: yaml.Event) -> int:
-    line: int = event.start_mark.line + 1
-    return line
+    return event.start_mark.line + 1 if event.start_mark else 0
 
 
 def _recording(events: Iterator[yaml.Event], recorded: list[yaml.Event]) -> Iterator[yaml.Event]:

@@ -58,6 +58,7 @@ _KNOWN = {name for names in KINDS.values() for name in names} | {
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
+_LONGEST_HEADING = 200
 _NUMBER = re.compile(r"^[-+]?[\d.]")
 
 
@@ -93,7 +94,11 @@ def recognise(path: Path) -> Found:
     lines = read_text(path, TABLE).split("\n")
     first = lines[0] if lines else ""
     delimiter = max(",;\t", key=first.count)
-    rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+    try:
+        rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+    except csv.Error as error:
+        words = f"this is no table: {error}; is a quote not closed?"
+        raise InputError([Problem(words, str(path))]) from None
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     if not header or any(_NUMBER.match(cell) for cell in header):
         words = "expected a header with the names of the columns in the first line"
@@ -163,6 +168,8 @@ def _means(cell: str) -> str:
 
 def _plain(cell: str) -> tuple[str, str]:
     """Name and unit of a column heading."""
+    if len(cell) > _LONGEST_HEADING:
+        return cell.strip().lower(), ""
     match = re.match(r"^(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|_([A-Za-zµ]+))$", cell.strip())
     if match:
         unit = next(group for group in match.groups()[1:] if group is not None)

@@ -14,7 +14,11 @@ def project_schema() -> str:
     """
     lenient = _lenient(Project.model_json_schema())
     assert isinstance(lenient, dict)
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **lenient}
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "urn:mor:schema:project:1",
+        **lenient,
+    }
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -99,7 +99,7 @@ class _Dumper(yaml.SafeDumper):
 
     def represent_plain(self, value: _Plain) -> yaml.ScalarNode:
         """A scalar without quotes and without a tag."""
-        tag = self.resolve(yaml.ScalarNode, str(value), (True, False))
+        tag: str = self.resolve(yaml.ScalarNode, str(value), (True, False))  # type: ignore[no-untyped-call]
         return self.represent_scalar(tag, str(value))
 
 

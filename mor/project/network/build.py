@@ -28,11 +28,12 @@ from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
 from mor.project.network.points import read_points
 from mor.project.network.prior_knowledge import level_groups, prior_groups, variant_groups
-from mor.project.network.reading import Reading, TableWatcher, ignore_table
+from mor.project.network.reading import Reading, TableWatcher, ignore_table, table_label
 from mor.project.network.stations import read_stations, read_systems
 from mor.project.observations.correlations import Correlation, correlations
 from mor.project.observations.direction_sets import check_direction_sets
 from mor.project.observations.groups import read_groups
+from mor.project.observations.observation_rows import Group
 from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
 from mor.project.observations.undeclared_points import check_undeclared
@@ -81,10 +82,16 @@ class Network:
     """Station and set behind the names of further sets at declared stations."""
     unoriented: frozenset[str]
     """Stations at which no direction was observed."""
+    tables: Mapping[str, tuple[tuple[str, int], ...]]
+    """Tables of points, images, pairs, systems in their order, with the number of things of each; "" is none."""
+    station_tables: Mapping[str, str]
+    """Table of each declared station and of its sets."""
     station_levels: Mapping[str, str]
     """Level of each declared station: fixed, free, or the σ of its observation as given."""
     notes: tuple[Problem, ...]
     """What was assumed on reading, to be said to the user."""
+    file: str = ""
+    """The project file, for mistakes that belong to no single place in it."""
     undeterminable: tuple[Undeterminable, ...] = ()
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
@@ -125,11 +132,10 @@ def build_network(
         if len(problems) > before:
             reading.broken.add(space)
     read_in = read_groups(reading)
-    plain = [group.group for group in read_in]
-    parameters = parameter_groups(reading)
-    drop_unused_orientations(reading, [*plain, *parameters])
+    parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
+    plain, where = _in_order(read_in, parameters)
+    drop_unused_orientations(reading, plain)
     others = [
-        *parameters,
         *feature_groups(reading),
         *level_groups(reading),
         *variant_groups(reading, reading.variants),
@@ -139,16 +145,30 @@ def build_network(
     check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])
     correlated = correlations(reading, read_in) if not problems else ()
+    correlated = tuple(replace(c, groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
     if not problems:
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
+    groups = (*plain, *(_said_outside(reading, group) for group in others))
+    return _network(reading, groups, checks, correlated, datum)
+
+
+def _network(
+    reading: Reading,
+    groups: tuple[ObservationGroup, ...],
+    checks: tuple[ObservationGroup, ...],
+    correlated: tuple[Correlation, ...],
+    datum: DatumChoice,
+) -> Network:
+    """What was read, put together."""
+    project, document = reading.project, reading.document
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
     return Network(
         project=project,
-        edge=edge,
+        edge=reading.edge,
         scales=reading.scales,
         things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
         blocks={key: store.blocks() for key, store in stores.items()},
@@ -158,7 +178,7 @@ def build_network(
         },
         observed=observed,
         sigma={key: store.all_sigma() for key, store in stores.items()},
-        groups=(*plain, *(_said_outside(reading, group) for group in others)),
+        groups=groups,
         checks=checks,
         correlations=correlated,
         datum=datum,
@@ -166,12 +186,29 @@ def build_network(
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
         notes=(*document.notes, *reading.notes),
+        tables={space: tuple(tables) for space, tables in reading.tables.items()},
+        station_tables={
+            name: table_label("stations", number, table)
+            for number, table in enumerate(project.stations)
+            for name in reading.table_ids.get(("stations", number), [])
+        },
+        file=document.file,
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)
             for name in reading.table_ids.get(("stations", number), [])
         },
     )
+
+
+def _in_order(
+    read_in: list[Group], parameters: list[tuple[int, ObservationGroup]]
+) -> tuple[list[ObservationGroup], IntArray]:
+    """All groups in the order of their entries, and where (n,) each of those ``read_in`` has come to stand."""
+    entries = [*((group.entry, group.group) for group in read_in), *parameters]
+    order = sorted(range(len(entries)), key=lambda k: entries[k][0])
+    where = np.argsort(np.array(order, dtype=np.int64), kind="stable")
+    return [entries[k][1] for k in order], where
 
 
 def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:

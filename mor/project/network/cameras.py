@@ -27,6 +27,7 @@ def read_cameras(reading: Reading) -> None:
     ids, blocks, eccentricities, models = [], [], [], []
     for name, camera in reading.project.cameras.items():
         at = reading.at("cameras", name)
+        reading.shop.begin(f"camera {name}")
         try:
             scale = image_scale(camera, reading.project.units)
         except UnitError as error:
@@ -182,6 +183,8 @@ def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
         shared = int(shop.things["camera"].parts["interior"][number])
         row = slice(shared, shared + 1)
         variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        if not variant:
+            continue
         values = np.repeat(store.all_values()[row], len(mine), axis=0)
         free = np.repeat(store.all_free()[row], len(mine), axis=0)
         free[:, list(variant)] = True

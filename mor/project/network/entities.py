@@ -143,10 +143,22 @@ class Workshop:
     stores: dict[str, BlockStore]
     things: dict[str, Entities]
     neutral_blocks: dict[str, int] = field(default_factory=dict)
+    sources: list[tuple[str, dict[str, int]]] = field(default_factory=list)
+    """Tables of the project in the order they were read, and how many blocks of each kind there were before."""
 
     def store(self, kind: str) -> BlockStore:
         """Store of a kind."""
         return self.stores[kind]
+
+    def begin(self, table: str) -> None:
+        """Blocks that are added from now on come from this table."""
+        self.sources.append((table, {kind: len(store.ids) for kind, store in self.stores.items()}))
+
+    def source(self, kind: str) -> IntArray:
+        """(n,) number of the table that each block of a kind comes from, −1 where it comes from none."""
+        first = np.array([counts[kind] for _, counts in self.sources], dtype=np.int64)
+        source: IntArray = np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1
+        return source
 
     def neutral(self, kind: str) -> int:
         """The block of zeros of a kind, for what has none of its own; added where nothing has asked for it yet."""
@@ -175,6 +187,19 @@ def thing_of(kind: str, block: str) -> tuple[str, str]:
     """Namespace and name of the thing that a block belongs to: image 1 for the position called ``image 1``."""
     space, _, name = block.partition(" ")
     return (space, name) if space in FRAMES and name else (kind, block)
+
+
+def said_thing(kind: str, block: str) -> str:
+    """The thing a block belongs to, as a project names it: ``camera K``, ``instrument edm``, ``image 1``."""
+    space, name = thing_of(kind, block)
+    if block.partition(" ")[0] in ("camera", kind):
+        return block
+    if kind.startswith("interior/") and space == kind:
+        space = "camera"
+    return f"{_DECLARED_AS.get(space, space)} {name}"
+
+
+_DECLARED_AS = {"distance meter": "instrument", "refraction": "instrument"}
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

@@ -24,6 +24,7 @@ def read_images(reading: Reading) -> None:
     seen: list[Seen] = []
     leaders: list[tuple[int, str, str, str, int]] = []
     for k, table in enumerate(reading.project.images):
+        reading.begin("images", k, table)
         _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
         reading.watch(table.file)
     parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
@@ -102,6 +103,7 @@ def _read_images_table(
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
+    reading.end("image", len(names))
 
 
 def _own_poses(

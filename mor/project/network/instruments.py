@@ -20,6 +20,7 @@ def read_instruments(reading: Reading) -> None:
     ids, meters, refractions = [], [], []
     for name, instrument in reading.project.instruments.items():
         ids.append(name)
+        reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
     reading.shop.things["instrument"] = entities(
@@ -53,6 +54,7 @@ def read_pairs(reading: Reading) -> None:
     rotation: list[IntArray] = []
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.pairs):
+        reading.begin("pairs", k, table)
         columns = [
             Column("id", required=True),
             *component_columns((*BASE.components, *ROTATION.components), reading.edge),
@@ -74,6 +76,7 @@ def read_pairs(reading: Reading) -> None:
             )
         )
         ids += names
+        reading.end("pair", len(names))
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["pair"] = entities(
         ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}

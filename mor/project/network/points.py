@@ -23,12 +23,14 @@ def read_points(reading: Reading) -> None:
     numbers: list[IntArray] = []
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.points):
+        reading.begin("points", k, table)
         found = _read_points_table(reading, table, reading.at("points", k), seen)
         reading.watch(table.file)
         if found is None:
             continue
         names, blocks = found
         ids += names
+        reading.end("point", len(names))
         numbers.append(blocks)
         if table.group:
             reading.groups.setdefault(table.group, []).extend(blocks.tolist())
@@ -63,6 +65,7 @@ def _add(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:
     """Add points of which nothing is known."""
     points = reading.shop.things["point"]
+    reading.tables.setdefault("point", []).append(("", len(names)))
     nothing = np.full((len(names), 3), np.nan)
     free = np.ones(nothing.shape, dtype=bool)
     blocks = _add(reading, names, Statuses(nothing, free, nothing.copy(), nothing.copy()))

@@ -4,45 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.arrays import IntArray
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
-from mor.observations.names import Names, names_of, one_name
+from mor.observations.names import names_of, one_name
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import UnitError
-from mor.project.network.entities import BlockStore
-from mor.project.network.reading import Reading
+from mor.project.network.entities import BlockStore, said_thing
+from mor.project.network.reading import Reading, table_label
 from mor.units import ANGLE
 
 
 def prior_groups(reading: Reading) -> list[ObservationGroup]:
-    """One group of observed parameters for every kind of block that has a σ somewhere."""
-    groups = []
+    """Groups of observed parameters, called as the table (or camera, or instrument) that has their values and σ.
+
+    One for every table and kind of block, in the order of the tables.
+    """
+    groups: list[tuple[int, ObservationGroup]] = []
     for kind, store in reading.shop.stores.items():
         sigma = store.all_sigma()
         rows = np.flatnonzero(np.isfinite(sigma).any(axis=1)) if len(sigma) else np.zeros(0, dtype=np.int64)
-        if len(rows) == 0:
-            continue
-        values = store.all_values()[rows]
-        groups.append(
-            ObservationGroup(
-                name=f"observed {kind}",
-                type=OBSERVED_PARAMETERS[kind],
-                blocks=(rows,),
-                observed=np.where(np.isfinite(sigma[rows]), values, np.nan),
-                sigma=sigma[rows],
-                constants=np.zeros((len(rows), 0)),
-                references=(Names(rows.astype(np.int32), tuple(store.ids)),),
-                image_unit=_image_unit(reading, store),
-            )
-        )
-    return groups
+        source = reading.shop.source(kind)[rows]
+        for number in np.unique(source).tolist():
+            table = reading.shop.sources[number][0]
+            groups.append((number, _prior_group(reading, store, rows[source == number], table)))
+    return [group for _, group in sorted(groups, key=lambda numbered: numbered[0])]
 
 
-def _image_unit(reading: Reading, store: BlockStore) -> str:
-    """Image unit of the interior orientations of one kind (of the first camera that has it)."""
-    for name, camera in reading.project.cameras.items():
-        if INTERIORS[camera.model] is store.kind and name in reading.scales:
-            return reading.scales[name].unit
-    return "mm"
+def _prior_group(reading: Reading, store: BlockStore, rows: IntArray, table: str) -> ObservationGroup:
+    """Observed parameters of the blocks (n,) of one kind that a table, or a camera, declares."""
+    values, sigma = store.all_values()[rows], store.all_sigma()[rows]
+    camera = store.ids[int(rows[0])]
+    return ObservationGroup(
+        name=table,
+        type=OBSERVED_PARAMETERS[store.kind.key],
+        blocks=(rows,),
+        observed=np.where(np.isfinite(sigma), values, np.nan),
+        sigma=sigma,
+        constants=np.zeros((len(rows), 0)),
+        references=(names_of([said_thing(store.kind.key, store.ids[row]) for row in rows]),),
+        image_unit=reading.scales[camera].unit if camera in reading.scales else "mm",
+    )
 
 
 def level_groups(reading: Reading) -> list[ObservationGroup]:
@@ -67,7 +68,7 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
         rows = np.array([stations.part(name, "rotation") for name in names], dtype=np.int64)
         groups.append(
             ObservationGroup(
-                name=f"levels {number + 1}",
+                name=table_label("stations", number, table),
                 type=PLAIN_TYPES["level"],
                 blocks=(rows,),
                 observed=np.zeros((len(rows), 2)),

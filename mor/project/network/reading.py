@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from mor.errors import Problem
 from mor.project.edge import Edge, ImageScale
-from mor.project.file.model import Project
+from mor.project.file.model import Project, Table
 from mor.project.file.nodes import Document
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
@@ -19,6 +19,11 @@ TableWatcher: TypeAlias = Callable[[str | None], None]
 
 def ignore_table(file: str | None) -> None:
     """Nobody watches."""
+
+
+def table_label(section: str, number: int, table: Table) -> str:
+    """Name of a table in reports."""
+    return table.name or table.file or f"{section} {number + 1}"
 
 
 @dataclass
@@ -47,10 +52,20 @@ class Reading:
     """Names read from a table, by section and number of the table."""
     section: str = "observations"
     """Section that observation groups are read from: ``observations``, or ``checks``."""
+    tables: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
+    """Tables that the things of a namespace come from, in their order, and how many things each has."""
     undeclared: dict[str, tuple[str, int]] = field(default_factory=dict)
     """Points that only observations name, with file and line where they come first."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
+
+    def begin(self, section: str, number: int, table: Table) -> None:
+        """Blocks that are added from now on come from this table of a section."""
+        self.shop.begin(table_label(section, number, table))
+
+    def end(self, space: str, count: int) -> None:
+        """So many things of a namespace were read from the table that was begun last."""
+        self.tables.setdefault(space, []).append((self.shop.sources[-1][0], count))
 
     def at(self, *path: str | int) -> Place:
         """The place of a part of the project file."""

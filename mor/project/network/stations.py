@@ -25,6 +25,7 @@ def read_stations(reading: Reading) -> None:
     collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.stations):
+        reading.begin("stations", k, table)
         _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["station"] = entities(
@@ -113,6 +114,7 @@ def read_systems(reading: Reading) -> None:
     collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
     seen: list[Seen] = []
     for k, table in enumerate(reading.project.systems):
+        reading.begin("systems", k, table)
         _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
     reading.shop.things["system"] = entities(
@@ -151,3 +153,4 @@ def _read_systems_table(
     none = np.zeros(len(names), dtype=np.int64)
     collected["offset"].append(eccentricities(reading, rows, labels, table.fixed, table.free, none))
     ids += names
+    reading.end("system", len(names))

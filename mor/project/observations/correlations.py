@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
-from mor.input_files import TABLE, read_text
+from mor.input_files import read_text
 from mor.project.edge import LARGEST, SMALLEST_SIGMA
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
@@ -145,7 +145,7 @@ def _rectangle(reading: Reading, rows: list[list[float]], place: Place) -> Float
 def _rows_of_file(path: Path) -> list[list[float]]:
     """Numbers of a CSV file without header. Raises :class:`InputError`."""
     rows, problems = [], []
-    for number, line in enumerate(read_text(path, TABLE).split("\n"), start=1):
+    for number, line in enumerate(read_text(path).split("\n"), start=1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip():
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from mor.project.file.model import Observations
 from mor.project.network.entities import unknown_name
 from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
 from mor.project.network.reading import Reading
+from mor.project.observations.observation_rows import group_name
 from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
@@ -56,9 +57,12 @@ class _Known:
     sigma: float
 
 
-def parameter_groups(reading: Reading) -> list[ObservationGroup]:
-    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry."""
-    groups: list[ObservationGroup] = []
+def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
+    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry.
+
+    Each with the number of its entry.
+    """
+    groups: list[tuple[int, ObservationGroup]] = []
     said: list[_Row] = []
     for number, entry in enumerate(reading.project.observations):
         if entry.type not in ("parameter", "difference"):
@@ -72,7 +76,8 @@ def parameter_groups(reading: Reading) -> list[ObservationGroup]:
         ]
         rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
         if rows is not None:
-            groups += _parameter_rows(reading, entry, rows, names, said)
+            found = _parameter_rows(reading, entry, rows, names, said)
+            groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
     _take_exactly(reading, [row for row in said if row.known.sigma == 0.0])
     for row in said:
         if row.known.sigma > 0.0:
@@ -98,9 +103,7 @@ def _parameter_rows(
             continue
         unit = places[0].scale.unit if places[0].scale else "mm"
         collected.setdefault((places[0].kind, unit), []).append(known)
-    return [
-        _parameter_group(entry, kind, unit, found, rows, names) for (kind, unit), found in collected.items()
-    ]
+    return [_parameter_group(kind, unit, found, rows, names) for (kind, unit), found in collected.items()]
 
 
 class _UnknownThingError(Exception):
@@ -126,7 +129,8 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     if given["sigma"] < 0.0:
         raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
     blocks = tuple(place.block for place in places)
-    return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"])
+    sigma = given["sigma"] * entry.factor
+    return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
 
 
 def _find(reading: Reading, name: str, component: str) -> _Place:
@@ -231,16 +235,16 @@ def _refuse_constant(reading: Reading, row: _Row) -> None:
 
 
 def _parameter_group(
-    entry: Observations, kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
+    kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
 ) -> ObservationGroup:
     type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
     size = KINDS[kind].size
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
     for row, known in enumerate(found):
-        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma * entry.factor
+        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma
     lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
     return ObservationGroup(
-        name=entry.name or entry.file or entry.type,
+        name="",
         type=type_,
         blocks=tuple(np.array([known.blocks[k] for known in found]) for k in range(len(names))),
         observed=observed,

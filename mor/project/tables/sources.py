@@ -60,7 +60,8 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
 
 def _words(error: InputError, path: Path) -> str:
     """What is wrong with a path, after its name, and the nearest file there is."""
-    near = nearest(path.name, [p.name for p in path.parent.iterdir()]) if is_folder(path.parent) else ""
+    others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
+    near = nearest(path.name, others) if path.name not in others else ""
     said = "; ".join(problem.message for problem in error.problems)
     return said.removeprefix("this file ").removeprefix("this ") + near
 

@@ -66,9 +66,9 @@ def from_text(
         return None
     cleaned = _cleaned(text, table.delimiter)
     del text
-    columns = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
-    if columns > limit(COLUMNS):
-        problems.append(Problem(too_many_columns(columns), file, 1))
+    width = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
+    if width > limit(COLUMNS):
+        problems.append(Problem(too_many_columns(width), file, 1))
         return None
     header = _header(cleaned, table)
     names = [None if name.startswith("skip ") else our_name(table, name) for name in header]
@@ -134,17 +134,21 @@ def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
 
 
 def _without_comments(text: bytes, quotes: bool) -> bytes:
-    parts, start, place = [], 0, text.find(b"#")
+    """The text without comments; with ``quotes`` a # inside of them begins none. Every byte is looked at once."""
+    parts, start, seen, inside = [], 0, 0, False
+    place = text.find(b"#")
     while place >= 0:
-        opened = place == 0 or text[place - 1 : place].isspace()
-        if opened and not (quotes and text.count(b'"', text.rfind(b"\n", 0, place) + 1, place) % 2):
+        if quotes:
+            line = text.rfind(b"\n", seen, place) + 1
+            inside = (inside and not line) ^ bool(text.count(b'"', line or seen, place) % 2)
+            seen = place
+        end = place + 1
+        if not inside and (place == 0 or text[place - 1 : place].isspace()):
             end = text.find(b"\n", place)
             end = len(text) if end < 0 else end
             parts.append(text[start:place])
-            start = end
-            place = text.find(b"#", end)
-        else:
-            place = text.find(b"#", place + 1)
+            start = seen = end
+        place = text.find(b"#", end)
     return b"".join([*parts, text[start:]])
 
 

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mor.arrays import IntArray
 from mor.observations import ObservationGroup
@@ -58,6 +56,10 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
     ends = (
         [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
     )
+    # Imported here: only networks that are not determined come to this.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(ends[0])), (ends[0], ends[1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
     return _parts(network, labels.astype(np.int64), first["point"])

@@ -15,12 +15,12 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
-from mor.project.network.reduction import (
+from mor.project.reduction import (
     nothing_marked,
     rows_of_points,
     with_points_at_infinity,
@@ -56,7 +56,8 @@ def completed(
     Points at infinity stay without coordinates and are not missing.
     """
     found = nearly_parallel(network, start)
-    found = found.take(np.isnan(start["point"][found.points]).any(axis=1))
+    unknown: BoolArray = np.asarray(np.isnan(start["point"][found.points]).any(axis=1))
+    found = found.take(unknown)
     far = found.parallel(critical * misfit(network, start, found.points))
     points = start["point"].copy()
     points[found.points[~far]] = found.take(~far).coordinates()
@@ -71,7 +72,7 @@ def without_unknown(network: Network, start: Values, missing: Sequence[Undetermi
     names = {(thing.kind, thing.name) for thing in missing}
     unknown = {}
     for kind, values in start.items():
-        lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        lost: BoolArray = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
         for k in np.flatnonzero(lost):
             lost[k] = thing_of(kind, network.blocks[kind].ids[k]) in names
         unknown[kind] = lost
@@ -82,7 +83,8 @@ def without_unknown(network: Network, start: Values, missing: Sequence[Undetermi
 def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[Network, Adjustment]:
     """The network as far as it is adjusted, and its adjustment.
 
-    Loose things make the outcome singular, unless the project has ``undetermined: leave_out``; points at infinity do not.
+    Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
+    not.
     """
     values, failed = start, np.zeros(0, dtype=np.int64)
     found, far = _parallel(network, start, means)

@@ -15,7 +15,7 @@ from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
-from mor.project.network.reduction import nothing_marked, without_blocks
+from mor.project.reduction import nothing_marked, without_blocks
 from mor.quality.diagnosis.connected_components import connected_parts
 
 NO_OBSERVATION = "no observation refers to it"
@@ -78,7 +78,7 @@ def without_loose(network: Network, values: Values, make: Callable[[Network, Val
 
 def _named(things: Things, defects: LocalDefects, first: bool) -> list[Undeterminable]:
     named = []
-    for k in np.flatnonzero(defects.loose):
+    for k in np.flatnonzero(defects.loose).tolist():
         reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
         reason = reason if first else HANGS_ON
         named.append(Undeterminable(*things.names[k], reason, "left out", int(defects.rows[k])))

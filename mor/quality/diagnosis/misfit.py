@@ -6,7 +6,7 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import IntArray
-from mor.observations.at_infinity import can_be_at_infinity, target_slot
+from mor.observations import can_be_at_infinity, target_slot
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 

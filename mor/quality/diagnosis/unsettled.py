@@ -13,12 +13,13 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import A_WEAK_TURN, Adjustment, Outcome
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Index, Values, move
 from mor.quality.diagnosis.determinable import OPEN
 
 RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
+UNSETTLED = "the datum points do not settle the datum"
 AT_THE_START = (
     "singular at the start values, not by the observations: at other values they determine everything"
 )
@@ -27,7 +28,7 @@ STEPS = 5
 """Further steps that are looked at."""
 LISTED = 20
 _BESIDE = 1e-2
-"""Radians, and part of the extent of the network, by which values are moved to see whether a place is singular alone."""
+"""Radians, and part of the extent of the network, by which values are moved: is their place singular alone?"""
 _ROWS = 50_000
 
 
@@ -60,7 +61,7 @@ def last_movements(adjustment: Adjustment) -> Movements:
 
 def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
-    if adjustment.reason == A_WEAK_TURN or adjustment.outcome is not Outcome.SINGULAR:
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED):
         return adjustment
     if not adjustment.plan.problem.index.count:
         return adjustment
@@ -90,7 +91,8 @@ def _only_here(adjustment: Adjustment) -> bool:
 
 def _further_steps(adjustment: Adjustment) -> FloatArray:
     """(u, s) steps of the iteration if it went on from its last values."""
-    problem, values, steps = adjustment.problem, adjustment.values, []
+    problem, values = adjustment.problem, adjustment.values
+    steps: list[FloatArray] = []
     while len(steps) < STEPS and adjustment.outcome is Outcome.NOT_CONVERGED:
         after = adjust(problem, values, Settings(max_iterations=1))
         if not after.iterations or after.outcome is Outcome.DIVERGED:

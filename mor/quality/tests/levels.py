@@ -34,6 +34,8 @@ def noncentrality(level: float, power: float) -> float:
         slope = float(np.exp(-0.5 * (k - delta) ** 2) - np.exp(-0.5 * (k + delta) ** 2)) / np.sqrt(
             2.0 * np.pi
         )
+        if slope == 0.0:  # a power so near to one that both tails are beyond all numbers
+            break
         step = missed / slope
         delta += step
         if abs(step) < 1e-14 * delta:

@@ -26,7 +26,6 @@ from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.gross_errors.exclusion import reweighted
 from mor.quality.reliability.observation_quality import omega_of, redundancy_of
-from mor.quality.variance_components.helmert import affordable, helmert_system
 
 Method = Literal["simplified", "helmert"]
 
@@ -107,11 +106,19 @@ class _Estimate(NamedTuple):
     method: Method
 
 
+def _helmert_system(quality: Quality) -> FloatArray | None:
+    """Helmert's system of the groups; nothing where it has no room."""
+    # Imported here: its sparse library loads longer than a small project is adjusted.
+    from mor.quality.variance_components.helmert import affordable, helmert_system
+
+    return helmert_system(quality) if affordable(quality) else None
+
+
 def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estimate:
     """Factors of the variances of the groups to be estimated; all others keep their σ, with the factor 1."""
     omega, redundancy = group_sums(quality)
-    if method == "helmert" and estimated.any() and affordable(quality):
-        system = helmert_system(quality)
+    system = _helmert_system(quality) if method == "helmert" and estimated.any() else None
+    if system is not None:
         own, rest = system[np.ix_(estimated, estimated)], system[np.ix_(estimated, ~estimated)]
         size = np.sqrt(np.diagonal(own))
         if np.linalg.eigvalsh(own / np.outer(size, size))[0] > _SEPARABLE:

@@ -13,25 +13,25 @@ from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 from mor.units import ANGLE_UNITS
 
-_TOUCHING = pl.col("type").str.contains("^(difference/|level$)").not_()
+_TOUCHING = pl.col("type").str.contains("^(difference|level)$").not_()
 
 
 def _measures() -> list[pl.Expr]:
     return [
         pl.col("r").mean().alias("mean_r"),
         pl.col("r").min().alias("smallest_r"),
-        pl.col("test").abs().max().alias("largest_w"),
+        pl.col("w").abs().max().alias("largest_w"),
         pl.len().alias("observations"),
     ]
 
 
 def points_with_tests(view: View, rays: Rays, angle_unit: str) -> pl.DataFrame:
     """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
-    used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "test")
+    used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "w")
     named = pl.concat(
         [
             used.filter(pl.col(key) != "").select(
-                pl.col(key).str.strip_prefix("point ").alias("id"), "r", "test"
+                pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w"
             )
             for key in ("at", "from", "to")
         ]
@@ -57,7 +57,7 @@ def image_points(view: View) -> pl.DataFrame:
     """One row for each ray: image, point, unit, x, y, vx, vy, mean r, the larger test value, flags."""
     rays = view.rays
     x, y = (rays.filter(pl.col("component") == name) for name in "xy")
-    places, others = ["group", "from", "to"], ["observed", "v", "r", "test", "flag"]
+    places, others = ["group", "from", "to"], ["observed", "v", "r", "w", "flag"]
     if x.height == y.height and all((x[name] == y[name]).all() for name in places):
         both = x.hstack(y.select(pl.col(name).alias(f"{name}_y") for name in others))
     else:
@@ -71,7 +71,7 @@ def image_points(view: View) -> pl.DataFrame:
         pl.col("v").alias("vx"),
         pl.col("v_y").alias("vy"),
         ((pl.col("r") + pl.col("r_y")) / 2.0).alias("r"),
-        pl.max_horizontal(pl.col("test").abs(), pl.col("test_y").abs()).alias("w"),
+        pl.max_horizontal(pl.col("w").abs(), pl.col("w_y").abs()).alias("w"),
         (pl.col("flag") + pl.col("flag_y")).alias("flag"),
     )
 
@@ -132,7 +132,7 @@ def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> 
 
 def sets_with_tests(view: View, words: Words = ENGLISH) -> pl.DataFrame:
     """Groups of directions by station or set, and all other groups: number, mean and smallest r, largest |w|."""
-    used = view.used.filter(pl.col("type").str.contains("^(image|follower)/").not_())
+    used = view.used.filter(pl.col("type") != "image")
     is_set = pl.col("type").str.ends_with("directions")
     named = used.with_columns(
         pl.when(is_set)
@@ -145,11 +145,12 @@ def sets_with_tests(view: View, words: Words = ENGLISH) -> pl.DataFrame:
 
 def control_table(view: View) -> list[dict[str, Any]]:
     """Coordinates that were given: v, σ of the given value, r and w, and the smallest detectable error, by point."""
-    rows = view.used.filter((pl.col("type") == "observed/point") | (pl.col("type") == "coordinates"))
+    of_point = pl.col("from").str.starts_with("point ") & pl.col("component").is_in(["x", "y", "z"])
+    rows = view.used.filter(((pl.col("type") == "parameter") & of_point) | (pl.col("type") == "coordinates"))
     name = (
         pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from")).str.strip_prefix("point ")
     )
-    columns = ["component", "unit", "observed", "adjusted", "v", "sigma", "r", "test", "nabla", "flag"]
+    columns = ["component", "unit", "observed", "adjusted", "v", "sigma", "r", "w", "nabla", "flag"]
     return rows.select(name.alias("point"), *columns).to_dicts()
 
 

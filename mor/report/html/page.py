@@ -101,6 +101,7 @@ def _content(data: PageData) -> dict[str, Any]:
         },
         "limits": {"rows": MOST_ROWS, "vectors": MOST_VECTORS},
         "critical": view.critical,
+        "snooping_level": view.summary["snooping_level"],
         "residuals_file": view.residuals_file,
         "points_file": f"points{Path(view.residuals_file).suffix}" if view.residuals_file else "",
         "angle_unit": data.angle_unit,

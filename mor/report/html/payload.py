@@ -41,7 +41,7 @@ IMAGE_COLUMNS = (
 STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
 RESIDUAL_COLUMNS = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
-    *("r", "test", "error", "nabla", "external", "influence", "flag"),
+    *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
@@ -72,7 +72,7 @@ def worst_first(view: View) -> pl.DataFrame:
     """Residuals as they stand; of very many, those with the largest test values (and all without a test)."""
     if view.residuals.height <= MOST_ROWS:
         return view.residuals
-    sizes = comparable(view.residuals["test"].abs().fill_null(np.inf).to_numpy())
+    sizes = comparable(view.residuals["w"].abs().fill_null(np.inf).to_numpy())
     return view.residuals[np.sort(np.argsort(-sizes, kind="stable")[:MOST_ROWS])]
 
 

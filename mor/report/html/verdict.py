@@ -132,10 +132,10 @@ def _global(data: PageData) -> Statement | None:
 
 
 def _worst(data: PageData) -> Statement | None:
-    used = data.view.used.filter(pl.col("test").is_not_null())
+    used = data.view.used.filter(pl.col("w").is_not_null())
     if used.height == 0:
         return None
-    row = used[int(used["test"].abs().arg_max() or 0)].row(0, named=True)
+    row = used[int(used["w"].abs().arg_max() or 0)].row(0, named=True)
     summary, say = data.view.summary, data.words
     expected = used.height * summary["snooping_level"]
     sentence = say(
@@ -146,7 +146,7 @@ def _worst(data: PageData) -> Statement | None:
         expected=f"{expected:.1f}" if expected >= 0.05 else f"{expected:.1g}",
         all=used.height,
         place=place(row),
-        w=f"{row['test']:.2f}",
+        w=f"{row['w']:.2f}",
         error=f"{row['error']:.3g}",
         unit=row["unit"],
     )

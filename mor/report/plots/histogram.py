@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def histogram(view: View, words: Words = ENGLISH) -> Figure:
     """Density of w with N(0, 1) and the critical values; counts of r."""
     used = view.used
-    w, r = used["test"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
+    w, r = used["w"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
     bins = normal_bins(w, view.critical)
     figure = sheet(9.0, 3.8)
     left, right = figure.subplots(1, 2)

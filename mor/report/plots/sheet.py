@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from mor.errors import InputError, Problem
+from mor.escapes import escaped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +19,7 @@ _STYLE: dict[str, Any] = {
     "svg.hashsalt": "mor",
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
+    "text.parse_math": False,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#dddddd",
@@ -38,7 +41,7 @@ def style() -> AbstractContextManager[None]:
     try:
         from matplotlib import rc_context
     except ImportError:
-        words = "pictures need the Python package matplotlib: pip install 'mor[plot]'"
+        words = "pictures need the Python package matplotlib: pip install 'mor-adjustment[plot]'"
         raise InputError([Problem(words)]) from None
     return rc_context(cast("Any", _STYLE))
 
@@ -70,4 +73,16 @@ def save(figure: Figure, path: Path) -> None:
     if suffix not in FORMATS:
         words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
         raise InputError([Problem(words, str(path))])
-    figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
+    _spell_out(figure)
+    with warnings.catch_warnings():
+        # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
+        warnings.filterwarnings("ignore", message="Glyph")
+        figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
+
+
+def _spell_out(figure: Figure) -> None:
+    """Names with control characters, which no picture may contain as they are."""
+    from matplotlib.text import Text
+
+    for text in cast("list[Text]", figure.findobj(Text)):
+        text.set_text(escaped(text.get_text()))

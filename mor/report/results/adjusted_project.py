@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -187,32 +187,39 @@ def _unknown(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray)
     return [tuple(name for name, there in zip(kind.names, row, strict=True) if there) for row in loose]
 
 
-def _by_freedom(
-    ids: Sequence[str], columns: dict[str, Any], unknown: Sequence[tuple[str, ...]], keys: dict[str, Any]
+def _by_table(
+    placed: Placed,
+    space: str,
+    columns: dict[str, Any],
+    unknown: Sequence[tuple[str, ...]] | None = None,
 ) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    """A table for each run of frames that have the same unknowns among the constants of their set-up."""
-    ends = [i + 1 for i in range(len(ids)) if i + 1 == len(ids) or unknown[i] != unknown[i + 1]]
-    tables = []
-    for first, end in zip([0, *ends], ends, strict=False):
-        frame = _frame(ids[first:end], {key: column[first:end] for key, column in columns.items()})
-        free = list(unknown[first])
-        tables.append((frame, keys | ({"free": free} if free else {})))
-    return tables
+    """A table for each one the things of a namespace came from, by its name, with its ``unknown`` constants free."""
+    ids = placed.network.things[space].ids
+    result, first = [], 0
+    for name, count in placed.network.tables.get(space, ()):
+        rows = slice(first, first + count)
+        frame = _frame(ids[rows], {key: column[rows] for key, column in columns.items()})
+        result.append(
+            (frame, {**({"name": name} if name else {}), **_free(unknown[rows] if unknown else ())})
+        )
+        first += count
+    return result
+
+
+def _free(unknown: Iterable[tuple[str, ...]]) -> dict[str, Any]:
+    """The key for constants that are unknowns in a table."""
+    names = list(dict.fromkeys(name for row in unknown for name in row))
+    return {"free": names} if names else {}
 
 
 def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    """One table for each group of points, and one for the rest, in their order."""
-    things = placed.network.things["point"]
-    result = []
-    groups, positions = placed.network.point_groups, things.parts["position"]
-    group_of = np.full(len(positions), "", dtype=object)
-    for i in np.flatnonzero(np.isin(positions, list(groups))):
-        group_of[i] = groups[int(positions[i])]
-    for group in dict.fromkeys(group_of.tolist()):
-        chosen = np.flatnonzero(group_of == group)
-        frame = _frame([things.ids[i] for i in chosen], _positions(placed, positions[chosen]))
-        result.append((frame, {"group": group} if group else {}))
-    return result
+    positions = placed.network.things["point"].parts["position"]
+    tables, first = [], 0
+    for frame, keys in _by_table(placed, "point", _positions(placed, positions)):
+        group = placed.network.point_groups.get(int(positions[first])) if frame.height else None
+        tables.append((frame, {**keys, **({"group": group} if group else {})}))
+        first += frame.height
+    return tables
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
@@ -266,7 +273,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     heights = _unknown(placed, HEIGHT, parts["height"], raised & ~follows)
     eccentricities = _unknown(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
     unknown = [(*a, *b) for a, b in zip(heights, eccentricities, strict=True)]
-    return _by_freedom(things.ids, columns | _image_variant(placed), unknown, {})
+    return _by_table(placed, "image", columns | _image_variant(placed), unknown)
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
@@ -291,16 +298,20 @@ def _pairs(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **_plain(placed, "base", things.parts["base"], BASE.names),
         **_rotations(placed, things.parts["rotation"], np.eye(3)),
     }
-    return [(_frame(things.ids, columns), {})]
+    return _by_table(placed, "pair", columns)
 
 
 def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
-    """One table for each kind of level."""
-    things = placed.network.things["station"]
+    """The tables they came from; those that only observations name are levelled."""
+    things, network = placed.network.things["station"], placed.network
     result = []
-    levels = np.array([placed.network.station_levels.get(name, "fixed") for name in things.ids], dtype=object)
-    for level in dict.fromkeys(levels.tolist()):
-        chosen = np.flatnonzero(levels == level)
+    tables = [
+        (network.station_tables.get(name, ""), network.station_levels.get(name, "fixed"))
+        for name in things.ids
+    ]
+    for table in dict.fromkeys(tables):
+        chosen = np.array([i for i, own in enumerate(tables) if own == table], dtype=np.int64)
+        name, level = table
         parts = {part: numbers[chosen] for part, numbers in things.parts.items()}
         names = [placed.network.sets.get(things.ids[i], (things.ids[i], "")) for i in chosen]
         columns = {
@@ -317,7 +328,8 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
         of_own = (parts["height"] != 0) & np.array([not set_ for _, set_ in names], dtype=bool)
         unknown = _unknown(placed, HEIGHT, parts["height"], of_own)
-        result += _by_freedom([name for name, _ in names], columns, unknown, {"level": level})
+        frame = _frame([station for station, _ in names], columns)
+        result.append((frame, {**({"name": name} if name else {}), "level": level, **_free(unknown)}))
     return result
 
 
@@ -342,7 +354,7 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     }
     offsets = things.parts["offset"]
     columns |= _set_ups(placed, ECCENTRICITY, offsets, offsets != 0)
-    return _by_freedom(things.ids, columns, _unknown(placed, ECCENTRICITY, offsets, offsets != 0), {})
+    return _by_table(placed, "system", columns, _unknown(placed, ECCENTRICITY, offsets, offsets != 0))
 
 
 def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:

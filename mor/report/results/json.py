@@ -9,10 +9,12 @@ import numpy as np
 import polars as pl
 
 from mor.quality.solved import Solved
+from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
     group_table,
+    image_interiors,
     image_table,
     interior_rows,
     other_rows,
@@ -26,10 +28,7 @@ from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.tables.suspects import suspects
-from mor.report.tables.unsettled import moving_rows, worst_misfits
 
-WORST_MISFITS = 100
-"""Observations that are told where there is no solution."""
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
 
@@ -43,13 +42,13 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
     return {
         **summary(solved),
         "points": _rows(points, beside),
-        "images": _rows(images, beside),
+        "images": _with_interiors(_rows(images, beside), solved),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
         "pairs": pair_table(solved).to_dicts(),
         "features": feature_table(solved).to_dicts(),
-        "others": other_rows(solved),
+        "others": [row for row in other_rows(solved) if not row["kind"].startswith("interior/")],
         "groups": group_table(solved).to_dicts(),
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
@@ -62,18 +61,6 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
     }
 
 
-def failure(solved: Solved) -> dict[str, Any] | None:
-    """What does not come to rest and what fits worst, where there is no solution."""
-    if solved.quality is not None:
-        return None
-    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
-    return {
-        "notice": "NOT A SOLUTION: all values are those of the last iteration",
-        "moving": moving_rows(solved),
-        "worst": worst,
-    }
-
-
 def entries(solved: Solved) -> int:
     """Rows of the table of residuals: observations, excluded ones and checks among them."""
     return sum(int(np.count_nonzero(group.mask)) for group in solved.adjustment.problem.groups)
@@ -81,6 +68,14 @@ def entries(solved: Solved) -> int:
 
 def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
     return frame.to_dicts() if frame.height <= INLINE or not beside else None
+
+
+def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
+    """Images with the interior orientation they have of their own."""
+    if images is None:
+        return None
+    interiors = image_interiors(solved)
+    return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
 
 
 def to_json(data: dict[str, Any]) -> str:

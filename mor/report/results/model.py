@@ -1,6 +1,6 @@
 """``results.json`` as a model: every key there is and what it means. The JSON Schema is made from it.
 
-Keys may be added in later versions; those that are there keep their meaning while ``schema_version`` is 1.
+Keys may be added in later versions; those that are there keep their meaning while ``schema_version`` is 2.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from typing import Literal
 
 from pydantic import Field
 
+from mor.report.results.model_failure import Failure, Undeterminable
+from mor.report.results.model_gross_errors import GrossErrors, Suspects
 from mor.report.results.model_parts import (
     Axes,
     Camera,
     Check,
     Direction,
-    Failure,
     Feature,
     FixedPoint,
     GlobalTest,
-    GrossErrors,
     Group,
     Image,
     Number,
@@ -31,9 +31,7 @@ from mor.report.results.model_parts import (
     Sigma0,
     Station,
     Step,
-    Suspects,
     System,
-    Undeterminable,
     Units,
     VarianceComponents,
 )
@@ -42,51 +40,57 @@ from mor.report.results.model_parts import (
 class Results(Part):
     """Results of an adjustment by mor, version 1."""
 
-    schema_name: Literal["mor-results"] = Field(alias="schema")
-    schema_version: Literal[1]
-    program: str
-    title: str
-    units: Units
-    axes: Axes
-    outcome: Literal["converged", "not converged", "diverged", "singular"]
-    reason: str
+    schema_name: Literal["mor-results"] = Field(alias="schema", description="What this file is")
+    schema_version: Literal[2] = Field(description="Version of its keys")
+    program: str = Field(description="Program and version")
+    title: str = Field(description="Title of the project")
+    units: Units = Field(description="Units of all values that say none of their own")
+    axes: Axes = Field(description="Axes and senses of the project")
+    outcome: Literal["converged", "not converged", "diverged", "singular"] = Field(
+        description="How the adjustment ended"
+    )
+    reason: str = Field(description="The same in words")
     solution: bool = Field(default=True, description="false: all values are those of the last iteration")
-    iterations: int
-    observations: int
-    unknowns: int
-    defect: int
-    movements: list[str]
-    undetermined: list[Direction]
+    iterations: int = Field(description="Number of iterations")
+    observations: int = Field(description="n")
+    unknowns: int = Field(description="u")
+    defect: int = Field(description="d, number of movements the observations leave open")
+    movements: list[str] = Field(description="These movements in words")
+    undetermined: list[Direction] = Field(description="What is not determined inside the network")
     undeterminable: list[Undeterminable] = Field(
         default_factory=list, description="Things that nothing determines, and what was done about them"
     )
-    hardly_determined: list[str] = Field(default_factory=list)
-    datum: str
-    redundancy: int | None
+    hardly_determined: list[str] = Field(
+        default_factory=list, description="What is determined, but hardly, in words"
+    )
+    datum: str = Field(description="In words")
+    redundancy: int | None = Field(description="n - u + d, without what is kept out")
     redundancy_sum: Number = Field(description="Sum of all redundancy numbers, equal to redundancy")
-    sigma0: Sigma0 | None
-    global_test: GlobalTest | None
-    critical_w: Number = None
-    snooping_level: Number = None
-    flagged: int | None
-    uncontrolled: int | None = None
-    iteration_log: list[Step]
+    sigma0: Sigma0 | None = Field(description="Standard deviation of unit weight")
+    global_test: GlobalTest | None = Field(description="Test of all residuals together")
+    critical_w: Number = Field(default=None, description="Limit of |w|")
+    snooping_level: Number = Field(default=None, description="α0, level of the test of single observations")
+    flagged: int | None = Field(description="Number of observations beyond the limit")
+    uncontrolled: int | None = Field(default=None, description="Number of observations that nothing controls")
+    iteration_log: list[Step] = Field(description="The iterations")
     points: list[Point] | None = Field(description="null beyond 10 000: read the table")
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
-    cameras: list[Camera]
-    stations: list[Station]
-    systems: list[System]
-    pairs: list[Pair]
-    features: list[Feature]
-    others: list[Other]
-    groups: list[Group]
-    variance_components: VarianceComponents | None = None
-    gross_errors: GrossErrors
+    cameras: list[Camera] = Field(description="Interior orientations")
+    stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
+    systems: list[System] = Field(description="Local systems")
+    pairs: list[Pair] = Field(description="Relative orientations of stereo images")
+    features: list[Feature] = Field(description="Planes, lines and right angles")
+    others: list[Other] = Field(description="Unknowns of instruments, heights, eccentricities and offsets")
+    groups: list[Group] = Field(description="Groups of observations, in the order of the input")
+    variance_components: VarianceComponents | None = Field(
+        default=None, description="How the factors of the σ of the groups were estimated"
+    )
+    gross_errors: GrossErrors = Field(description="Tests of single observations")
     suspects: Suspects | None = Field(
         default=None, description="What was left out because all observations together have no solution"
     )
-    fixed_points: list[FixedPoint]
-    checks: list[Check]
+    fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
+    checks: list[Check] = Field(description="Observations kept out to check by")
     failure: Failure | None = Field(
         default=None, description="Where there is no solution: what does not come to rest, what fits worst"
     )
@@ -99,7 +103,11 @@ def results_schema() -> str:
     schema = Results.model_json_schema(by_alias=True)
     return (
         json.dumps(
-            {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema},
+            {
+                "$schema": "https://json-schema.org/draft/2020-12/schema",
+                "$id": "urn:mor:schema:results:2",
+                **schema,
+            },
             indent=2,
             ensure_ascii=False,
         )

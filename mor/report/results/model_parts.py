@@ -20,368 +20,260 @@ class Part(BaseModel):
 class Units(Part):
     """Units of all values that say none of their own."""
 
-    length: str
-    angle: str
+    length: str = Field(description="Unit of lengths and coordinates")
+    angle: str = Field(description="Unit of angles")
 
 
 class Axes(Part):
     """Axes and senses of the project."""
 
-    xy: str
-    angles: Literal["clockwise", "counterclockwise"]
-    bearings_from: Literal["north", "east", "south", "west"]
+    xy: str = Field(description="Directions of the x and y axes: en is x east, y north")
+    angles: Literal["clockwise", "counterclockwise"] = Field(
+        description="How horizontal angles and bearings count"
+    )
+    bearings_from: Literal["north", "east", "south", "west"] = Field(
+        description="Where bearings and orientations count from"
+    )
 
 
 class Direction(Part):
     """A direction that is not determined: unknowns and the proportion in which they move."""
 
-    unknowns: list[str]
-    amounts: list[float]
-
-
-class Undeterminable(Part):
-    """A row of undetermined.csv: a thing that nothing determines."""
-
-    kind: str = Field(description="point, image, station, system, pair")
-    id: str
-    reason: str
-    treatment: Literal["", "left out", "at infinity"]
-    observations: int = Field(description="Rows of observations that refer to it")
-    dx: Number = Field(description="Unit vector to a point at infinity, project axes")
-    dy: Number
-    dz: Number
-    sigma: Number = Field(description="Its standard deviation across, the larger one, an angle")
+    unknowns: list[str] = Field(description="Thing and component of each unknown that moves")
+    amounts: list[float] = Field(description="How far each of them moves, the largest 1")
 
 
 class Sigma0(Part):
     """Standard deviation of unit weight."""
 
-    apriori: float
-    aposteriori: Number
+    apriori: float = Field(description="As set")
+    aposteriori: Number = Field(description="√(vᵀPv / redundancy) times the one a priori")
     ratio: Number = Field(description="(aposteriori / apriori)²")
-    ratio_of_sigmas: Number
+    ratio_of_sigmas: Number = Field(description="aposteriori / apriori")
     used_for_sigma: float = Field(description="What cofactors were multiplied with to become σ")
 
 
 class GlobalTest(Part):
     """Two-sided χ² test of vᵀPv."""
 
-    statistic: float
-    lower: float
-    upper: float
-    level: float
-    accepted: bool
+    statistic: float = Field(description="vᵀPv for σ0 a priori")
+    lower: float = Field(description="Lower limit")
+    upper: float = Field(description="Upper limit")
+    level: float = Field(description="Level of the test")
+    accepted: bool = Field(description="True where the statistic lies between the limits")
 
 
 class Step(Part):
     """One iteration."""
 
-    number: int
-    objective: float
+    number: int = Field(description="Number of the iteration, from 1")
+    objective: float = Field(description="vᵀPv before the step")
     largest_change: float = Field(description="In units of σ")
-    damping: float
+    damping: float = Field(description="Damping of the step, 0 without")
+
+
+class Component(Part):
+    """A component of a block."""
+
+    value: float = Field(description="Its value")
+    sigma: Number = Field(description="Its standard deviation")
+    status: Literal["free", "fixed"] = Field(description="Whether it is an unknown")
+    t: Number = Field(default=None, description="|value| / σ, the test of its significance")
 
 
 class Position(Part):
     """A name, coordinates and their σ."""
 
-    id: str
-    x: Number
-    y: Number
-    z: Number
-    sx: Number
-    sy: Number
-    sz: Number
+    id: str = Field(description="Its name")
+    x: Number = Field(description="x in project axes, unit of lengths")
+    y: Number = Field(description="y in project axes")
+    z: Number = Field(description="z in project axes")
+    sx: Number = Field(description="σ of x")
+    sy: Number = Field(description="σ of y")
+    sz: Number = Field(description="σ of z")
 
 
 class Point(Position):
     """A row of points.csv."""
 
-    ellipsoid_a: Number
-    ellipsoid_b: Number
-    ellipsoid_c: Number
-    rxy: Share
-    rxz: Share
-    ryz: Share
-    rays: int
-    others: int
-    mean_r: Number
-    largest_w: Number
-    status: Literal["free", "partly fixed", "fixed", "left out", "at infinity"]
+    ellipsoid_a: Number = Field(description="Longest semi-axis of the standard error ellipsoid")
+    ellipsoid_b: Number = Field(description="Middle semi-axis")
+    ellipsoid_c: Number = Field(description="Shortest semi-axis")
+    rxy: Share = Field(description="Correlation of x and y")
+    rxz: Share = Field(description="Correlation of x and z")
+    ryz: Share = Field(description="Correlation of y and z")
+    rays: int = Field(description="Number of image rays to it")
+    others: int = Field(description="Number of other rows of observations that name it")
+    mean_r: Number = Field(description="Mean redundancy number of its observations")
+    largest_w: Number = Field(description="Largest |w| of its observations")
+    status: Literal["free", "partly fixed", "fixed", "left out", "at infinity"] = Field(
+        description="Whether its coordinates are unknowns"
+    )
 
 
 class Posed(Position):
     """A position with an attitude."""
 
-    omega: Number
-    phi: Number
-    kappa: Number
-    somega: Number
-    sphi: Number
-    skappa: Number
+    omega: Number = Field(description="ω, unit of angles")
+    phi: Number = Field(description="φ")
+    kappa: Number = Field(description="κ")
+    somega: Number = Field(description="σ of ω")
+    sphi: Number = Field(description="σ of φ")
+    skappa: Number = Field(description="σ of κ")
 
 
 class Image(Posed):
     """A row of images.csv."""
 
-    camera: str
-    points: int
-    rms: Number
-    mean_r: Number
-    largest_w: Number
+    camera: str = Field(description="Its camera")
+    points: int = Field(description="Number of points measured in it")
+    rms: Number = Field(description="Root mean square of its residuals, in the unit they were measured in")
+    mean_r: Number = Field(description="Mean redundancy number of its image coordinates")
+    largest_w: Number = Field(description="Largest |w| of its image coordinates")
+    interior: dict[str, Component] | None = Field(
+        default=None, description="Components of the interior orientation that the image has of its own"
+    )
 
 
 class Station(Posed):
     """A theodolite station."""
 
     orientation: Number = Field(description="Bearing of the zero of the horizontal circle")
-    sorientation: Number
-    height: Number
+    sorientation: Number = Field(description="σ of the orientation")
+    height: Number = Field(description="Height of the instrument above its position")
 
 
 class System(Posed):
     """A local system."""
 
-    scale: Number
-    sscale: Number
+    scale: Number = Field(description="λ")
+    sscale: Number = Field(description="σ of the scale")
 
 
 class Pair(Part):
     """A relative orientation of stereo images."""
 
-    id: str
-    bx: Number
-    by: Number
-    bz: Number
-    sbx: Number
-    sby: Number
-    sbz: Number
-    omega: Number
-    phi: Number
-    kappa: Number
-    somega: Number
-    sphi: Number
-    skappa: Number
-
-
-class Component(Part):
-    """A component of a block."""
-
-    value: float
-    sigma: Number
-    status: Literal["free", "fixed"]
-    t: Number = Field(default=None, description="|value| / σ, the test of its significance")
+    id: str = Field(description="Its name")
+    bx: Number = Field(description="Projection centre of the follower in the image axes of the leader, x")
+    by: Number = Field(description="y of the same")
+    bz: Number = Field(description="z of the same")
+    sbx: Number = Field(description="σ of bx")
+    sby: Number = Field(description="σ of by")
+    sbz: Number = Field(description="σ of bz")
+    omega: Number = Field(description="ω*, unit of angles")
+    phi: Number = Field(description="φ*")
+    kappa: Number = Field(description="κ*")
+    somega: Number = Field(description="σ of ω*")
+    sphi: Number = Field(description="σ of φ*")
+    skappa: Number = Field(description="σ of κ*")
 
 
 class Format(Part):
     """Image size in px, pixel size in camera units, where coordinates count from."""
 
-    width: float
-    height: float
-    pixel: float
-    origin: Literal["centred", "corner"]
+    width: float = Field(description="Image width, px")
+    height: float = Field(description="Image height, px")
+    pixel: float = Field(description="Size of a pixel, camera unit")
+    origin: Literal["centred", "corner"] = Field(description="Where image coordinates count from")
 
 
 class Correlations(Part):
     """Correlation matrix of the estimated components."""
 
-    components: list[str]
-    matrix: list[list[float]] | None
+    components: list[str] = Field(description="Names of the rows and columns")
+    matrix: list[list[float]] | None = Field(description="Correlations, row by row")
 
 
 class Camera(Part):
     """An interior orientation."""
 
-    id: str
-    model: str
-    unit: str
-    r0: str | None
-    format: Format | None
-    components: dict[str, Component]
-    correlations: Correlations
+    id: str = Field(description="Its name")
+    model: str = Field(description="Its camera model")
+    unit: str = Field(description="Unit of its interior orientation")
+    r0: Number = Field(description="Second zero crossing of the radial distortion, camera unit")
+    format: Format | None = Field(description="Image format, where it is given")
+    components: dict[str, Component] = Field(description="Interior orientation by component")
+    correlations: Correlations = Field(description="Correlations of the components that are unknowns")
 
 
 class Feature(Part):
     """A plane or a line."""
 
-    id: str
-    type: Literal["plane", "line", "right angle"]
-    part: str
-    dx: float
-    dy: float
-    dz: float
-    distance: Number
-    x: float
-    y: float
-    z: float
-    points: int
-    rms: float
+    id: str = Field(description="Its name")
+    type: Literal["plane", "line", "right angle"] = Field(description="What kind of feature it is")
+    part: str = Field(description="plane or line; of a right angle which of its planes")
+    dx: float = Field(description="Direction of the line, or normal of the plane: x")
+    dy: float = Field(description="y of the same")
+    dz: float = Field(description="z of the same")
+    distance: Number = Field(description="Distance of the plane from the origin")
+    x: float = Field(description="Mean of the points on it: x")
+    y: float = Field(description="y of the same")
+    z: float = Field(description="z of the same")
+    points: int = Field(description="Number of points on it")
+    rms: float = Field(description="Root mean square of their distances from it")
 
 
 class Other(Part):
     """An estimated block that belongs to no other table."""
 
-    kind: str
-    id: str
-    components: dict[str, Component]
+    kind: str = Field(description="What kind of block it is")
+    id: str = Field(description="Whose it is")
+    components: dict[str, Component] = Field(description="Its unknowns by component")
 
 
 class Group(Part):
     """An observation group."""
 
-    name: str
-    type: str
-    observations: int
-    redundancy: Number = None
-    omega: Number = Field(
+    name: str = Field(description="Table, camera or instrument it comes from")
+    type: str = Field(description="Type of its observations as a project names it")
+    observations: int = Field(description="Number of observations that took part")
+    redundancy: Number = Field(default=None, description="Sum of their redundancy numbers")
+    vtpv: Number = Field(
         default=None,
         description="Its part of vᵀPv; may be negative where observations are correlated across groups",
     )
-    sigma0: Number = Field(default=None, description="√(omega/redundancy); null where there is none")
-    mean_r: Number = None
-    largest_w: Number = None
-    excluded: int | None = None
-    flagged: int | None = None
-    sigma_factor: Number = None
-    sigma_of_factor: Number = None
+    sigma0: Number = Field(default=None, description="√(vtpv/redundancy); null where there is none")
+    mean_r: Number = Field(default=None, description="Mean redundancy number")
+    largest_w: Number = Field(default=None, description="Largest |w|")
+    excluded: int | None = Field(default=None, description="Number of observations taken out")
+    flagged: int | None = Field(default=None, description="Number of observations beyond the critical value")
+    sigma_factor: Number = Field(default=None, description="Estimated factor on the σ of the group")
+    sigma_of_factor: Number = Field(default=None, description="Standard deviation of that factor")
 
 
 class VarianceComponents(Part):
     """How the factors of the σ of the groups were estimated."""
 
-    method: Literal["simplified", "helmert"]
+    method: Literal["simplified", "helmert"] = Field(description="Each group by itself, or the full system")
     iterated: bool = Field(description="True where the weights have them in")
     settled: bool = Field(description="True where iterating them changed nothing any more")
-    rounds: int
-
-
-class Place(Part):
-    """Which observation."""
-
-    type: str
-    group: str
-    names: dict[str, str]
-    component: str
-    unit: str
-
-
-class Suspicious(Place):
-    """An observation with a large test value, and what an error in it does."""
-
-    w: float
-    r: float
-    error: float
-    nabla: float
-    point: str | None = Field(description="The point that it moves most")
-    movement: list[float] | None = Field(
-        description="By the estimated error; null where so little controls the observation that this says nothing"
-    )
-    flagged: bool
-
-
-class SnoopingStep(Place):
-    """An observation that was taken out or put back."""
-
-    round: int
-    action: Literal["excluded", "put back"]
-    w: float
-
-
-class MostlyOut(Part):
-    """An image, station or point of which more than half of the observations were taken out."""
-
-    of: str
-    id: str
-    excluded: int
-    observations: int
-
-
-class Snooping(Part):
-    """Data snooping."""
-
-    clean: bool
-    mostly_out: list[MostlyOut] = []
-    sigma0_before: float
-    steps: list[SnoopingStep]
-
-
-class Robust(Part):
-    """The robust solution beside the least-squares one."""
-
-    method: Literal["l1", "danish"]
-    settled: bool
-    rejected: list[Place]
-    largest_shift: float
-    rms_shift: float
-
-
-class GrossErrors(Part):
-    """Tests of single observations; empty without a solution."""
-
-    alpha0: Number = None
-    beta0: Number = None
-    noncentrality: Number = None
-    familywise_level: Number = None
-    global_level_of_b_method: Number = None
-    suspicious: list[Suspicious] = []
-    snooping: Snooping | None = None
-    robust: Robust | None = None
-
-
-class Suspect(Place):
-    """An observation that was left out."""
-
-    misfit: float = Field(description="|v|/σ against the robust solution")
-
-
-class Suspects(Part):
-    """Observations left out so that the rest has a solution."""
-
-    outcome: Literal["converged", "not converged", "diverged"] = Field(
-        description="How the adjustment of all observations ended; converged: at a place that fits hardly any of them"
-    )
-    iterations: int
-    sigma0_ratio: Number
-    count: int
-    observations: list[Suspect] = Field(description="The worst first, at most 10 000")
+    rounds: int = Field(description="Number of adjustments it took")
 
 
 class FixedPoint(Part):
     """Test of the coordinates a point is held at."""
 
-    id: str
-    movement: list[float]
-    freedom: int
-    test: float
-    p: float
-    test_estimated: Number
-    p_estimated: Number
+    id: str = Field(description="Its name")
+    movement: list[float] = Field(description="Estimated movement in x, y, z")
+    freedom: int = Field(description="Number of its fixed coordinates")
+    test: float = Field(description="Test statistic, χ²")
+    p: float = Field(description="Probability of one as large")
+    test_estimated: Number = Field(description="The same with σ0 a posteriori, F")
+    p_estimated: Number = Field(description="Its probability")
 
 
 class Check(Part):
     """Deviations of a group that was kept out, adjusted − known, one component."""
 
-    group: str
-    type: str
-    component: str
-    unit: str
-    count: int
-    mean: float
-    rms: float
-    largest: float
-    exceeding: int
-
-
-class Moving(Part):
-    """An unknown that does not come to rest."""
-
-    kind: str
-    of: str
-    id: str
-    component: str
-    unit: str
-    steps: list[Number] = Field(description="Its last steps, or the one that could not be taken")
-    way: Literal["to and fro", "away", "wanted"]
+    group: str = Field(description="Table it comes from")
+    type: str = Field(description="Type of its observations as a project names it")
+    component: str = Field(description="Component of the type")
+    unit: str = Field(description="Unit of the observation")
+    count: int = Field(description="Number of observations")
+    mean: float = Field(description="Mean deviation")
+    rms: float = Field(description="Root mean square deviation")
+    largest: float = Field(description="Largest deviation, with its sign")
+    exceeding: int = Field(description="Number of deviations beyond the critical value")
 
 
 class Residual(Part):
@@ -389,44 +281,32 @@ class Residual(Part):
 
     model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
 
-    type: str
-    group: str
-    at: str
-    from_: str = Field(alias="from")
-    to: str
-    component: str
-    unit: str
-    observed: Number
-    adjusted: Number
-    v: Number
-    sigma: Number
-    sigma_adjusted: Number
-    r: Number
-    w: Number
-    tau: Number
-    test: Number
-    p: Number
-    t2: Number
-    p_t: Number
-    error: Number
-    nabla: Number
-    external: Number
-    influence: Number
-    joint: Number
-    joint_freedom: Number
-    p_joint: Number
-    flag: Literal["", "gross", "uncontrolled", "excluded", "check"]
-
-
-class Misfit(Residual):
-    """A residual at the last values, where there is no solution."""
-
-    misfit: Number = Field(description="abs(v) / sigma")
-
-
-class Failure(Part):
-    """What is known where there is no solution."""
-
-    notice: str
-    moving: list[Moving]
-    worst: list[Misfit]
+    type: str = Field(description="Type of the observation as a project names it")
+    group: str = Field(description="Table it comes from")
+    at: str = Field(description="Station of an angle; empty otherwise")
+    from_: str = Field(alias="from", description="Station, or image, or the first end")
+    to: str = Field(description="Target, or point, or the second end")
+    component: str = Field(description="Component of the type")
+    unit: str = Field(description="Unit of observed, adjusted, v, sigma, sigma_adjusted, error, nabla")
+    observed: Number = Field(description="As it was given")
+    adjusted: Number = Field(description="observed + v")
+    v: Number = Field(description="adjusted - observed")
+    sigma: Number = Field(description="σ a priori")
+    sigma_adjusted: Number = Field(description="σ of the adjusted observation")
+    r: Number = Field(description="Redundancy number")
+    w: Number = Field(description="Test statistic, for correlated observations too")
+    normalised: Number = Field(description="v/σ_v for σ0 a priori: the same as w where it is uncorrelated")
+    tau: Number = Field(description="v/σ_v for σ0 a posteriori")
+    p: Number = Field(description="Probability of |w| as large")
+    t2: Number = Field(description="Squared Student test, σ0 from the other observations")
+    p_t: Number = Field(description="Probability of t2 as large")
+    error: Number = Field(description="Estimated gross error")
+    nabla: Number = Field(description="Smallest detectable error")
+    external: Number = Field(description="Influence of nabla on the results, in units of their σ")
+    influence: Number = Field(description="Influence of the error on its point, unit of lengths")
+    joint: Number = Field(description="Joint test of the components of one row")
+    joint_freedom: Number = Field(description="Its degrees of freedom")
+    p_joint: Number = Field(description="Its probability")
+    flag: Literal["", "gross", "uncontrolled", "excluded", "check"] = Field(
+        description="gross: beyond the limit; uncontrolled: no test is possible; excluded, check: kept out"
+    )

@@ -8,6 +8,7 @@ import numpy as np
 
 from mor import __version__
 from mor.arrays import BoolArray
+from mor.project.network.entities import said_thing
 from mor.quality.diagnosis.singularities import weakness
 from mor.quality.in_chunks import in_pieces
 from mor.quality.reliability.observation_quality import ObservationQuality
@@ -17,7 +18,7 @@ from mor.report.edge import angle_unit
 from mor.report.tables.undeterminable import undeterminable_rows
 
 SCHEMA = "mor-results"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def summary(solved: Solved) -> dict[str, Any]:
@@ -57,7 +58,7 @@ def summary(solved: Solved) -> dict[str, Any]:
 def _undetermined(solved: Solved) -> list[dict[str, Any]]:
     return [
         {
-            "unknowns": [" ".join(unknown) for unknown in direction.unknowns],
+            "unknowns": [f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns],
             "amounts": list(direction.amounts),
         }
         for direction in solved.adjustment.defect.undetermined

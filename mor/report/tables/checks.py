@@ -33,7 +33,7 @@ def check_rows(solved: Solved) -> list[dict[str, Any]]:
                 rows.append(
                     {
                         "group": group.name,
-                        "type": group.type.key,
+                        "type": group.type.name,
                         "component": component.name,
                         "unit": said(group).external.units[k],
                         **numbers,

@@ -22,7 +22,7 @@ from mor.quality.solved import Solved
 from mor.report.edge import Estimate, angle_unit, plain, points, rotations
 from mor.report.tables.control import control_of_images, control_of_points
 from mor.report.tables.shared import once
-from mor.units import ANGLE_UNITS
+from mor.units import ANGLE_UNITS, IMAGE
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
@@ -149,13 +149,20 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
                 "id": name,
                 "model": camera.model,
                 "unit": solved.network.scales[name].unit,
-                "r0": camera.r0,
+                "r0": _zero_crossing(solved, name),
                 "format": _format(solved, name),
                 "components": _components(solved, kind, number, CAMERA_MODELS[camera.model].components),
                 "correlations": _correlations(solved, kind, number),
             }
         )
     return rows
+
+
+def _zero_crossing(solved: Solved, name: str) -> float | None:
+    """Second zero crossing of the radial distortion in camera units, where the project gives one."""
+    given = solved.network.project.cameras[name].r0
+    edge, scale = solved.network.edge, solved.network.scales[name]
+    return edge.number(given, IMAGE, "", scale) if given is not None else None
 
 
 def _format(solved: Solved, name: str) -> dict[str, Any] | None:
@@ -198,6 +205,19 @@ def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
     return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
 
 
+def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
+    """Components of the interior orientation that an image has of its own, by image, where it has some."""
+    images, cameras = solved.network.things["image"], solved.network.project.cameras
+    found = {}
+    for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
+        model = cameras[solved.network.things["camera"].ids[camera]]
+        if model.image_variant:
+            kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
+            components = _components(solved, kind.key, number, kind.components)
+            found[name] = {own: components[own] for own in model.image_variant}
+    return found
+
+
 def other_rows(solved: Solved) -> list[dict[str, Any]]:
     """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
     rows = []
@@ -229,7 +249,7 @@ def group_table(solved: Solved) -> pl.DataFrame:
     for number, group in enumerate(solved.adjustment.problem.groups[:inside]):
         row: dict[str, Any] = {
             "name": group.name,
-            "type": group.type.key,
+            "type": group.type.name,
             "observations": int(np.count_nonzero(group.mask & ~group.left_out)),
         }
         if solved.quality is not None:
@@ -237,7 +257,7 @@ def group_table(solved: Solved) -> pl.DataFrame:
             omega, r = omega_of(quality), redundancy_of(quality)
             row |= {
                 "redundancy": r,
-                "omega": omega,
+                "vtpv": omega,
                 "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 and omega >= 0.0 else None,
                 "mean_r": r / row["observations"] if row["observations"] else None,
                 "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),

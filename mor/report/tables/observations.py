@@ -34,7 +34,7 @@ SCHEMA = {
 
 SHOWN = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "adjusted", "v", "sigma"),
-    *("r", "test", "error", "nabla", "external", "influence", "flag"),
+    *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
 """Columns that pages and pictures are drawn from."""
 
@@ -68,7 +68,7 @@ def table_of(rows: AssessedRows) -> pl.DataFrame:
         "flag": pl.Series(FLAGS).gather(flags(rows)[mask]),
         **{key: values.ravel() if whole else values[mask] for key, values in numbers.items()},
     }
-    said_of_all = {"type": group.type.key, "group": group.name, "at": ""}
+    said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
     literals = [pl.lit(text).alias(key) for key, text in said_of_all.items() if key not in columns]
     return (
         pl.DataFrame(columns).with_columns(*literals, pl.col(pl.Float64).fill_nan(None)).select(list(SCHEMA))

@@ -31,7 +31,6 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
         else None
     )
     return {
-        "alpha0": quality.levels.snooping,
         "beta0": quality.levels.power,
         "noncentrality": quality.noncentrality,
         "familywise_level": quality.levels.familywise,
@@ -93,7 +92,7 @@ def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
         for reference, names in zip(group.type.references, group.references, strict=True)
     }
     return {
-        "type": group.type.key,
+        "type": group.type.name,
         "group": group.name,
         "names": names,
         "component": group.type.components[outside].name,

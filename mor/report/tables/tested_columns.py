@@ -16,8 +16,8 @@ from mor.report.tables.assessed_observations import AssessedRows
 TESTED = {
     "r": pl.Float64,
     "w": pl.Float64,
+    "normalised": pl.Float64,
     "tau": pl.Float64,
-    "test": pl.Float64,
     "p": pl.Float64,
     "t2": pl.Float64,
     "p_t": pl.Float64,
@@ -50,9 +50,9 @@ def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
     sigma0 = quality.sigma0 if quality.sigma0 > 0.0 else np.nan
     return {
         "r": said_numbers(group, r),
-        "w": said_signs(group, w),
+        "w": said_signs(group, rows.test),
+        "normalised": said_signs(group, w),
         "tau": said_signs(group, np.where(out, np.nan, w) / sigma0),
-        "test": said_signs(group, rows.test),
         "p": said_numbers(group, np.exp(log_p_normal(rows.test))),
         "t2": said_numbers(group, square),
         "p_t": said_numbers(group, np.exp(log_p_student(square, quality.redundancy - 1))),

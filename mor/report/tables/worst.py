@@ -11,7 +11,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.quality.in_chunks import in_pieces
 from mor.quality.reliability.detectable_errors import without_test
 from mor.quality.solved import Solved
-from mor.quality.tests.test_statistics import comparable, least_alike, normalised_residuals
+from mor.quality.tests.test_statistics import comparable, least_alike
 from mor.report.tables.assessed_observations import AssessedGroups
 from mor.report.tables.observations import SCHEMA, table_of
 
@@ -42,14 +42,11 @@ def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatAr
     quality, group = solved.quality, solved.adjustment.problem.groups[number]
     if quality is None:
         return np.full(group.count, -1.0), np.zeros(0)
-    one, tests, out = quality.groups[number], quality.reliability[number], group.left_out
+    tests = quality.reliability[number]
     tops = [np.zeros(0)]
 
     def of_rows(rows: slice) -> FloatArray:
-        w = normalised_residuals(one.at(rows))
-        if group.excluded is not None:
-            w = np.where(out[rows], tests.at(rows).test, w)
-        size: FloatArray = np.nan_to_num(np.abs(w), nan=-1.0)
+        size: FloatArray = np.nan_to_num(np.abs(tests.at(rows).test), nan=-1.0)
         tops.append(_top(size.ravel(), count))
         tops[:] = [_top(np.concatenate(tops), count)]
         return np.asarray(size.max(axis=1))

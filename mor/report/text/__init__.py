@@ -17,7 +17,6 @@ from mor.report.text import (
     residuals,
     stations,
     suspects,
-    undeterminable,
     undetermined,
     unsettled,
 )
@@ -29,7 +28,7 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
     sections = [
         head.section(solved, words),
         undetermined.section(solved, words),
-        undeterminable.section(solved, words),
+        undetermined.listed(solved, words),
         unsettled.section(solved, words),
         suspects.section(solved, words),
         checks.section(solved, words),

@@ -34,7 +34,7 @@ def _camera(row: dict[str, Any], words: Words) -> str:
     title = heading(words("Camera {id} (model {model})", id=row["id"], model=row["model"]))
     lines = [title, table(["component", "unit", "value", "sigma", "value/sigma", "status"], rows, 2, words)]
     if row["r0"] is not None:
-        lines.append(f"r0 = {words.number(row['r0'])} {unit}")
+        lines.append(f"r0 = {words.number(format(row['r0'], '.6g'))} {unit}")
     names, matrix = row["correlations"]["components"], row["correlations"]["matrix"]
     if matrix is not None and len(names) > 1:
         body = [[name, *(fixed(matrix[i][j], 3) for j in range(i + 1))] for i, name in enumerate(names)]

@@ -18,7 +18,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             row["type"],
             str(row["observations"]),
             fixed(row["redundancy"], 3),
-            fixed(row["omega"], 3),
+            fixed(row["vtpv"], 3),
             fixed(row["sigma0"], 4),
             str(row["flagged"]),
         ]

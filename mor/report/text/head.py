@@ -10,7 +10,7 @@ from mor.report.tables.suspects import suspects
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
 from mor.report.text.suspects import sentences as sentences_on_suspects
-from mor.report.text.undeterminable import sentences
+from mor.report.text.undetermined import sentences
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 

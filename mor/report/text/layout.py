@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from mor.escapes import escaped
+from mor.report.tables.worst import component_of
 from mor.report.words.language import ENGLISH, Words
 
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
@@ -69,3 +71,10 @@ def digits_worth(value: float, sigma: float | None) -> int:
 def short(value: float | None, digits: int = 6) -> str:
     """A number with significant digits; a dash where there is none."""
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def in_words(row: dict[str, Any], words: Words) -> str:
+    """Which observation: its type, where its first name does not say that already, its names and its component."""
+    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
+    type_ = "" if next(iter(row["names"]), "") == row["type"] else f"{row['type']} "
+    return f"{type_}{names}{component_of(row)}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
+from mor.report.results.summary import summary
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
-from mor.report.tables.worst import component_of
-from mor.report.text.layout import DIGITS, fixed, heading, short, table
+from mor.report.text.layout import DIGITS, fixed, heading, in_words, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40
@@ -23,7 +23,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         heading(words("Gross errors")),
         words(
             "Tests of single observations with alpha0 = {alpha}, beta0 = {beta} (delta0 squared = {delta}).",
-            alpha=f"{data['alpha0']:.3g}",
+            alpha=f"{summary(solved)['snooping_level']:.3g}",
             beta=f"{data['beta0']:.3g}",
             delta=f"{data['noncentrality']:.4f}",
         ),
@@ -49,13 +49,13 @@ def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
     if row["point"] is not None and row["movement"] is None:
         return words(
             "{place}: w = {w}, r = {r}: so little else controls it that nothing can be said of an error in it",
-            place=_place(row, words),
+            place=in_words(row, words),
             w=fixed(row["w"], 2),
             r=short(row["r"], 2),
         )
     said = words(
         "{place}: w = {w}, r = {r}, estimated error {error} {unit}, smallest detectable {nabla}",
-        place=_place(row, words),
+        place=in_words(row, words),
         w=fixed(row["w"], 2),
         r=fixed(row["r"], 2),
         error=short(row["error"], 3),
@@ -73,11 +73,6 @@ def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
         unit=unit,
         axis="XYZ"[axis],
     )
-
-
-def _place(row: dict[str, Any], words: Words) -> str:
-    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
-    return f"{row['type']} {names}{component_of(row)}"
 
 
 def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
@@ -118,7 +113,7 @@ def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
         lines.append(words("NOT CLEAN: something that is still flagged could not be excluded."))
     lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:SHOWN]]
     rows = [
-        [str(step["round"]), step["action"], _place(step, words), fixed(step["w"], 2)]
+        [str(step["round"]), step["action"], in_words(step, words), fixed(step["w"], 2)]
         for step in data["steps"][: 5 * SHOWN]
     ]
     if rows:
@@ -155,7 +150,7 @@ def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
             largest=fixed(data["largest_shift"], d),
         ),
     ]
-    lines += [f"  {_place(row, words)}" for row in data["rejected"][:SHOWN]]
+    lines += [f"  {in_words(row, words)}" for row in data["rejected"][:SHOWN]]
     if len(data["rejected"]) > SHOWN:
         lines.append(words("  and {count} more", count=len(data["rejected"]) - SHOWN))
     return lines

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from mor.escapes import escaped
@@ -12,9 +10,8 @@ from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import group_table, interior_rows, point_table
 from mor.report.tables.reliability import place
-from mor.report.tables.worst import component_of
 from mor.report.text.head import verdict
-from mor.report.text.layout import fixed, short, table
+from mor.report.text.layout import fixed, in_words, short, table
 from mor.report.text.undetermined import section as undetermined
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
@@ -72,18 +69,13 @@ def _worst(solved: Solved, words: Words) -> list[str]:
         group, row, component = effect.entry
         line = words(
             "Worst: {place}: |w| = {w}, r = {r}",
-            place=_named(place(solved.adjustment.problem.groups[group], row, component), words),
+            place=in_words(place(solved.adjustment.problem.groups[group], row, component), words),
             w=fixed(abs(effect.test), 2),
             r=fixed(effect.r, 2),
         )
         flagged = quality.flagged[group][row, component]
         lines.append(f"{line} ({words.listed('flagged')})" if flagged else line)
     return lines
-
-
-def _named(row: dict[str, Any], words: Words) -> str:
-    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
-    return f"{row['type']} {names}{component_of(row)}"
 
 
 def _points(solved: Solved, words: Words) -> list[str]:

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mor.adjustment.state import Outcome
+from mor.errors import Undeterminable
 from mor.quality.diagnosis.singularities import explain_singularity, turned_about, weakness
 from mor.quality.solved import Solved
-from mor.report.text.layout import heading
+from mor.report.text.layout import heading, table
 from mor.report.words.language import ENGLISH, Words
+
+SHOWN = 1000
+"""Things a text report lists; the table beside it has all."""
+_NAMED = 5
 
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -18,3 +25,50 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("What is hardly determined")), *turned]) if turned else ""
     return "\n".join([heading(words("What is not determined")), *explain_singularity(solved, words)])
+
+
+def listed(solved: Solved, words: Words = ENGLISH) -> str:
+    """What was left out, what is at infinity, what stops the adjustment."""
+    things = solved.network.undeterminable
+    if not things:
+        return ""
+    rows = [
+        [
+            words.listed(thing.kind),
+            thing.name,
+            words.listed(thing.treatment) if thing.treatment else "-",
+            words.listed(thing.reason),
+        ]
+        for thing in things[:SHOWN]
+    ]
+    headers = ["thing", "id", "treatment", "reason"]
+    lines = [heading(words("What nothing determines")), table(headers, rows, 4, words)]
+    if len(things) > SHOWN:
+        lines.append(words("{count} more stand in undetermined.csv.", count=len(things) - SHOWN))
+    return "\n".join(lines)
+
+
+def sentences(things: Sequence[Undeterminable], words: Words = ENGLISH) -> list[str]:
+    """What the verdict says of them: how many, the first by name, where all of them stand."""
+    left = [thing for thing in things if thing.treatment == "left out"]
+    far = [thing for thing in things if thing.treatment == "at infinity"]
+    lines = []
+    if left:
+        lines.append(
+            words(
+                "{count:thing is|things are} LEFT OUT, because nothing determines them: {names} (undetermined.csv).",
+                count=len(left),
+                names=_names(left, words),
+            )
+        )
+    if far:
+        lines.append(
+            words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words))
+        )
+    return lines
+
+
+def _names(things: Sequence[Undeterminable], words: Words) -> str:
+    listed = ", ".join(f"{words.listed(thing.kind)} {thing.name}" for thing in things[:_NAMED])
+    more = len(things) - _NAMED
+    return words("{names} and {count} more", names=listed, count=more) if more > 0 else listed

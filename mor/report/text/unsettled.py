@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
-from mor.report.tables.unsettled import moving_rows, worst_misfits
+from mor.report.results.failure import moving_rows, worst_misfits
 from mor.report.text.layout import fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 

@@ -107,4 +107,4 @@ def test_what_cannot_be_known_is_named() -> None:
     observed = group.observed.copy()
     observed[rows] = np.nan
     crippled = replace(network, groups=(replace(group, observed=observed), *network.groups[1:]))
-    assert [words for words in approximate(crippled).missing if f"point {lost}:" in words]
+    assert [thing for thing in approximate(crippled).missing if (thing.kind, thing.name) == ("point", lost)]

@@ -91,7 +91,7 @@ def test_a_single_scale_bar_has_no_test_and_it_is_said(tmp_path):
     (bar,) = (row for row in residuals(tmp_path) if row["type"] == "distance")
     assert bar["flag"] == "uncontrolled"
     assert abs(float(bar["r"])) < 1e-9
-    assert bar["test"] == bar["nabla"] == ""
+    assert bar["w"] == bar["nabla"] == ""
 
 
 def test_an_observation_the_network_does_not_need_has_r_of_one(tmp_path):
@@ -167,7 +167,7 @@ def test_two_images_only_control_the_parallax_and_nothing_else(tmp_path):
     # which of the four rays' coordinates is wrong cannot be told: all have the same test
     tests = {}
     for row in residuals(tmp_path):
-        tests.setdefault(row["to"], []).append(abs(float(row["test"])))
+        tests.setdefault(row["to"], []).append(abs(float(row["w"])))
     for values in tests.values():
         np.testing.assert_allclose(values, values[0], rtol=1e-4)
     assert "redundancy n - u + d 7 (sum of redundancy numbers 7.000000)" in report

@@ -108,8 +108,8 @@ def test_very_many_residuals_are_those_with_the_largest_tests(facade_view: View)
     shown = worst_first(replace(facade_view, residuals=many))
     assert shown.height == MOST_ROWS
     left_out = many.height - MOST_ROWS
-    smallest = many["test"].abs().sort(nulls_last=True).head(left_out)
-    assert smallest[-1] <= shown["test"].abs().drop_nulls().min()  # type: ignore[operator]
+    smallest = many["w"].abs().sort(nulls_last=True).head(left_out)
+    assert smallest[-1] <= shown["w"].abs().drop_nulls().min()  # type: ignore[operator]
 
 
 def test_ellipses_of_confidence_have_a_scale(facade_view: View) -> None:

@@ -164,7 +164,7 @@ def test_residuals_are_filtered_by_text_and_by_size(opened: Any, facade_view: An
         "report.tables.residuals.filterBy('from', 'IMG_4711'); report.tables.residuals.filterBy('test', '|>1.5|')"
     )
     expected = facade_view.residuals.filter(
-        facade_view.residuals["from"] == "IMG_4711", facade_view.residuals["test"].abs() > 1.5
+        facade_view.residuals["from"] == "IMG_4711", facade_view.residuals["w"].abs() > 1.5
     )
     assert opened.execute_script("return report.tables.residuals.rows.length") == expected.height > 3
     opened.execute_script(

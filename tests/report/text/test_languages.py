@@ -13,6 +13,7 @@ import mor.quality
 import mor.report.text
 from mor.adjustment.datum.defect import MOVEMENTS
 from mor.parameters.kinds import KINDS
+from mor.project.network.entities import FRAMES
 from mor.quality.diagnosis import connected_components, singularities
 from mor.report.text.layout import table
 from mor.report.words.datum import datum_name
@@ -60,7 +61,7 @@ def test_what_is_put_into_sentences_is_there_in_german() -> None:
         *MOVEMENTS,
         *connected_components._NAMED,
         *(f"{name}s" for name in connected_components._NAMED),
-        *singularities._FRAMES,
+        *FRAMES,
     }
     kinds = {kind for kind in KINDS if not kind.startswith("interior/")} | {"position"}
     assert sorted((names | kinds | set(singularities._CURES.values())) - set(words_of("de").catalogue)) == []

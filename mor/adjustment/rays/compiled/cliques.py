@@ -264,6 +264,23 @@ def look_up(met: Met, pattern: Pattern, row: int, column: int) -> int:
 
 
 @compile_kernel
+def starts_of_column(blocks: IntArray, slot: int, met: Met, pattern: Pattern, starts: IntArray) -> bool:
+    """Set where the blocks of a clique in the column of its block ``slot`` start, the diagonal one first.
+
+    Returns False where one of them is not stored.
+    """
+    column = blocks[slot]
+    for other in range(slot, blocks.size):
+        start = met.starts[column, blocks[other]]
+        if start < 0:
+            start = look_up(met, pattern, blocks[other], column)
+            if start < 0:
+                return False
+        starts[other - slot] = start
+    return True
+
+
+@compile_kernel
 def places_of_frame(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
     """Set where the pairs of columns (K,) of a frame stand in the flat values: (K, K).
 

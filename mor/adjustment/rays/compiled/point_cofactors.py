@@ -16,10 +16,10 @@ from mor.adjustment.rays.compiled.cliques import (
     Pattern,
     Runs,
     grouped,
-    look_up,
     merge,
     room_for_clique,
     runs_of_frames,
+    starts_of_column,
     survey,
 )
 from mor.adjustment.rays.compiled.cofactor_strips import multiply_column_of_point
@@ -89,7 +89,7 @@ def multiply_by_strip(
     ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
     """
     blocks, all_begin = store.blocks, store.begin
-    known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
+    starts = np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
@@ -98,15 +98,8 @@ def multiply_by_strip(
         slots = end - block
         base, size = store.first_coupling[g] // 3, begin[slots]
         for slot in range(low, high):
-            column = blocks[block + slot]
-            for other in range(slot, slots):
-                row = blocks[block + other]
-                start = known[column, row]
-                if start < 0:
-                    start = look_up(met, pattern, row, column)
-                    if start < 0:
-                        return False
-                starts[other - slot] = start
+            if not starts_of_column(blocks[block:end], slot, met, pattern, starts):
+                return False
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
                 multiply_column_of_point(values, starts, width, E, H, base + q * size, begin, slot, slots)

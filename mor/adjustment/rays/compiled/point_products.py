@@ -15,9 +15,9 @@ from mor.adjustment.rays.compiled.cliques import (
     Pattern,
     Runs,
     grouped,
-    look_up,
     room_for_clique,
     runs_of_frames,
+    starts_of_column,
     survey,
 )
 from mor.adjustment.rays.compiled.frame_sums import FrameSums, carry_frames
@@ -135,7 +135,7 @@ def subtract_from_strip(
     ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
     """
     couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
-    known, starts = met.starts, np.empty(met.size.size, dtype=np.int64)
+    starts = np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
@@ -144,15 +144,8 @@ def subtract_from_strip(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
-            column = blocks[block + slot]
-            for other in range(slot, slots):
-                row = blocks[block + other]
-                start = known[column, row]
-                if start < 0:
-                    start = look_up(met, pattern, row, column)
-                    if start < 0:
-                        return False
-                starts[other - slot] = start
+            if not starts_of_column(blocks[block:end], slot, met, pattern, starts):
+                return False
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
                 subtract_column_of_point(

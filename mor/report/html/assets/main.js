@@ -13,7 +13,7 @@ function tableColumns() {
     points: [text("id", say("point")), ...positions, ...sigmas, short("ellipsoid_a", say("ellipsoid a"), length), fixed("rays", say("rays"), 0), fixed("others", say("others"), 0), fixed("angle", say("intersection"), 1, meeting), fixed("mean_r", say("mean r"), 3), fixed("smallest_r", say("smallest r"), 3), fixed("largest_w", say("largest |w|"), 2), text("status", say("status"), true)],
     images: [text("id", say("image")), text("camera", say("camera")), ...positions, ...sigmas, ...["omega", "phi", "kappa"].map((key, k) => fixed(key, "ωφκ"[k], angles, angle)), fixed("points", say("points"), 0), fixed("coverage", say("coverage"), 0, "%"), short("rms", say("rms v"), typeof unit === "string" ? unit : say("image unit")), fixed("mean_r", say("mean r"), 3), fixed("largest_w", say("largest |w|"), 2)],
     stations: [text("id", say("station")), ...positions, ...sigmas, fixed("orientation", say("orientation"), angles, angle), short("sorientation", say("σ orientation"), angle), fixed("height", say("height"), digits, length)],
-    residuals: [text("type", say("type")), text("group", say("group")), text("at", say("at")), text("from", say("from")), text("to", say("to")), text("component", say("component")), text("unit", say("unit")), { key: "observed", title: say("observed"), digits: 9 }, short("v", "v", "", true), short("sigma", "σ"), fixed("r", "r", 3), { key: "test", title: "w", unit: "1", fixed: 2, size: true }, short("error", say("error"), "", true), short("nabla", "∇"), short("external", say("external"), "1"), short("influence", say("effect"), length, true), text("flag", say("flag"), true)],
+    residuals: [text("type", say("type")), text("group", say("group")), text("at", say("at")), text("from", say("from")), text("to", say("to")), text("component", say("component")), text("unit", say("unit")), { key: "observed", title: say("observed"), digits: 9 }, short("v", "v", "", true), short("sigma", "σ"), fixed("r", "r", 3), { key: "w", title: "w", unit: "1", fixed: 2, size: true }, short("error", say("error"), "", true), short("nabla", "∇"), short("external", say("external"), "1"), short("influence", say("effect"), length, true), text("flag", say("flag"), true)],
   };
 }
 
@@ -24,7 +24,7 @@ function longTables() {
     points: { onPick: toNetwork("point") },
     stations: { onPick: toNetwork("station") },
     images: { onPick: (row) => { const k = images.order.indexOf(value(report.images, "id", row)); if (k >= 0) { showImage(k); document.getElementById("images").scrollIntoView(); } } },
-    residuals: { sorted: { key: "test", down: true } },
+    residuals: { sorted: { key: "w", down: true } },
   };
   report.tables = {};
   for (const element of document.querySelectorAll("[data-table]")) {

@@ -120,7 +120,7 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
 def test_figures(data: PageData) -> dict[str, Figure]:
     """All charts of the section on tests."""
     used, words = data.view.used, data.words
-    tested = used["test"].drop_nulls().to_numpy()
+    tested = used["w"].drop_nulls().to_numpy()
     figures = {
         "w": normal_histogram(tested, data.view.critical, words),
         "r": histogram(

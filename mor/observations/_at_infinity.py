@@ -50,6 +50,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
     return replace(
         type_,
         key=type_.key + AT_INFINITY,
+        written=type_.name,
         slots=(*(type_.slots[k] for k in kept), Slot("rotation", type_.slots[target].of, "direction")),
         equation=equation,
         distances=None,
@@ -67,7 +68,8 @@ def target_slot(type_: ObservationType) -> int:
 
 def can_be_at_infinity(type_: ObservationType) -> bool:
     """True for rays: two angles or image coordinates from a frame with an attitude to a point."""
-    frames = any(slot.part == "rotation" for slot in type_.slots)
+    positions = sum(slot.kind == "point" for slot in type_.slots)
+    frames = positions == 2 and any(slot.part == "rotation" for slot in type_.slots)
     lengths = any(component.quantity == LENGTH for component in type_.components)
     sighted = any(slot.kind == "point" for slot in type_.slots)
     return frames and sighted and len(type_.components) == 2 and not lengths

@@ -19,6 +19,22 @@ OSCILLATES = 0.5
 """Part of the way that was taken back from which on an unknown moves to and fro."""
 
 
+WORST_MISFITS = 100
+"""Observations that are told where there is no solution."""
+
+
+def failure(solved: Solved) -> dict[str, Any] | None:
+    """What does not come to rest and what fits worst, where there is no solution."""
+    if solved.quality is not None:
+        return None
+    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
+    return {
+        "notice": "NOT A SOLUTION: all values are those of the last iteration",
+        "moving": moving_rows(solved),
+        "worst": worst,
+    }
+
+
 def moving_rows(solved: Solved) -> list[dict[str, Any]]:
     """Unknowns that do not come to rest: their last steps in project units, and whether they go to and fro."""
     found = solved.movements

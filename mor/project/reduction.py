@@ -13,8 +13,15 @@ import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Undeterminable
-from mor.observations import PERFECT_SET_UP, ObservationGroup, some_rows
-from mor.observations.at_infinity import AT_INFINITY, FREE_TURNS, at_infinity, target_slot
+from mor.observations import (
+    AT_INFINITY,
+    FREE_TURNS,
+    PERFECT_SET_UP,
+    ObservationGroup,
+    at_infinity,
+    some_rows,
+    target_slot,
+)
 from mor.parameters.index import Blocks, Values
 from mor.project.network.build import Network
 from mor.project.observations.correlations import Correlation
@@ -116,24 +123,24 @@ def with_points_at_infinity(
         "rotation": _with_directions(network.blocks["rotation"], [f"point {point.ids[p]}" for p in points]),
     }
     empty = np.full((len(points), 3), np.nan)
-    extended = {
-        name: {**table, "rotation": np.concatenate([table["rotation"], empty])}
-        for name, table in (("observed", network.observed), ("sigma", network.sigma))
-    }
-    begun = {**start, "rotation": np.concatenate([start["rotation"], directions])}
     reduced = replace(
         network,
         blocks=blocks,
-        start={**network.start, "rotation": np.concatenate([network.start["rotation"], directions])},
+        start=_with_rotations(network.start, directions),
         groups=(*near, *others),
         correlations=_remaining(network.correlations, kept),
         undeterminable=(*network.undeterminable, *things),
         original=network.original or network,
         absent=_absent(network, {"point": number >= 0}),
         directions={int(p): first + k for k, p in enumerate(points)},
-        **extended,
+        observed=_with_rotations(network.observed, empty),
+        sigma=_with_rotations(network.sigma, empty),
     )
-    return reduced, begun
+    return reduced, _with_rotations(start, directions)
+
+
+def _with_rotations(values: Values, more: FloatArray) -> dict[str, FloatArray]:
+    return {**values, "rotation": np.concatenate([values["rotation"], more])}
 
 
 def _absent(network: Network, marked: Marked) -> dict[str, BoolArray]:
@@ -161,8 +168,10 @@ def _with_directions(blocks: Blocks, ids: Sequence[str]) -> Blocks:
     count, more = len(blocks.ids), len(ids)
     about = np.zeros(count, dtype=bool) if blocks.about_axes is None else blocks.about_axes
     own = np.broadcast_to(np.arange(count, count + more)[:, None], (more, 3))
+    apart = blocks.difference
     return replace(
         blocks,
+        difference=None if apart is None else np.concatenate([apart, np.zeros((more, 3))]),
         ids=(*blocks.ids, *ids),
         free=np.concatenate([blocks.free, np.broadcast_to(np.array(FREE_TURNS), (more, 3))]),
         owner=np.concatenate([blocks.owner, own]),
