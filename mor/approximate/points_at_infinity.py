@@ -96,9 +96,9 @@ def _suspects(network: Network, values: Values) -> BoolArray:
     first[point] = place
     away = points[point] - points[place]
     other = points[point] - points[first[point]]
-    across = np.cross(away, other)
-    size = np.linalg.norm(away, axis=1) * np.linalg.norm(other, axis=1)
-    wide = np.linalg.norm(across, axis=1) > NARROW * size
+    along = np.einsum("ni,ni->n", away, other)
+    size = np.einsum("ni,ni->n", away, away) * np.einsum("ni,ni->n", other, other)
+    wide = (along < 0.0) | (along * along < np.cos(NARROW) ** 2 * size)
     rays = np.bincount(point, minlength=len(points))
     met: BoolArray = np.bincount(point[wide], minlength=len(points)) > 0
     return candidates & (rays > 1) & ~met

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mor.adjustment.state import Outcome
+from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
@@ -10,7 +10,7 @@ from mor.report.tables.suspects import suspects
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
 from mor.report.text.suspects import sentences as sentences_on_suspects
-from mor.report.text.undetermined import sentences
+from mor.report.text.undetermined import sentences_of_things
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -93,7 +93,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    lines += sentences(solved.network.undeterminable, words)
+    lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
 
@@ -134,7 +134,13 @@ def _emptied(solved: Solved, words: Words) -> list[str]:
 def _advice(solved: Solved, words: Words) -> list[str]:
     """What to do where the iteration led nowhere."""
     count = len(solved.adjustment.iterations)
-    if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
+    if solved.adjustment.reason == STANDS_STILL:
+        return [
+            words(
+                "More iterations would not help: look at the observations that fit worst, and at the start values."
+            )
+        ]
+    if solved.adjustment.outcome is Outcome.NOT_CONVERGED and not solved.adjustment.reason:
         return [
             words(
                 "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
