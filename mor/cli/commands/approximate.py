@@ -39,10 +39,10 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.compilation import chosen_by_size
     from mor.errors import ExitCode
     from mor.pipeline import read_document, read_network
+    from mor.report.results.adjusted.start_columns import Placed
     from mor.report.results.folder import check_inputs
     from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
-    from mor.report.results.start_columns import Placed
     from mor.report.results.writing import PROJECT, write_project
 
     folder = output or project.with_suffix(".start")
