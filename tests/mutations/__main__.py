@@ -52,8 +52,8 @@ def main() -> int:
     print(f"{len(seconds)} mutants of seed {wanted.seed} in {time.monotonic() - began:.0f} s")
     print("exit codes: " + ", ".join(f"{code}: {count}" for code, count in sorted(codes.items())))
     print(
-        f"computing time: {sum(seconds) / max(len(seconds), 1):.3f} s in the mean, {max(seconds, default=0.0):.1f} s at most; "
-        f"{peak:.2f} GB at most"
+        f"computing time: {sum(seconds) / max(len(seconds), 1):.3f} s in the mean, "
+        f"{max(seconds, default=0.0):.1f} s at most; {peak:.2f} GB at most"
     )
     print("faults: " + (", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"))
     return int(bool(kinds))
