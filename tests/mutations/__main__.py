@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import time
 from collections import Counter
@@ -40,18 +41,19 @@ def main() -> int:
             print("".join(f"{result.material}, not mutated: {fault}\n" for fault in told), end="", flush=True)
     keep = wanted.keep.resolve() if wanted.keep else None
     began, codes, kinds, seconds, peak = time.monotonic(), Counter[int](), Counter[str](), [], 0.0
-    for result in run_pool(wanted.seed, numbers, wanted.jobs, keep):
-        codes[result.code] += 1
-        seconds.append(result.seconds)
-        peak = max(peak, result.peak)
-        for fault in result.faults:
-            kinds[fault.split(":")[0]] += 1
-            print(f"{result.number} ({result.material}, {' '.join(result.command)}): {fault}", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):  # what has been run so far is told all the same
+        for result in run_pool(wanted.seed, numbers, wanted.jobs, keep):
+            codes[result.code] += 1
+            seconds.append(result.seconds)
+            peak = max(peak, result.peak)
+            for fault in result.faults:
+                kinds[fault.split(":")[0]] += 1
+                print(f"{result.number} ({result.material}, {' '.join(result.command)}): {fault}", flush=True)
     print(f"{len(seconds)} mutants of seed {wanted.seed} in {time.monotonic() - began:.0f} s")
     print("exit codes: " + ", ".join(f"{code}: {count}" for code, count in sorted(codes.items())))
     print(
-        f"computing time: {sum(seconds) / len(seconds):.3f} s in the mean, {max(seconds):.1f} s at most; "
-        f"{peak:.2f} GB at most"
+        f"computing time: {sum(seconds) / max(len(seconds), 1):.3f} s in the mean, "
+        f"{max(seconds, default=0.0):.1f} s at most; {peak:.2f} GB at most"
     )
     print("faults: " + (", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "none"))
     return int(bool(kinds))

@@ -8,15 +8,16 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from .worker import Judged
 
-_HANGS = 120.0
-"""Seconds on the clock after which a mutant is taken for one that never ends, on a machine with other work too."""
-_COMPILING = 1200.0
-"""The same for the projects themselves, which are run first: kernels are compiled then."""
+_HANGS, _WAITS = 60.0, 1200.0
+"""Seconds of computing, and on the clock, after which a mutant is taken for one that never ends."""
+_COMPILING = 600.0
+"""Seconds of computing of the projects themselves, which are run first: kernels are compiled then."""
 _ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1"
 )
@@ -54,8 +55,8 @@ class Worker:
         try:
             self.process.stdin.write(f"{number}\n")
             self.process.stdin.flush()
-            answer = self.answers.get(timeout=_HANGS if number >= 0 else _COMPILING)
-        except (queue.Empty, BrokenPipeError):
+            answer = self._answer(_HANGS if number >= 0 else _COMPILING)
+        except BrokenPipeError:
             answer = ""
         if answer:
             return Judged(**json.loads(answer))
@@ -63,6 +64,24 @@ class Worker:
         self.close()
         words = "hang" if hangs else f"died with {self.process.returncode}: {''.join(self.said[-3:]).strip()}"
         return Judged(number, "", (), -1, 0.0, 0.0, [words])
+
+    def _answer(self, most: float) -> str:
+        """The next answer; an empty one where the process ends, or computes longer than ``most`` seconds."""
+        begun, clock = self._computed(), time.monotonic()
+        while self._computed() - begun < most and time.monotonic() - clock < _WAITS:
+            try:
+                return self.answers.get(timeout=2.0)
+            except queue.Empty:
+                continue
+        return ""
+
+    def _computed(self) -> float:
+        """Seconds of computing of the process so far, where the system tells."""
+        try:
+            words = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(words[11]) + int(words[12])) / float(os.sysconf("SC_CLK_TCK"))
 
     @property
     def over(self) -> bool:
