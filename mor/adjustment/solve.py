@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mor.adjustment.convergence import ACCURACY, is_in_datum, is_over
+from mor.adjustment.convergence import ACCURACY, is_in_datum, is_over, stands_still
 from mor.adjustment.datum.defect import Defect, explain_defect
 from mor.adjustment.datum.s_transformation import binds, constraint, corrections, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
@@ -20,7 +20,7 @@ from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.state import A_WEAK_TURN, Adjustment, Iteration, Outcome, Stride, Watcher
+from mor.adjustment.state import A_WEAK_TURN, STANDS_STILL, Adjustment, Iteration, Outcome, Stride, Watcher
 from mor.adjustment.step_control import Taken, accept
 from mor.arrays import FloatArray
 from mor.memory import check_room
@@ -46,6 +46,8 @@ def adjust(
         state = _advance(state)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
+        if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations):
+            return replace(state, reason=STANDS_STILL)
     return state
 
 

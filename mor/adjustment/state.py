@@ -22,7 +22,8 @@ _SHORTEST = 0.02
 """Part of a step along weak directions that is taken at least."""
 
 A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
-"""Reason of an outcome."""
+STANDS_STILL = "the iteration stands still"
+"""Reasons of outcomes."""
 
 
 class Outcome(Enum):

@@ -129,9 +129,9 @@ def _only_rays(network: Network) -> BoolArray:
 def _met(network: Network, given: FloatArray) -> RayPoints:
     """Direction and inverse distance of each point that two posed frames or more see."""
     # Imported here: nearly all networks do without, and it takes as long to load as a small project to adjust.
-    from mor.approximate.growth.frames import image_frames, theodolite_frames
-    from mor.approximate.growth.sightings import sightings
-    from mor.approximate.growth.transfer import starting_part
+    from mor.approximate.parts.frames import image_frames, theodolite_frames
+    from mor.approximate.parts.sightings import sightings
+    from mor.approximate.parts.transfer import starting_part
 
     frames = (*image_frames(network), *theodolite_frames(network))
     seen = sightings(frames, len(given))

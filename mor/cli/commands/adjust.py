@@ -105,13 +105,14 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.report.results.folder import folder_beside
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
     from mor.report.words.language import words_of
 
     writes = output is not None or not as_json
-    folder = output or project.with_suffix(".results")
+    folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
@@ -175,7 +176,9 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.phase("adjusting")
     project = Project(document, network, folder)
     phase = "precision and reliability"
-    return adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    say.notes(solved.network.notes[len(network.notes) :])
+    return solved
 
 
 OF_CSV = 5

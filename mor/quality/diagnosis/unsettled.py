@@ -63,6 +63,8 @@ def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment
+    if not adjustment.plan.problem.index.count:
+        return adjustment
     begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
     if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
         return replace(adjustment, outcome=Outcome.DIVERGED, reason=RAN_AWAY)

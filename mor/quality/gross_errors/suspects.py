@@ -25,6 +25,8 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
+_CONTROLLED = 10
+"""Redundancy below which a solution of all observations is left to the tests of single observations."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _GIVEN_UP = ("point", "rotation")
@@ -80,13 +82,25 @@ def without_suspects(
     for _ in range(_ROUNDS):
         rest = adjust(left_out(problem, suspects), found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
-            return rest, suspects
+            believed = plain.outcome is not Outcome.CONVERGED or _outweighs(rest, suspects.count)
+            return (rest, suspects) if believed else (plain, None)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
     return plain, None
+
+
+def _outweighs(rest: Adjustment, suspects: int) -> bool:
+    """True where the rest says more against the suspects than they against it.
+
+    Any solution can be made to fit by leaving out as many observations as are redundant. Where there is a solution of
+    all observations, the rest must therefore control itself well more often than it has to leave out.
+    """
+    problem = rest.problem
+    redundancy = problem.observations - problem.index.count + rest.defect.datum.shape[1]
+    return redundancy >= max(_CONTROLLED, 2 * suspects)
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mor.adjustment.state import Outcome
+from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
@@ -134,7 +134,13 @@ def _emptied(solved: Solved, words: Words) -> list[str]:
 def _advice(solved: Solved, words: Words) -> list[str]:
     """What to do where the iteration led nowhere."""
     count = len(solved.adjustment.iterations)
-    if solved.adjustment.outcome is Outcome.NOT_CONVERGED:
+    if solved.adjustment.reason == STANDS_STILL:
+        return [
+            words(
+                "More iterations would not help: look at the observations that fit worst, and at the start values."
+            )
+        ]
+    if solved.adjustment.outcome is Outcome.NOT_CONVERGED and not solved.adjustment.reason:
         return [
             words(
                 "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
