@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -127,7 +128,7 @@ def mixture(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
         station = scene.add("point", f"S{k}", [9.0 * np.cos(turn), 9.0 * np.sin(turn), random.uniform(-1, 1)])
         scene.add("rotation", station, [0.0, 0.0, random.uniform(-3, 3)], free=(False, False, True))
         _sights(scene, station, points[: len(points) // 2], random)
-    for one, other in zip(points[:6], points[1:7], strict=True):
+    for one, other in pairwise(points[:7]):
         scene.observe("height_difference", one, None, other, None, sigma=5e-4)
     return scene, points, True
 

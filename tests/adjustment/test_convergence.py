@@ -1,0 +1,82 @@
+"""The end of an iteration: where nothing is left to do, and not before; slow convergence is followed, noise is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import mixed_network, photo_block, plane_network
+
+from mor.adjustment.convergence import ACCURACY, left_after, round_off, stands_still
+from mor.adjustment.normals import build_normals
+from mor.adjustment.plan import make_plan
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Iteration, Outcome
+
+
+def _history(*changes, objective=100.0, damping=0.0):
+    return tuple(Iteration(k, objective, change, damping, 10) for k, change in enumerate(changes, start=1))
+
+
+class _State:
+    def __init__(self, *changes, damping=0.0):
+        self.iterations = _history(*changes, damping=damping)
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.5, 0.9])
+def test_what_is_left_bounds_the_sum_of_all_further_steps(rate):
+    steps = 1e-4 * rate ** np.arange(400)
+    for k in range(1, 20):
+        assert left_after(_State(*steps[:k]), steps[k]) >= steps[k + 1 :].sum()
+
+
+def test_without_a_rate_nothing_is_promised():
+    assert left_after(_State(), 1e-5) == np.inf
+    assert left_after(_State(1e-3, damping=1e-4), 1e-5) == np.inf
+    assert left_after(_State(), 0.1 * ACCURACY) <= ACCURACY
+
+
+def test_steps_that_halve_are_followed_to_the_end():
+    """4e-4 σ that still halves is no end: half of it is still to come."""
+    assert left_after(_State(8e-4), 4e-4) > 1e-4
+
+
+def test_a_standstill_is_ten_iterations_that_lead_nowhere():
+    assert stands_still(_history(*[3.0] * 10))
+    assert not stands_still(_history(*[3.0] * 9))
+    assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(10))))
+
+
+def test_round_off_is_that_of_the_steps_of_disturbed_coordinates():
+    """Coordinates moved by their last digit change the next step by no more than the estimate, far from the origin."""
+    scene, points = plane_network(directions=True)
+    for name in points:
+        scene.truth["point"][name] = scene.truth["point"][name] + [3.5e6, 5.4e6, 0.0]
+    problem = scene.problem(np.random.default_rng(5), points)
+    solution = adjust(problem, scene.start(1e-3))
+    assert solution.outcome is Outcome.CONVERGED
+    plan = make_plan(problem)
+    normals = build_normals(plan, solution.values)
+    estimate = round_off(plan, solution.values, normals, solution.inverse.weak)
+    random = np.random.default_rng(7)
+    changes = []
+    for _ in range(20):
+        values = {kind: array.copy() for kind, array in solution.values.items()}
+        values["point"] *= 1.0 + np.finfo(float).eps * random.choice([-1.0, 0.0, 1.0], values["point"].shape)
+        values["point"][:, 2] = 0.0
+        there = build_normals(plan, values)
+        step = solution.inverse.step(there)
+        changes.append(float(np.sqrt(max(step @ there.rhs, 0.0))))
+    assert max(changes) <= 2.0 * estimate
+    assert estimate <= 1e3 * max(changes)
+
+
+@pytest.mark.parametrize("make", [mixed_network, photo_block, plane_network])
+def test_a_solution_is_a_solution_at_once(make):
+    scene, points = make()
+    free = points if make is not mixed_network else None
+    problem = scene.problem(np.random.default_rng(1), free)
+    first = adjust(problem, scene.start(1e-3))
+    again = adjust(problem, first.values, Settings(max_iterations=3))
+    assert again.outcome is Outcome.CONVERGED
+    assert len(again.iterations) <= 2
+    np.testing.assert_allclose(again.values["point"], first.values["point"], atol=1e-10)
