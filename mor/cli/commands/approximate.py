@@ -41,6 +41,7 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.counting import counted
     from mor.errors import ExitCode, InputError, Problem
     from mor.pipeline import read_document, read_network
+    from mor.report.results.adjusted.start_columns import Placed
     from mor.report.results.folder import check_inputs, folder_beside
     from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
