@@ -20,6 +20,7 @@ class ExitCode(IntEnum):
     INPUT = 2
     NOT_CONVERGED = 3
     SINGULAR = 4
+    MEMORY = 5
     INTERNAL = 70
 
 
@@ -81,6 +82,12 @@ class NoSolutionError(MorError):
     exit_code = ExitCode.NOT_CONVERGED
 
 
+class OutOfMemoryError(MorError):
+    """There is not enough memory for what was asked for; it says how much is, and what helps."""
+
+    exit_code = ExitCode.MEMORY
+
+
 @contextmanager
 def mistakes_in(file: str) -> Iterator[None]:
     """Mistakes that belong to no single place get the file of the project they are found in."""
@@ -98,8 +105,11 @@ class NoStartValuesError(InputError):
 
     def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
         self.things = tuple(things)
-        advice = "settings: {undetermined: leave_out} adjusts the rest without them"
-        super().__init__([Problem(words) for words in (*remarks, *map(str, self.things), advice)])
+        count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
+        advice = (
+            f"{count} no start values; settings: {{undetermined: leave_out}} adjusts the rest without them"
+        )
+        super().__init__([Problem(words) for words in (advice, *map(str, self.things), *remarks)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

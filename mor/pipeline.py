@@ -181,6 +181,10 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     from mor.approximate.growth.strategy import approximate
 
     found = approximate(network)
+    replaced = tuple(
+        Mistake(f"start value of {words}; another one takes its place") for words in found.replaced
+    )
+    network = replace(network, notes=(*network.notes, *replaced))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))

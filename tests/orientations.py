@@ -1,7 +1,7 @@
-"""Relative and planar orientation of many random scenes: what is called determined, and error over σ of what is told.
+"""Relative and planar orientation of many random scenes: what is called determined, error over σ of what is told.
 
-Run ``python -m tests.orientations --count 10000 [--first 0] [--of relative|planar]`` from the root of the project: prints
-the tables of docs/orientation.md. The suite runs a few seeds of it.
+Run ``python -m tests.orientations --count 10000 [--first 0] [--of relative|planar]`` from the root: prints the
+tables of docs/orientation.md. The suite runs a few seeds of it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def simulators() -> ModuleType:
     """Scenes are those of the other tests."""
     path = Path(__file__).parent / "approximate" / "conftest.py"
     spec = importlib.util.spec_from_file_location("scenes_of_orientations", path)
-    assert spec is not None and spec.loader is not None
+    if spec is None or spec.loader is None:
+        raise FileNotFoundError(path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -73,7 +74,7 @@ def relative(seed: int) -> Trial:
 
 
 def planar(seed: int) -> Trial:
-    """Two or three images of a plane object: four points or more, with points off it, from one centre, on one normal."""
+    """Images of a plane object: four points or more, points off it, from one centre, from one normal."""
     rng = np.random.default_rng(seed + 10**7)
     kinds = ["4 points", "5 to 30 points", "3 images", "points off it", "one centre", "one normal"]
     kind = str(rng.choice(kinds))

@@ -17,7 +17,7 @@ LAYERS = (
     ("escapes", "kernel_cache"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
-    ("geometry", "input_files"),
+    ("geometry", "input_files", "memory"),
     ("parameters",),
     ("observations",),
     ("project",),

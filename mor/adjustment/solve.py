@@ -15,6 +15,7 @@ from mor.adjustment.datum.defect import Defect, explain_defect
 from mor.adjustment.datum.s_transformation import binds, constraint, corrections, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
+from mor.adjustment.memory import LESS, memory_of_adjustment
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
@@ -22,6 +23,7 @@ from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.state import A_WEAK_TURN, STANDS_STILL, Adjustment, Iteration, Outcome, Stride, Watcher
 from mor.adjustment.step_control import Taken, accept
 from mor.arrays import FloatArray
+from mor.memory import check_room
 from mor.parameters.index import Values, move
 
 
@@ -38,6 +40,7 @@ def adjust(
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or Settings()
     plan = make_plan(problem, eliminable_rays(problem, start))
+    check_room(memory_of_adjustment(plan), "the adjustment", LESS)
     state = _begin(plan, start)
     while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
         state = _advance(state)

@@ -96,9 +96,9 @@ def _suspects(network: Network, values: Values) -> BoolArray:
     first[point] = place
     away = points[point] - points[place]
     other = points[point] - points[first[point]]
-    across = np.cross(away, other)
-    size = np.linalg.norm(away, axis=1) * np.linalg.norm(other, axis=1)
-    wide = np.linalg.norm(across, axis=1) > NARROW * size
+    along = np.einsum("ni,ni->n", away, other)
+    size = np.einsum("ni,ni->n", away, away) * np.einsum("ni,ni->n", other, other)
+    wide = (along < 0.0) | (along * along < np.cos(NARROW) ** 2 * size)
     rays = np.bincount(point, minlength=len(points))
     met: BoolArray = np.bincount(point[wide], minlength=len(points)) > 0
     return candidates & (rays > 1) & ~met
@@ -129,9 +129,9 @@ def _only_rays(network: Network) -> BoolArray:
 def _met(network: Network, given: FloatArray) -> RayPoints:
     """Direction and inverse distance of each point that two posed frames or more see."""
     # Imported here: nearly all networks do without, and it takes as long to load as a small project to adjust.
-    from mor.approximate.growth.frames import image_frames, theodolite_frames
-    from mor.approximate.growth.sightings import sightings
-    from mor.approximate.growth.transfer import starting_part
+    from mor.approximate.parts.frames import image_frames, theodolite_frames
+    from mor.approximate.parts.sightings import sightings
+    from mor.approximate.parts.transfer import starting_part
 
     frames = (*image_frames(network), *theodolite_frames(network))
     seen = sightings(frames, len(given))

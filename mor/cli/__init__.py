@@ -75,7 +75,7 @@ def group() -> None:
       mor explain w
 
     \b
-    Exit codes: 0 done; 1 rejected or different; 2 input; 3 not converged; 4 singular;
+    Exit codes: 0 done; 1 rejected or different; 2 input; 3 not converged; 4 singular; 5 memory;
     70 internal (MOR_DEBUG=1 shows where); 130 interrupted, 143 ended.
     Data go to standard output, words to standard error.
     """
@@ -103,11 +103,22 @@ def run(arguments: Sequence[str] | None = None) -> int:
         place = f"{error.filename}: " if error.filename else ""
         click.echo(f"{place}{error.strerror or error}", err=True)
         return ExitCode.INPUT
+    except MemoryError as error:
+        click.echo(_out_of_memory(error), err=True)
+        return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _internal(error)
     return int(result) if isinstance(result, int) else ExitCode.DONE
 
 
+def _out_of_memory(error: MemoryError) -> str:
+    what = f" ({error})" if str(error) else ""
+    return f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}"
+
+
+OUT_OF_MEMORY = (
+    "What helps: --no-html and --tables worst, fewer observations at a time, a machine with more memory."
+)
 MOST_TOLD = 20
 """Mistakes that fill a screen."""
 

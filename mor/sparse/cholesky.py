@@ -18,7 +18,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.compiled.fronts import factor_setting_aside
-from mor.sparse.fronts import assemble, extend_add
+from mor.sparse.fronts import Moves, moves
 from mor.sparse.symbolic_factorisation import Elimination
 
 # A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
@@ -111,15 +111,16 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
         raise NotFiniteError("the normal matrix contains values that are not finite")
     updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
     pivots, below = _room_for(elimination)
+    move = moves()
     set_aside = [np.empty(0, dtype=np.int64)]
     with threads_for(elimination.largest_front):
         for f in range(elimination.fronts):
             children = updates.pop(f, [])
-            front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
+            front = _assembled_front(move, matrix.values, elimination, f, pivots[f], below[f], children)
             factor, vanished = _factor_in_place(front[0], tolerance), _NONE
             if factor is None:  # the assembled pivots are gone, and are needed once more
                 front[0][...], front[1][...] = 0.0, 0.0
-                front = _assembled_front(matrix.values, elimination, f, pivots[f], below[f], children)
+                front = _assembled_front(move, matrix.values, elimination, f, pivots[f], below[f], children)
                 factor, vanished = _factor_dense(front[0], tolerance)
             _keep(factor, pivots[f])
             lower = _below(factor, vanished, *front[1:])
@@ -160,6 +161,7 @@ def _keep(found: FloatArray, place: FloatArray) -> None:
 
 
 def _assembled_front(
+    move: Moves,
     values: FloatArray,
     plan: Elimination,
     f: int,
@@ -173,9 +175,9 @@ def _assembled_front(
     """
     r = below.shape[0]
     rest = np.zeros((r, r), order="F")
-    assemble(values, plan.entries.of_front(f), pivots, below)
+    move.assemble(values, *plan.entries.of_front(f), pivots, below)
     for update, places in updates:
-        extend_add(update, places, pivots, below, rest)
+        move.extend_add(update, places, pivots, below, rest)
     return pivots, below, rest
 
 

@@ -1,47 +1,59 @@
 """Values moved between matrix, front and parent: compiled, or in plain numpy.
 
 A front is three column-major arrays: ``pivots`` (k, k) and ``below`` (r, k) with its first k columns, and
-``rest`` (r, r), of which only the lower triangle counts while factorising. Stored blocks are told by where they
-start in the flat values, their height and width, the row and column of the front they go to, and whether they
-enter it transposed.
+``rest`` (r, r), of which only the lower triangle counts while factorising.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mor import compilation
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.sparse.compiled import fronts as kernels
 
-Blocks = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]
-"""Start, height, width, row, column, transposed of the stored blocks of a front."""
+_Move = Callable[..., None]
 
 
-def assemble(values: FloatArray, blocks: Blocks, pivots: FloatArray, below: FloatArray) -> None:
+class Moves(NamedTuple):
+    """The ways values go, each as in :mod:`mor.sparse.compiled.fronts`; asked for once, used for every front."""
+
+    assemble: _Move
     """Copy stored blocks of the matrix into the first columns of a front."""
-    if compilation.wanted():
-        kernels.assemble(values, *blocks, pivots, below)
-        return
-    for stored, place in _places(values, blocks, pivots, below):
+    extract: _Move
+    """Copy entries of the first columns of a front back to the stored blocks."""
+    extend_add: _Move
+    """Add the lower triangle of a child's update to the parent's rows."""
+    inherit: _Move
+    """Copy a part of the parent's inverse."""
+    mirror: _Move
+    """Copy the lower triangle of a square matrix to its upper one."""
+
+
+def moves() -> Moves:
+    """Compiled ones where kernels are wanted, plain ones elsewhere."""
+    if not compilation.wanted():
+        return Moves(_assemble, _extract, _extend_add, _inherit, _mirror)
+    of = (kernels.assemble, kernels.extract, kernels.extend_add, kernels.inherit, kernels.mirror)
+    return Moves(*(kernel.compiled for kernel in of))
+
+
+def _assemble(values: FloatArray, *front: Any) -> None:
+    for stored, place in _places(values, *front):
         place[...] = stored
 
 
-def extract(values: FloatArray, blocks: Blocks, pivots: FloatArray, below: FloatArray) -> None:
-    """Copy entries of the first columns of a front back to the stored blocks: ``assemble`` reversed."""
-    if compilation.wanted():
-        kernels.extract(values, *blocks, pivots, below)
-        return
-    for stored, place in _places(values, blocks, pivots, below):
+def _extract(values: FloatArray, *front: Any) -> None:
+    for stored, place in _places(values, *front):
         stored[...] = place
 
 
-def _places(
-    values: FloatArray, blocks: Blocks, pivots: FloatArray, below: FloatArray
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _places(values: FloatArray, *front: Any) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Each stored block and its place in the front, both as views of the same shape."""
+    *blocks, pivots, below = front
     k = pivots.shape[0]
     for start, h, w, row, column, transposed in zip(*(part.tolist() for part in blocks), strict=True):
         stored = values[start : start + h * w].reshape(h, w)
@@ -50,13 +62,9 @@ def _places(
         yield stored, array[first : first + stored.shape[0], column : column + stored.shape[1]]
 
 
-def extend_add(
+def _extend_add(
     update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
 ) -> None:
-    """Add the lower triangle of a child's update to the parent's rows ``places`` (ascending)."""
-    if compilation.wanted():
-        kernels.extend_add(update, places, pivots, below, rest)
-        return
     k = pivots.shape[0]
     split = int(np.searchsorted(places, k))
     inside, beyond = places[:split], places[split:] - k
@@ -66,13 +74,9 @@ def extend_add(
     rest[np.ix_(beyond, beyond)] += lower[split:, split:]
 
 
-def inherit(
+def _inherit(
     places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray
 ) -> None:
-    """Copy the full symmetric (r, r) part at ``places`` (ascending) out of the parent's inverse."""
-    if compilation.wanted():
-        kernels.inherit(places, pivots, below, rest, inherited)
-        return
     k = pivots.shape[0]
     split = int(np.searchsorted(places, k))
     inside, beyond = places[:split], places[split:] - k
@@ -82,10 +86,6 @@ def inherit(
     inherited[split:, split:] = rest[np.ix_(beyond, beyond)]
 
 
-def mirror(matrix: FloatArray) -> None:
-    """Copy the lower triangle of a square matrix to its upper one."""
-    if compilation.wanted():
-        kernels.mirror(matrix)
-        return
+def _mirror(matrix: FloatArray) -> None:
     upper = np.triu_indices(matrix.shape[0], 1)
     matrix[upper] = matrix.T[upper]

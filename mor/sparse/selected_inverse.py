@@ -18,7 +18,7 @@ from mor.arrays import FloatArray
 from mor.sparse.blas_threads import threads_for
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.cholesky import Factor
-from mor.sparse.fronts import extract, inherit, mirror
+from mor.sparse.fronts import Moves, moves
 from mor.sparse.symbolic_factorisation import Elimination
 
 Watcher = Callable[[float], None]
@@ -35,6 +35,7 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
     plan = factor.elimination
     tellings = _tellings(plan) if watch is not None else {}
     values = np.zeros(int(plan.structure.position[-1]))
+    move = moves()
     waiting = np.bincount(plan.parent[plan.parent >= 0], minlength=plan.fronts)
     inverses: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
     with threads_for(plan.largest_front):
@@ -43,9 +44,9 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
             places = plan.row_in_parent[plan.row_pointers[f] : plan.row_pointers[f + 1]]
             rest = np.empty((places.size, places.size), order="F")
             if places.size:
-                inherit(places, *inverses[parent], rest)
-            pivots, below = _inverse_of_front(factor, f, rest)
-            extract(values, plan.entries.of_front(f), pivots, below)
+                move.inherit(places, *inverses[parent], rest)
+            pivots, below = _inverse_of_front(move, factor, f, rest)
+            move.extract(values, *plan.entries.of_front(f), pivots, below)
             if watch is not None and f in tellings:
                 watch(tellings[f])
             if waiting[f]:
@@ -74,7 +75,7 @@ def _tellings(plan: Elimination) -> dict[int, float]:
     return dict(zip((len(done) - 1 - ends).tolist(), np.diff(done[ends], prepend=0.0).tolist(), strict=True))
 
 
-def _inverse_of_front(factor: Factor, f: int, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _inverse_of_front(move: Moves, factor: Factor, f: int, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Z11 (k, k), both triangles, and Z21 (r, k) of a front whose Z22 is known."""
     plan = factor.elimination
     pivots, _ = dpotri(factor.pivots[f], lower=1)
@@ -82,7 +83,7 @@ def _inverse_of_front(factor: Factor, f: int, rest: FloatArray) -> tuple[FloatAr
     within = slice(*np.searchsorted(factor.set_aside_places, (first, end)))
     vanished = factor.set_aside_places[within] - first
     pivots[vanished, vanished] = 0.0
-    mirror(pivots)
+    move.mirror(pivots)
     below = np.empty((0, pivots.shape[0]), order="F")
     if rest.size:
         ratio = dtrsm(1.0, factor.pivots[f], factor.below[f], side=1, lower=1)

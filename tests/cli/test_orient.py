@@ -110,3 +110,133 @@ def test_seven_points_are_too_few_and_named(tmp_path: Path, capsys: pytest.Captu
     table = write(tmp_path / "p.csv", [str(k) for k in range(7)], *images)
     assert run(["orient", "relative", str(table), "-c", "30"]) == 4
     assert "fewer than eight homologous points" in capsys.readouterr().out
+
+
+def strip(
+    tmp_path: Path, images: int, noise: float = 0.0
+) -> tuple[Path, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    rng = np.random.default_rng(7)
+    points = rng.uniform([-4, -3, -12], [8, 3, -7], (30, 3))
+    cameras = [
+        (np.array([1.6 * k, 0.2 * k, 0.1 * k]), rotation(0.05 * k, -0.1 * k, 0.3 * k)) for k in range(images)
+    ]
+    measured = [image_of(points, *camera, 30.0) for camera in cameras]
+    measured = [one + noise * rng.normal(size=one.shape) for one in measured]
+    return write(tmp_path / "strip.csv", [f"P{k}" for k in range(30)], *measured), points, cameras
+
+
+def test_a_chain_in_the_object_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Given ω′ φ′ κ′ of the first image, four images in one call: model, attitudes, and points with σ."""
+    table, points, cameras = strip(tmp_path, 4)
+    given = np.array([0.2, -0.1, 1.0])
+    words = [repr(float(x)) for x in given]
+    command = [
+        "orient",
+        "relative",
+        str(table),
+        "-c",
+        "30",
+        "--angles",
+        "rad",
+        "--attitude",
+        *words,
+        "--json",
+    ]
+    assert run(command) == 0
+    data = json.loads(capsys.readouterr().out)
+    model, turn = data["model"], rotation(*given)
+    assert [pair["images"] for pair in data["pairs"]] == [[1, 2], [2, 3], [3, 4]]
+    assert model["system"] == "object"
+    assert model["scale_points"] == [30, 30]
+    unit = np.linalg.norm(cameras[1][0])
+    found = np.array([[p[c] for c in "xyz"] for p in model["points"]])
+    np.testing.assert_allclose(found, points @ turn / unit, atol=1e-8)
+    for image, (position, D) in zip(model["images"], cameras, strict=True):
+        np.testing.assert_allclose([image[c] for c in "xyz"], position @ turn / unit, atol=1e-8)
+        np.testing.assert_allclose(image["rotation"], D @ turn, atol=1e-8)
+    assert all(p["sx"] > 0.0 and p["sz"] > 0.0 for p in model["points"])
+    assert model["redundancy"] == 4 * 60 - 90 - (5 + 12)
+
+
+def test_the_nine_unknowns_and_their_conditions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, _, _ = strip(tmp_path, 2, 0.005)
+    assert run(["orient", "relative", str(table), "-c", "30", "--sigma", "0.005", "--json"]) == 0
+    rinner = json.loads(capsys.readouterr().out)["rinner"]
+    assert [row["ik"] for row in rinner["ik"]] == ["11", "12", "13", "21", "22", "23", "31", "32", "33"]
+    for row in rinner["ik"]:
+        assert row["linear"] + row["correction"] == pytest.approx(row["compatible"], abs=1e-12)
+        assert abs(row["linear"] - row["adjusted"]) < 30 * row["sigma"] + 1e-3
+    first, *_ = rinner["conditions"]
+    matrix = np.array([row["linear"] for row in rinner["ik"]]).reshape(3, 3)
+    assert first["linear"] == pytest.approx(np.linalg.det(matrix))
+    assert all(abs(row["adjusted"]) < 1e-12 for row in rinner["conditions"])
+    assert run(["orient", "relative", str(table), "-c", "30", "--sigma", "0.005", "--lang", "de"]) == 0
+    german = capsys.readouterr().out
+    assert "Hilfsunbekannte ik (Rinner)" in german
+    assert "Gegenseitige Orientierung: eine Orientierung passt" in german
+
+
+def test_both_orientations_of_a_plane_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(4)
+    points = np.column_stack([rng.uniform(-4, 4, (12, 2)), np.full(12, -9.0)])
+    cameras = [(np.zeros(3), np.eye(3)), (np.array([6.0, 0.0, -2.0]), rotation(0.1, 0.7, 0.0))]
+    table = write(
+        tmp_path / "p.csv", list("abcdefghijkl"), *(image_of(points, *one, 30.0) for one in cameras)
+    )
+    assert run(["orient", "relative", str(table), "-c", "30", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["geometry_key"] == "plane"
+    chosen, other = data["plane_orientations"]
+    assert chosen["behind"] == 0
+    assert (data["outcome"] == "ambiguous") == (other["behind"] == 0)
+    assert run(["orient", "relative", str(table), "-c", "30"]) == 0
+    assert f"points behind a camera: {other['behind']} of 12" in capsys.readouterr().out
+
+
+CORNERS = np.array([[0.0, 0, 0], [2.5, 0, 0], [2.7, 1.6, 0], [-0.2, 1.9, 0], [1.2, 0.3, 0], [0.9, 1.4, 0]])
+CENTRES = [
+    (np.array([0.3, -1.0, 4.0]), rotation(0.25, 0.1, 0.4)),
+    (np.array([2.9, 0.7, 3.2]), rotation(-0.1, 0.35, 2.0)),
+]
+
+
+def test_points_off_the_plane_get_heights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = np.vstack([CORNERS, [[1.0, 0.8, 0.4]]])
+    table = write(tmp_path / "off.csv", list("ABCDEFT"), *(image_of(points, *one, 50.0) for one in CENTRES))
+    length = ["--length", "A", "B", "2.5", "--length-sigma", "0.005"]
+    for named in ([], ["--off", "T"]):
+        assert run(["orient", "planar", str(table), "-c", "50", *length, *named, "--json"]) == 0
+        solution = json.loads(capsys.readouterr().out)["solutions"][0]
+        tower = solution["points"][6]
+        assert tower["place"] == "off the plane"
+        np.testing.assert_allclose([tower[c] for c in "xyz"], points[6], atol=1e-6)
+        height = next(r for r in solution["results"] if r["kind"] == "height")
+        assert height["value"] == pytest.approx(0.4, abs=1e-6)
+        assert height["sigma"] > 0.4 * 0.005 / 2.5
+        assert np.shape(solution["correlation"]) == (len(solution["results"]),) * 2
+    assert run(["orient", "planar", str(table), "-c", "50", "--off", "X"]) == 2
+    assert "point 'X' does not exist" in capsys.readouterr().err
+
+
+def test_two_images_from_one_centre_have_no_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(1)
+    cameras = [CENTRES[0], (CENTRES[0][0], rotation(0.3, 0.2, -0.5))]
+    images = [image_of(CORNERS, *one, 50.0) + 0.003 * rng.normal(size=(6, 2)) for one in cameras]
+    table = write(tmp_path / "p.csv", list("ABCDEF"), *images)
+    assert run(["orient", "planar", str(table), "-c", "50", "--sigma", "0.003", "--lang", "de"]) == 4
+    assert "keine Basis" in capsys.readouterr().out
+
+
+def test_three_images_give_one_shape_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "corners.csv"
+    path.write_text(
+        "id,x1,y1,x2,y2,x3,y3\n"
+        "p1,-2.7018,-2.8196,9.1173,5.6656,-16.3535,37.0723\n"
+        "p2,2.7876,-6.6654,-11.135,8.2713,-17.0458,-47.7273\n"
+        "p3,2.5574,2.599,-8.4947,-7.9968,18.9319,-9.5096\n"
+        "p4,-2.4608,-0.2583,9.1373,-1.1844,7.7518,46.0743\n"
+    )
+    assert run(["orient", "planar", str(path), "-c", "15", "-c", "60", "-c", "153", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["outcome"] == "unique"
+    assert len(data["solutions"]) == 1

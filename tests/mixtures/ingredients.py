@@ -59,10 +59,9 @@ def _around(world: World, draw: Generator, near: float, far: float, high: float)
     if "object facade" in world.tags:
         angle = draw.uniform(-2.4, -0.7)
     reach = world.size * draw.uniform(near, far)
-    place = np.array(
+    return np.array(
         [reach * np.cos(angle), reach * np.sin(angle), world.size * high * draw.uniform(-0.3, 1.0)]
     )
-    return place
 
 
 def _stations(world: World, draw: Generator, count: int) -> None:

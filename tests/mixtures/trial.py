@@ -9,6 +9,7 @@ from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
 from mor.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.sparse.cholesky import NotFiniteError
 from tests.mixtures.project_file import write_project
 from tests.mixtures.world import World
 
@@ -56,4 +57,7 @@ def _adjusted(path: Path) -> Adjustment | str:
         network, start = determinable_start(read_network(read_document(path), path.parent))
     except InputError as error:
         return f"not started: {str(error)[:300]}"
-    return adjust(make_problem(network, start, start), start, Settings(MOST_ITERATIONS))
+    try:
+        return adjust(make_problem(network, start, start), start, Settings(MOST_ITERATIONS))
+    except NotFiniteError as error:
+        return f"start values coincide: {error}"

@@ -33,8 +33,8 @@ class Ended:
 
 def faults(ended: Ended, folder: Path, results: Path) -> list[str]:
     """Everything that is wrong, each opened by the kind of the fault; empty where all is well."""
-    found = list(_of_the_end(ended, folder))
     file = results / "results.json"
+    found = list(_of_the_end(ended, folder, file))
     if file.is_file():
         found += _of_results(ended, file)
     if ended.code == 2 and results.exists():
@@ -42,9 +42,9 @@ def faults(ended: Ended, folder: Path, results: Path) -> list[str]:
     return found
 
 
-def _of_the_end(ended: Ended, folder: Path) -> Iterator[str]:
+def _of_the_end(ended: Ended, folder: Path, file: Path) -> Iterator[str]:
     last = ended.said.strip().splitlines()[-1:] or [""]
-    if ended.code not in _DOCUMENTED or (ended.code == 1 and "--strict" not in ended.command):
+    if ended.code not in _DOCUMENTED or (ended.code == 1 and not _may_be_rejected(ended, file)):
         yield f"exit {ended.code}: {last[0]}"
     if _WARNING.search(ended.said):
         yield f"warning: {last[0]}"
@@ -59,6 +59,18 @@ def _of_the_end(ended: Ended, folder: Path) -> Iterator[str]:
         yield f"slow: {ended.seconds:.0f} s"
     if ended.peak > LARGE:
         yield f"large: {ended.peak:.1f} GB"
+
+
+def _may_be_rejected(ended: Ended, file: Path) -> bool:
+    """True where code 1 was asked for, or suspects of gross errors had to be left out for an end to be reached."""
+    return "--strict" in ended.command or (file.is_file() and _suspects(file))
+
+
+def _suspects(file: Path) -> bool:
+    try:
+        return bool(json.loads(file.read_text(encoding="utf-8")).get("suspects"))
+    except ValueError:
+        return False
 
 
 def _of_results(ended: Ended, file: Path) -> Iterator[str]:

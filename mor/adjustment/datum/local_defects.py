@@ -14,12 +14,26 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.parameters.index import Values
+from mor.parameters.index import Values, move
 
 _FEW = 4
 """Observations for each unknown of a body up to which its normal matrix is worked out."""
+_BESIDE = 1e-3
+"""Radians, and part of the extent of the network, by which values are moved: is their place singular alone?"""
 _ROWS = 50_000
 """Rows of a group that are linearised at a time."""
+
+
+def beside(problem: Problem, values: Values) -> Values:
+    """Values a little beside others (seeded): what is singular at both is so in general, not by chance of its place."""
+    random = np.random.default_rng(1763)
+    points = values["point"] if "point" in values else np.zeros((1, 3))
+    extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
+    scale = np.zeros(problem.index.count)
+    for number, kind in enumerate(problem.index.unknown_kind):
+        size = _BESIDE * extent if kind in ("point", "base") else _BESIDE if kind == "rotation" else 0.0
+        scale[problem.index.kind_of == number] = size
+    return move(problem.index, values, scale * random.standard_normal(problem.index.count))
 
 
 class LocalDefects(NamedTuple):
@@ -43,6 +57,7 @@ def local_defects(
     problem: Problem, values: Values, bodies: Mapping[str, IntArray], count: int
 ) -> LocalDefects:
     """Loose ones among ``count`` bodies; ``bodies[kind]`` (n,) are those of the blocks, −1 for none."""
+    bodies = {kind: body for kind, body in bodies.items() if (body >= 0).any()}
     of = _bodies(problem, bodies, count)
     rows, entries = _counts(problem, bodies, count)
     too_few = (of.sizes > 0) & (entries < of.sizes)

@@ -8,8 +8,8 @@ import numpy as np
 
 from mor import compilation
 from mor.approximate.growth.compiled import intersections as kernels
-from mor.approximate.growth.frames import loosened
-from mor.approximate.growth.sightings import Sightings
+from mor.approximate.parts.frames import loosened
+from mor.approximate.parts.sightings import Sightings
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 SMALLEST_ANGLE = 0.02

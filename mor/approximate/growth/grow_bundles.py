@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.growth.forward_intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
-from mor.approximate.growth.frames import SLACKS, Frame
 from mor.approximate.growth.local_bundle import settle
-from mor.approximate.growth.part import Part
 from mor.approximate.growth.pose_frame import pose_frame
-from mor.approximate.growth.sightings import Sightings
+from mor.approximate.parts.frames import SLACKS, Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.sightings import Sightings
 from mor.arrays import IntArray
 
 ENOUGH = 6

@@ -17,10 +17,10 @@ import scipy.sparse.linalg
 
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.growth.forward_intersection import PosedFrames
-from mor.approximate.growth.frames import SLACKS, Frame, loosened
-from mor.approximate.growth.part import Part
 from mor.approximate.growth.pose_frame import observed_centre
-from mor.approximate.growth.sightings import Sightings
+from mor.approximate.parts.frames import SLACKS, Frame, loosened
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.sightings import Sightings
 from mor.approximate.reprojection import reproject
 from mor.approximate.resection.refinement import Pose
 from mor.arrays import BoolArray, FloatArray, IntArray

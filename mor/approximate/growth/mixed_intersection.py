@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
 SMALLEST_ANGLE = 0.02
@@ -17,7 +17,8 @@ FITS = 0.05
 def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
     """Add points that rays alone do not determine; true where anything was added.
 
-    ``contradicting``: also where lines and planes pass by each other, or hardly meet. The adjustment will tell which of them is wrong.
+    ``contradicting``: also where lines and planes pass by each other, or hardly meet. The adjustment will tell
+    which of them is wrong.
     """
     if not part.levelled:
         return False
@@ -37,7 +38,7 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
 
 def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]]:
     """Point → normals (k, 3) of the planes through it, a place on them and the direction in which it lies."""
-    missing = np.isnan(part.points).any(axis=1)
+    missing = np.asarray(np.isnan(part.points).any(axis=1))
     found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
     rays = scene.seen.of_points(np.flatnonzero(missing))
     for ray in rays.tolist():

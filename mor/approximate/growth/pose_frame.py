@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mor.approximate.bundle import Bundle, direction_bundle
-from mor.approximate.growth.frames import SLACKS, Frame, loosened
-from mor.approximate.growth.part import Part
+from mor.approximate.parts.frames import SLACKS, Frame, loosened
+from mor.approximate.parts.part import Part
 from mor.approximate.reprojection import misfits
 from mor.approximate.resection.outcome import ResectionOutcome
 from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, star_of

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
 
@@ -28,7 +28,7 @@ def rigid_seeds(scene: Scene) -> Iterator[Part]:
 
 
 def seed_polar(scene: Scene, free: list[int]) -> Part | None:
-    """The system of the first free instrument that is not upright and measured distances: its points are polar points."""
+    """The axes of the first free instrument that measured distances and is not upright; its points are polar points."""
     for number in free:
         if len(polar_points(scene, number)) >= 3:
             part = empty_part(scene.points)

@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse
 
 from mor.approximate.bundle import direction_bundle
-from mor.approximate.growth.frames import SLACKS, Frame, loosened
-from mor.approximate.growth.part import Part, empty_part
-from mor.approximate.growth.sightings import Sightings
+from mor.approximate.parts.frames import SLACKS, Frame, loosened
+from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.sightings import Sightings
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
 from mor.approximate.relative_orientation.upright import FEWEST, upright_orientation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
 
 

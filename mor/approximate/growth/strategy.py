@@ -15,16 +15,17 @@ import numpy as np
 
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
-from mor.approximate.growth.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.growth.level_and_scale import direct_roughly, level_and_scale, level_roughly
 from mor.approximate.growth.mixed_intersection import grow_mixed
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.relative_poses import grow_relative
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
-from mor.approximate.growth.scene import Scene, scene_of
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
-from mor.approximate.growth.transfer import fill_in, starting_part, with_observed
+from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
+from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
+from mor.approximate.parts.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.relative_poses import grow_relative
+from mor.approximate.parts.scene import Scene, scene_of
+from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Undeterminable
@@ -47,6 +48,8 @@ class Approximation:
     """What has no start value yet, and why."""
     remarks: tuple[str, ...] = ()
     """Why frames could not begin a part of their own, where something is missing."""
+    replaced: tuple[str, ...] = ()
+    """Given start values that the observations contradict, which others took the place of."""
 
 
 @dataclass
@@ -64,11 +67,40 @@ class _Assembly:
 
 
 def approximate(network: Network) -> Approximation:
-    """Start values of a network; nothing is done where all are given."""
+    """Start values of a network; nothing is done where all are given.
+
+    Given poses that are start values and no more are tested against the rays; those that contradict are replaced where
+    the rest can be worked out without them.
+    """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
     network = replace(network, start=with_observed(network))
     scene = scene_of(network)
+    assembly = _assembled(network, scene)
+    found = contradicting_frames(network, assembly.parts[0], scene)
+    better = _with_others(network, scene, found) if found else None
+    return _approximation(network, assembly) if better is None else better
+
+
+def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> Approximation | None:
+    """Start values without the poses that contradict; ``None`` where not everything starts without them.
+
+    A pose that contradicts only because another one had spoiled its points stays as it was given.
+    """
+    without = replace(network, start=without_poses(network, scene, found))
+    assembly = _assembled(without, scene)
+    approximation = _approximation(without, assembly)
+    if approximation.missing:
+        return None
+    wrong = contradicting_frames(network, assembly.parts[0], scene)
+    names = {one.name for one in wrong}
+    start = {kind: values.copy() for kind, values in approximation.start.items()}
+    put_back(network, scene, start, [one for one in found if one.name not in names])
+    return replace(approximation, start=start, replaced=tuple(str(one) for one in wrong))
+
+
+def _assembled(network: Network, scene: Scene) -> _Assembly:
+    """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
     assembly = _Assembly(scene, parts)
     for fewest in (ENOUGH, FEWEST):
@@ -78,11 +110,15 @@ def approximate(network: Network) -> Approximation:
             _grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
-    system = parts[0]
-    intersect_the_rest(system, scene.seen)
-    if grow_mixed(system, scene, contradicting=True):
-        _grow(system, scene, FEWEST)
-    start, how, missing = fill_in(network, system, scene.frames, scene.terrestrial)
+    intersect_the_rest(parts[0], scene.seen)
+    if grow_mixed(parts[0], scene, contradicting=True):
+        _grow(parts[0], scene, FEWEST)
+    return assembly
+
+
+def _approximation(network: Network, assembly: _Assembly) -> Approximation:
+    scene = assembly.scene
+    start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
     return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
 
 

@@ -1,8 +1,8 @@
 """Standard deviations and correlations of a plane object in its object system: points, images, sides, angles, heights.
 
-The datum is that of the object system: two points carry origin, direction and length. Everything told is a function of
-the adjusted points and frames; its covariance follows from theirs by the S-transformation and by the law of propagation,
-for the a-priori σ of the image coordinates.
+The datum is that of the object system: two points carry origin, direction and length. What is told is a function of the
+adjusted points and frames; its covariance follows from theirs by the S-transformation and the law of propagation, for
+the a-priori σ of the image coordinates.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _tie_constraints(shape: PlaneShape, tie: Length) -> FloatArray:
 
 
 def corners(shape: PlaneShape) -> IntArray:
-    """Points that are the corners of the object, in order round it: four in their own order if no sides cross, else the hull."""
+    """Points that are the corners, in order round it: four as they come if no sides cross, else the hull."""
     inside = np.flatnonzero(shape.in_plane & np.isfinite(shape.points[:, 0]))
     flat = shape.points[inside]
     if len(inside) == 4 and not (_crossing(flat[[0, 1, 2, 3]]) or _crossing(flat[[1, 2, 3, 0]])):
@@ -96,7 +96,7 @@ def _crossing(four: FloatArray) -> bool:
 def derived(
     shape: PlaneShape, placed: PlacedPlane, covariance: FloatArray, round_it: IntArray, constants: FloatArray
 ) -> Derived:
-    """Sides, angles (radians), heights of points off the plane, flying heights, and flying heights over camera constant.
+    """Sides, angles (radians), heights of points off the plane, flying heights, and these over the camera constants.
 
     Corners as in ``round_it`` (k,), from each to the next; (k + k + points off + m + m) numbers.
     """

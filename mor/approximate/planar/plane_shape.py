@@ -1,7 +1,7 @@
 """Shape of a plane object from two or more images, and points beside the plane, all adjusted together.
 
-The start comes from pairs of images (:mod:`mor.approximate.planar.two_images`). Every pair leaves up to two shapes; what
-the pairs of one image have in common is the normal of the plane as that image sees it, and with it a third image
+The start comes from pairs of images (:mod:`mor.approximate.planar.two_images`). Every pair leaves up to two shapes;
+what the pairs of one image have in common is the normal of the plane as that image sees it, and with it a third image
 decides. (The paper subtracts the cubics of two pairs as if they had one unknown. They do not: ϱ is the squared ratio of
 the distances of S from the two images of its own pair.) Scale, position and turn in the plane stay free: see
 :mod:`mor.approximate.planar.plane_object`.

@@ -1,4 +1,4 @@
-"""Points that differences tie to one another: their values up to a common shift, component by component of the graph."""
+"""Points that differences tie to one another: their values up to a common shift."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Cluster(NamedTuple):
 
 
 def clusters(differences: Lengths) -> list[Cluster]:
-    """Clusters of measured height differences (m = 1) or vectors (m = 3), heights of instrument and target taken off."""
+    """Clusters by height differences (m = 1) or vectors (m = 3), heights of instrument and target taken off."""
     values = differences.value.copy()
     values[:, -1] += differences.start_height - differences.end_height
     whole = np.isfinite(values).all(axis=1)

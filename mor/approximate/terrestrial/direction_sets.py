@@ -1,4 +1,4 @@
-"""Sets of directions, each gathered from all the tables that read it, in face one, and which frames know the vertical."""
+"""Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def first_face(group: ObservationGroup) -> tuple[FloatArray, FloatArray]:
 
 
 def frame_verticals(network: Network) -> FloatArray:
-    """(rotation blocks, 3) the vertical in the axes of each frame, D e_Z, where fixed ω, φ or a level tell it; else NaN."""
+    """(rotation blocks, 3) the vertical D e_Z in the axes of each frame; NaN where no angles and no level tell it."""
     start = network.start.get("rotation", np.zeros((0, 3, 3)))
     up = np.full((len(start), 3), np.nan)
     if len(start) == 0:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
 from mor.cli._language import language_option
-from mor.errors import ExitCode
+from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
     from mor.cli._progress import Progress
     from mor.errors import Problem
     from mor.project.file.nodes import Document
     from mor.quality.solved import Solved
+    from mor.report.results.reservation import Reservation
     from mor.report.results.writing import Choice
 
 
@@ -99,23 +101,25 @@ def command(
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
     \b
-    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular.
+    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular; 5 memory.
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.report.results.folder import folder_beside
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
     from mor.report.words.language import words_of
 
     writes = output is not None or not as_json
-    folder = output or project.with_suffix(".results")
+    folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
         document = read_inputs(project, folder if writes else None)
         place = held.enter_context(reserve(folder, force)) if writes else None
-        solved = adjusted(document, project.parent, snoop, say)
+        with named_in_full(place):
+            solved = adjusted(document, project.parent, snoop, say)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
@@ -131,6 +135,22 @@ def command(
         if writes:
             click.echo(words("results in {place}", place=folder), err=True)
     return code
+
+
+@contextmanager
+def named_in_full(place: Reservation | None) -> Iterator[None]:
+    """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
+    from mor.cli import MOST_TOLD
+
+    try:
+        yield
+    except NoStartValuesError as error:
+        if place is not None and len(error.things) >= MOST_TOLD:
+            from mor.report.results.writing import write_undeterminable
+
+            write_undeterminable(error.things, place)
+            click.echo(f"all of them are named in {place.folder / 'undetermined.csv'}:", err=True)
+        raise
 
 
 def read_inputs(project: Path, folder: Path | None) -> Document:
@@ -150,12 +170,28 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     from mor.api.project import Project
     from mor.pipeline import read_network
 
+    check_reading(document, folder)
     network = read_network(document, folder, say.table_counter(document, folder))
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
     phase = "precision and reliability"
-    return adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    say.notes(solved.network.notes[len(network.notes) :])
+    return solved
+
+
+OF_CSV = 5
+"""Bytes of memory for a byte of a CSV table: its rows as arrays, and its texts while it is read."""
+
+
+def check_reading(document: Document, folder: Path) -> None:
+    """Refuse tables that memory cannot hold, by the sizes of their files."""
+    from mor.memory import check_room
+
+    files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
+    size = sum(path.stat().st_size for path in files if path.is_file())
+    check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
 
 
 def chosen(
@@ -167,11 +203,15 @@ def chosen(
     say: Progress,
 ) -> Choice:
     """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
+    from mor.memory import check_room
     from mor.report.results.json import entries
+    from mor.report.results.memory import FEWER, memory_of_reports
     from mor.report.results.writing import Choice, is_large, tables_by_size
 
     say.notes(left_out(solved, tables, html))
     page = html if html is not None else not is_large(solved)
+    need = memory_of_reports(solved.network, page, tables or tables_by_size(solved))
+    check_room(need, "writing the reports", FEWER)
     return Choice(
         tables=tables or tables_by_size(solved),
         kind=table_format,

@@ -37,15 +37,16 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
-    from mor.errors import ExitCode
+    from mor.counting import counted
+    from mor.errors import ExitCode, InputError, Problem
     from mor.pipeline import read_document, read_network
-    from mor.report.results.adjusted_project import Placed
-    from mor.report.results.folder import check_inputs
+    from mor.report.results.folder import check_inputs, folder_beside
     from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
+    from mor.report.results.start_columns import Placed
     from mor.report.results.writing import PROJECT, write_project
 
-    folder = output or project.with_suffix(".start")
+    folder = output or folder_beside(project, ".start")
     check_free(folder, force)
     document = read_document(project)
     tables = (project.parent / name for name in document.table_files())
@@ -56,7 +57,8 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
             approximation = approximate(network)
         click.echo(protocol(network, approximation), nl=False)
         if approximation.missing:
-            return ExitCode.INPUT
+            count = counted(len(approximation.missing), "thing stays", "things stay")
+            raise InputError([Problem(f"{count} without start values, as the protocol says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
         click.echo(f"project with start values in {folder}", err=True)

@@ -20,7 +20,7 @@ def command(project: Path, everything: bool, quiet: bool) -> int:
     Examples:
       mor check project.yaml
       mor check project.yaml --quiet && echo "fine"
-      mor check project.yaml --all 2> mistakes.txt
+      mor check project.yaml --all
 
     Mistakes are told at once, with file and line: a screenful of them, or all.
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mor.cli._language import language_option
+
 _CONSTANT = click.option(
     "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
     help="Camera constant, in the unit of the image coordinates; once for all images, or once for each.",
@@ -19,11 +21,12 @@ _UNIT = click.option(
     help="Unit of the angles that are told.",
 )  # fmt: skip
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+_LANGUAGE = language_option("the text")
 
 
 @click.group(name="orient")
 def command() -> None:
-    """Orient images without start values: two images (Rinner), a plane object (Killian).
+    """Orient images without start values: two images or a chain (Rinner), a plane object (Killian).
 
     \b
     Examples:
@@ -35,38 +38,63 @@ def command() -> None:
     """
 
 
-@command.command(name="relative", short_help="Two images, from 8 or more homologous points (Rinner).")
+@command.command(
+    name="relative", short_help="Two images or a chain, from 8 or more homologous points (Rinner)."
+)
 @click.argument("pairs", type=click.Path(path_type=Path))
 @_CONSTANT
 @_SIGMA
 @_UNIT
+@click.option(
+    "--attitude",
+    type=(float, float, float),
+    metavar="OMEGA PHI KAPPA",
+    help="Attitude of the first image, in the unit of --angles: the model stands in the object system.",
+)
+@_LANGUAGE
 @_JSON
 def relative_command(
-    pairs: Path, constants: tuple[float, ...], sigma: float, angles: str, as_json: bool
+    pairs: Path,
+    constants: tuple[float, ...],
+    sigma: float,
+    angles: str,
+    attitude: tuple[float, float, float] | None,
+    lang: str,
+    as_json: bool,
 ) -> int:
-    """Relative orientation of two images from 8 or more homologous points (Rinner 1956).
+    """Relative orientation of two images from 8 or more homologous points (Rinner 1956), or of a chain of images.
 
     \b
     Examples:
       mor orient relative pairs.csv -c 28.8
       mor orient relative pairs.csv -c 28.8 -c 35.1 --sigma 0.003 --angles deg
+      mor orient relative strip.csv -c 153.2 --attitude 0.25 -1.1 98.7
       mor orient relative pairs.csv -c 28.8 --json | jq .
 
-    PAIRS has the columns id, x1, y1, x2, y2: image coordinates relative to the principal point, x right, y up, in the
-    unit of the camera constant. Degenerate data are named.
+    PAIRS has the columns id, x1, y1, x2, y2 (x3, y3 …): image coordinates relative to the principal point, x right, y
+    up, in the unit of the camera constant; empty where a point is not seen. Each image is oriented to the one before;
+    common points carry the scale on, then all is adjusted together. Degenerate data are named.
 
     \b
     Exit codes: 0 done; 2 input; 4 no solution.
     """
-    from mor.errors import ExitCode
-    from mor.report import orientation
-    from mor.report.results.json import to_json
+    import numpy as np
 
-    measured = orientation.read_homologous(pairs)
-    found = orientation.relative(measured, _of_images(constants, 2), sigma)
-    data = orientation.relative_data(measured, found, angles)
-    click.echo(to_json(data) if as_json else orientation.relative_text(data), nl=False)
-    return ExitCode.DONE if orientation.is_known(found.orientation) else ExitCode.SINGULAR
+    from mor.errors import ExitCode
+    from mor.geometry.rotations import rotation_from_angles
+    from mor.report.orientation.measured import read_homologous
+    from mor.report.orientation.relative import relative, relative_data, solved
+    from mor.report.orientation.relative_text import relative_text
+    from mor.report.results.json import to_json
+    from mor.report.words.language import words_of_orientation
+    from mor.units import ANGLE_UNITS
+
+    measured = read_homologous(pairs)
+    found = relative(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
+    given = None if attitude is None else rotation_from_angles(np.array(attitude) * ANGLE_UNITS[angles])
+    data = relative_data(measured, found, angles, given)
+    click.echo(to_json(data) if as_json else relative_text(data, words_of_orientation(lang)), nl=False)
+    return ExitCode.DONE if solved(found) else ExitCode.SINGULAR
 
 
 @command.command(
@@ -82,7 +110,15 @@ def relative_command(
     metavar="A B LENGTH",
     help="Two points and the distance between them: gives the scale.",
 )
+@click.option(
+    "--length-sigma", metavar="NUMBER", type=click.FloatRange(min=0.0), default=0.0, show_default=True,
+    help="σ of that distance.",
+)  # fmt: skip
+@click.option(
+    "--off", metavar="ID", multiple=True, help="A point off the plane; without it they are looked for."
+)
 @click.option("--wall", is_flag=True, help="The plane is a wall; without it, a level plane.")
+@_LANGUAGE
 @_JSON
 def planar_command(
     points: Path,
@@ -90,7 +126,10 @@ def planar_command(
     sigma: float,
     angles: str,
     length: tuple[str, str, float] | None,
+    length_sigma: float,
+    off: tuple[str, ...],
     wall: bool,
+    lang: str,
     as_json: bool,
 ) -> int:
     """Shape of a plane object from two or more images of 4 or more of its points (Killian).
@@ -99,24 +138,29 @@ def planar_command(
     Examples:
       mor orient planar corners.csv -c 50
       mor orient planar corners.csv -c 50 --length A B 2.500 --wall
+      mor orient planar corners.csv -c 50 --length A B 2.500 --length-sigma 0.002 --off TOWER
 
     POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty where a point is not seen.
-    All admissible solutions are given.
+    Points off the plane get heights. All admissible solutions are given.
 
     \b
     Exit codes: 0 done; 2 input; 4 no solution.
     """
     from mor.errors import ExitCode
-    from mor.report import orientation
+    from mor.report.orientation.measured import read_homologous
+    from mor.report.orientation.planar import Wanted, is_known, planar, planar_data
+    from mor.report.orientation.planar_text import planar_text
     from mor.report.results.json import to_json
+    from mor.report.words.language import words_of_orientation
 
     if length is not None and (length[0] == length[1] or length[2] <= 0.0):
         raise click.UsageError("--length takes two different points and a positive length")
-    measured = orientation.read_homologous(points)
-    shape = orientation.planar(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
-    data = orientation.planar_data(measured, shape, length, wall, angles)
-    click.echo(to_json(data) if as_json else orientation.planar_text(data), nl=False)
-    return ExitCode.DONE if orientation.is_known(shape) else ExitCode.SINGULAR
+    measured = read_homologous(points)
+    of_images = _of_images(constants, measured.coordinates.shape[1])
+    shape = planar(measured, of_images, sigma, off)
+    data = planar_data(measured, shape, of_images, Wanted(length, length_sigma, wall, angles))
+    click.echo(to_json(data) if as_json else planar_text(data, words_of_orientation(lang)), nl=False)
+    return ExitCode.DONE if is_known(shape) else ExitCode.SINGULAR
 
 
 def _of_images(constants: tuple[float, ...], images: int):  # type: ignore[no-untyped-def]

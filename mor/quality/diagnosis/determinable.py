@@ -26,13 +26,12 @@ from mor.project.reduction import (
     with_points_at_infinity,
     without_blocks,
 )
-from mor.quality.diagnosis.loose_things import without_loose, without_moved
+from mor.quality.diagnosis.loose_things import OPEN, without_loose, without_moved
 from mor.quality.diagnosis.misfit import misfit
+from mor.quality.diagnosis.unsettled import only_here
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
-OPEN = "unknowns are not determined by the observations"
-"""Reason of an outcome."""
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
 EXPLAINED = 30
@@ -104,7 +103,26 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
         else:
             values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
         far = now
+        network = _with_reference(network, start, values)
+    if len(far.points) and _leaves_out(network):
+        # Left out only now: with them the poses are known well enough to tell which points are at infinity.
+        network = _with_reference(network, start, there)
+        values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
+        values = values if adjustment.outcome.is_solution else start
+        reduced, adjustment = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, adjustment
+
+
+def _with_reference(network: Network, start: Values, values: Values) -> Network:
+    """The network whose datum refers to the first start values, wherever another adjustment of it begins."""
+    if network.datum.reference is not None:
+        return network
+    reference = np.where(np.isnan(start["point"]), values["point"], start["point"])
+    return replace(network, datum=replace(network.datum, reference=reference))
+
+
+def _leaves_out(network: Network) -> bool:
+    return network.project.settings.undetermined == "leave_out"
 
 
 def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints, RayPoints]:
@@ -117,24 +135,25 @@ def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints
 
 
 def _adjusted(
-    network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means
+    network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means, far_too: bool = False
 ) -> tuple[Network, Adjustment]:
     """One adjustment with some points at infinity, and without what is loose where that is to be left out.
 
-    ``blind`` are the points all of whose rays come from one place.
+    ``blind`` are the points all of whose rays come from one place; ``far_too`` leaves out the points at infinity.
     """
-    leave = network.project.settings.undetermined == "leave_out"
-    whole, begun = _without_far(network, start, far, leave)
+    leave = _leaves_out(network)
+    whole, begun = _without_far(network, start, far, far_too)
     reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
     loose = reduced.undeterminable[len(whole.undeterminable) :]
+    named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
     if loose and not leave and len(loose) <= EXPLAINED:
-        loose = tuple(thing._replace(treatment="") for thing in loose)
-        return replace(whole, undeterminable=(*whole.undeterminable, *loose)), means.solve(whole, begun)
+        return replace(whole, undeterminable=named), means.solve(whole, begun)
     adjustment = means.solve(reduced, begun)
     if loose and not leave:
+        reduced = replace(reduced, undeterminable=named)
         return reduced, replace(adjustment, outcome=Outcome.SINGULAR, reason=OPEN)
     for _ in range(ROUNDS if leave else 0):
-        further = without_moved(reduced, adjustment)
+        further = None if only_here(adjustment) else without_moved(reduced, adjustment)
         if further is None:
             break
         reduced = without_loose(further, begun, means.make)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.adjustment.datum.local_defects import LocalDefects, local_defects
+from mor.adjustment.datum.local_defects import LocalDefects, beside, local_defects
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, IntArray
@@ -18,6 +18,8 @@ from mor.project.network.entities import thing_of
 from mor.project.reduction import nothing_marked, without_blocks
 from mor.quality.diagnosis.connected_components import connected_parts
 
+OPEN = "unknowns are not determined by the observations"
+"""Reason of an outcome."""
 NO_OBSERVATION = "no observation refers to it"
 TOO_FEW = "fewer observations refer to it than it has unknowns"
 LOOSE = "its observations leave a direction of it open"
@@ -30,10 +32,22 @@ MOVES_TOGETHER = "it can move together with others, and no observation changes"
 class Things:
     """All things of a network that may be left out: points, and images, stations … with all that is their own."""
 
-    names: Sequence[tuple[str, str]]
-    """(kind, name) of each."""
+    points: Sequence[str]
+    """Names of the point blocks: things of their own, unless they are positions of images, stations …"""
+    others: Sequence[tuple[str, str]]
+    """(kind, name) of all other things, numbered after the points."""
     of_blocks: dict[str, IntArray]
     """(n,) thing of each block of a kind, −1 for what is no thing by itself (cameras, instruments)."""
+
+    @property
+    def count(self) -> int:
+        """Number of things."""
+        return len(self.points) + len(self.others)
+
+    def name(self, number: int) -> tuple[str, str]:
+        """(kind, name) of a thing."""
+        first = len(self.points)
+        return ("point", self.points[number]) if number < first else self.others[number - first]
 
     def marked(self, network: Network, chosen: BoolArray) -> dict[str, BoolArray]:
         """Blocks of the chosen things."""
@@ -46,7 +60,6 @@ class Things:
 def things_of(network: Network) -> Things:
     """The things of a network."""
     ids = network.blocks["point"].ids if "point" in network.blocks else ()
-    names = [("point", name) for name in ids]
     of_blocks = {
         kind: np.full(len(blocks.ids), -1, dtype=np.int64) for kind, blocks in network.blocks.items()
     }
@@ -61,7 +74,7 @@ def things_of(network: Network) -> Things:
             thing = thing_of(kind, blocks.ids[k])
             if thing[0] != kind:
                 of_blocks[kind][k] = numbers.setdefault(thing, len(ids) + len(numbers))
-    return Things([*names, *numbers], of_blocks)
+    return Things(ids, list(numbers), of_blocks)
 
 
 def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
@@ -69,7 +82,10 @@ def without_loose(network: Network, values: Values, make: Callable[[Network, Val
     things = things_of(network)
     reduced = network
     while True:
-        defects = local_defects(make(reduced, values), values, things.of_blocks, len(things.names))
+        problem = make(reduced, values)
+        # Beside the start values: what is singular there alone is not undetermined.
+        place = beside(problem, values)
+        defects = local_defects(problem, place, things.of_blocks, things.count)
         if not defects.loose.any():
             return reduced
         named = _named(things, defects, first=reduced is network)
@@ -81,7 +97,7 @@ def _named(things: Things, defects: LocalDefects, first: bool) -> list[Undetermi
     for k in np.flatnonzero(defects.loose).tolist():
         reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
         reason = reason if first else HANGS_ON
-        named.append(Undeterminable(*things.names[k], reason, "left out", int(defects.rows[k])))
+        named.append(Undeterminable(*things.name(k), reason, "left out", int(defects.rows[k])))
     return named
 
 
@@ -93,7 +109,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     if adjustment.outcome is not Outcome.SINGULAR or not adjustment.defect.undetermined:
         return None
     things = things_of(network)
-    numbers = {thing: k for k, thing in enumerate(things.names)}
+    numbers = {things.name(k): k for k in range(things.count)}
     moved, reason = _apart(network), NOT_CONNECTED
     if not moved:
         reason = MOVES_TOGETHER
@@ -102,13 +118,13 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
             for direction in adjustment.defect.undetermined
             for kind, name, _ in direction.unknowns
         }
-    chosen = np.zeros(len(things.names), dtype=bool)
+    chosen = np.zeros(things.count, dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
     marked = things.marked(network, chosen)
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [Undeterminable(*things.names[k], reason, "left out") for k in np.flatnonzero(chosen).tolist()]
+    named = [Undeterminable(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
     return without_blocks(network, marked, named)
 
 

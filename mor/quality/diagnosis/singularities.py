@@ -88,11 +88,22 @@ def turned_about(solved: Solved, say: Say = english) -> list[str]:
                 angle=angle,
             )
         )
+    if not _tilts_as_angles(solved):
+        advice = say("Observe a bearing or a direction beside this axis, or fix a second point.")
+        return [*lines, advice] if lines else []
     advice = say(
         "Tilts observed as angles omega, phi tell it by their small size only. Observe them as level, then the turn "
         "is free and the datum settles it; or observe a bearing, or fix a second point."
     )
     return [*lines, advice] if lines else []
+
+
+def _tilts_as_angles(solved: Solved) -> bool:
+    """True where ω or φ of something is observed."""
+    return any(
+        group.type.key == "observed/rotation" and bool(group.mask[:, :2].any())
+        for group in solved.adjustment.problem.groups
+    )
 
 
 def _open_datum(solved: Solved, say: Say) -> list[str]:

@@ -10,16 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mor.adjustment.datum.local_defects import beside
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
-from mor.parameters.index import Index, Values, move
-from mor.quality.diagnosis.determinable import OPEN
+from mor.parameters.index import Index, Values
+from mor.quality.diagnosis.loose_things import OPEN
 
 RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
 UNSETTLED = "the datum points do not settle the datum"
+NO_DATUM = "the datum is not defined"
 AT_THE_START = (
     "singular at the start values, not by the observations: at other values they determine everything"
 )
@@ -27,8 +29,6 @@ AT_THE_START = (
 STEPS = 5
 """Further steps that are looked at."""
 LISTED = 20
-_BESIDE = 1e-2
-"""Radians, and part of the extent of the network, by which values are moved: is their place singular alone?"""
 _ROWS = 50_000
 
 
@@ -61,32 +61,27 @@ def last_movements(adjustment: Adjustment) -> Movements:
 
 def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
-    if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED):
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment
     if not adjustment.plan.problem.index.count:
         return adjustment
     begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
     if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
         return replace(adjustment, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
-    if adjustment.reason == OPEN and not adjustment.iterations and _only_here(adjustment):
+    if only_here(adjustment):
         return replace(adjustment, reason=AT_THE_START)
     return adjustment
 
 
-def _only_here(adjustment: Adjustment) -> bool:
-    """True where the values do not fit the observations, and beside them nothing is undetermined."""
+def only_here(adjustment: Adjustment) -> bool:
+    """True where the start values are singular, do not fit the observations, and beside them nothing is singular."""
     problem = adjustment.problem
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.iterations:
+        return False
     if adjustment.normals.objective <= 10.0 * problem.observations:
         return False
-    random = np.random.default_rng(1763)
-    points = adjustment.values["point"]
-    extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
-    scale = np.zeros(problem.index.count)
-    for number, kind in enumerate(problem.index.unknown_kind):
-        size = _BESIDE * extent if kind in ("point", "base") else _BESIDE if kind == "rotation" else 0.0
-        scale[problem.index.kind_of == number] = size
-    beside = move(problem.index, adjustment.values, scale * random.standard_normal(problem.index.count))
-    return not adjust(problem, beside, Settings(max_iterations=0)).defect.undetermined
+    there = adjust(problem, beside(problem, adjustment.values), Settings(max_iterations=0))
+    return there.outcome is not Outcome.SINGULAR
 
 
 def _further_steps(adjustment: Adjustment) -> FloatArray:

@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
+from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.suspects import sentences
+from mor.report.text.undetermined import sentences_of_things
 from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
@@ -55,6 +57,8 @@ def headline(data: PageData) -> Statement:
     if left_out:
         return Statement(BAD, say("Not accepted"), " ".join(left_out))
     emptied = [*_emptied(data), *_mostly_out(data)]
+    things = tuple(_thing(row) for row in summary.get("undeterminable", []))
+    emptied += sentences_of_things(things, say)
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
@@ -73,6 +77,10 @@ def headline(data: PageData) -> Statement:
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _thing(row: dict[str, Any]) -> Undeterminable:
+    return Undeterminable(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
 
 
 def _emptied(data: PageData) -> list[str]:

@@ -17,7 +17,7 @@ def contents(network: Network) -> str:
     lines += [_row(len(network.things[name].ids), name) for name in THINGS if network.things[name].ids]
     lines.append("observations")
     for group in network.groups:
-        lines.append(f"{int(np.count_nonzero(group.mask)):8d} {group.type.key} ({group.name})")
+        lines.append(f"{int(np.count_nonzero(group.mask)):8d} {group.type.name} ({group.name})")
     observations = sum(int(np.count_nonzero(group.mask)) for group in network.groups)
     unknowns = index_unknowns(network.blocks).count
     total = _row(observations, "observation")

@@ -31,6 +31,11 @@ RESULT_FILES = (
 """Names (patterns) of all files an adjustment may write."""
 
 
+def folder_beside(project: Path, suffix: str) -> Path:
+    """Folder that is called as the project, with another suffix; inside of what has no name, as ``.`` has none."""
+    return project.with_suffix(suffix) if project.name else project / f"project{suffix}"
+
+
 def check_inputs(folder: Path, inputs: Iterable[Path], names: Collection[str] = ()) -> None:
     """Raise :class:`InputError` where results would overwrite a file that the project is read from, forced or not.
 

@@ -103,7 +103,7 @@ class Suspects(Part):
     outcome: Literal["converged", "not converged", "diverged"] = Field(
         description="How the adjustment of all observations ended; converged: at a place that fits hardly any of them"
     )
-    iterations: int
-    sigma0_ratio: Number
-    count: int
+    iterations: int = Field(description="Number of iterations of that adjustment")
+    sigma0_ratio: Number = Field(description="Its σ0 a posteriori / a priori, where it came to an end")
+    count: int = Field(description="Number of observations left out")
     observations: list[Suspect] = Field(description="The worst first, at most 10 000")

@@ -16,5 +16,6 @@ def protocol(network: Network, approximation: Approximation) -> str:
             words = approximation.how.get(f"{kind} {name}")
             if words is not None:
                 lines.append(f"{kind} {name}: {words}")
+    lines += [f"REPLACED start value of {words}" for words in approximation.replaced]
     lines += [f"MISSING {words}" for words in (*approximation.remarks, *approximation.missing)]
     return "\n".join(lines) + "\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +10,15 @@ from typing import Literal
 
 import numpy as np
 
+from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
-from mor.report.results.adjusted_project import Placed, adjusted_project, remarks
+from mor.report.results.adjusted_project import adjusted_project, remarks
 from mor.report.results.folder import Writer, write_folder
 from mor.report.results.json import entries, results, to_json
 from mor.report.results.reservation import Reservation
+from mor.report.results.start_columns import Placed
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer
 from mor.report.tables.observations import SHOWN, observation_table
@@ -84,6 +86,11 @@ def write_results(
             beside.shutdown(wait=False, cancel_futures=True)
 
 
+def write_undeterminable(things: Sequence[Undeterminable], place: Reservation) -> None:
+    """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
+    write_folder(place, {FILE: table_writer(undeterminable_table(things))})
+
+
 def _undeterminable(solved: Solved) -> dict[str, Writer]:
     """The table of what nothing determines, where there is any."""
     rows = undeterminable_rows(solved)
@@ -96,6 +103,8 @@ def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str,
         "results.json": lambda: to_json(results(solved, names)),
         "report.txt": lambda: text_report(solved, words_of(choice.language)),
     }
+    if solved.quality is None and choice.html:
+        reports["report.html"] = lambda: _failure_page(solved, choice.language)
     if solved.quality is not None and choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, file, choice.language)
@@ -184,6 +193,12 @@ def _page(solved: Solved, file: str, language: str) -> str:
     from mor.report.view import view_of
 
     return page(view_of(solved, observation_table(solved, SHOWN), file), words_of_page(language))
+
+
+def _failure_page(solved: Solved, language: str) -> str:
+    from mor.report.html.failure import failure_page
+
+    return failure_page(solved, words_of_page(language))
 
 
 def _made(text: Future[str]) -> Writer:

@@ -335,6 +335,7 @@ def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
     product = estimate.sigma[:, :, None] * estimate.sigma[:, None, :]
     some = product > 0.0
     correlation = np.where(some, estimate.covariance / np.where(some, product, 1.0), 0.0)
+    correlation = np.clip(correlation, -1.0, 1.0)  # round-off of coordinates that move as one
     return {name: correlation[:, i, j] for name, (i, j) in pairs.items()}
 
 

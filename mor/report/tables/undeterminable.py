@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
     ]
 
 
-def undeterminable_table(things: list[dict[str, Any]] | tuple[Undeterminable, ...]) -> pl.DataFrame:
+def undeterminable_table(things: Sequence[dict[str, Any] | Undeterminable]) -> pl.DataFrame:
     """The rows as a table."""
     rows = [_row(thing) | _NOTHING if isinstance(thing, Undeterminable) else thing for thing in things]
     return pl.DataFrame(rows, schema=SCHEMA)

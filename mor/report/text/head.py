@@ -10,7 +10,7 @@ from mor.report.tables.suspects import suspects
 from mor.report.tables.worst import between, uncontrolled_residuals
 from mor.report.text.layout import fixed, short
 from mor.report.text.suspects import sentences as sentences_on_suspects
-from mor.report.text.undetermined import sentences
+from mor.report.text.undetermined import sentences_of_things
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -93,7 +93,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    lines += sentences(solved.network.undeterminable, words)
+    lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
 

@@ -48,7 +48,7 @@ def listed(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join(lines)
 
 
-def sentences(things: Sequence[Undeterminable], words: Words = ENGLISH) -> list[str]:
+def sentences_of_things(things: Sequence[Undeterminable], words: Words = ENGLISH) -> list[str]:
     """What the verdict says of them: how many, the first by name, where all of them stand."""
     left = [thing for thing in things if thing.treatment == "left out"]
     far = [thing for thing in things if thing.treatment == "at infinity"]

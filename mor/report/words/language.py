@@ -55,17 +55,23 @@ ENGLISH = Words("en")
 
 
 _SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
+_ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
 _PAGE = (*_SENTENCES, "{language}_page.yaml")
 _DECIMALS = {"de": ","}
 
 
 def words_of(language: str) -> Words:
     """Words of the text report in a language, ``en`` or ``de``. Raises ``KeyError`` for another."""
-    return (
-        ENGLISH
-        if language == "en"
-        else Words(language, _catalogue(language, _SENTENCES), _DECIMALS[language])
-    )
+    return _of_text(language, _SENTENCES)
+
+
+def words_of_orientation(language: str) -> Words:
+    """Words of ``mor orient``, whose short terms are its own. Raises ``KeyError`` for another language."""
+    return _of_text(language, _ORIENTATION)
+
+
+def _of_text(language: str, names: tuple[str, ...]) -> Words:
+    return ENGLISH if language == "en" else Words(language, _catalogue(language, names), _DECIMALS[language])
 
 
 def words_of_page(language: str) -> Words:

@@ -5,11 +5,11 @@ import pytest
 
 from mor.approximate.bundle import direction_bundle, image_bundle
 from mor.approximate.growth.forward_intersection import meet, meet_plainly, posed_frames
-from mor.approximate.growth.frames import Frame
 from mor.approximate.growth.local_bundle import settle
-from mor.approximate.growth.part import empty_part
 from mor.approximate.growth.seed_bundles import WINDOW, common_pairs
-from mor.approximate.growth.sightings import sightings
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.part import empty_part
+from mor.approximate.parts.sightings import sightings
 from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, adjust_pose_plainly
 from mor.geometry.rotations import rotate
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.relative_poses import known_bases
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.relative_poses import known_bases
+from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.approximate.terrestrial.clusters import Cluster
 from mor.approximate.terrestrial.polar import bearing
@@ -82,7 +82,7 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
     if not part.scaled:
         part.transform(_movement(length, np.eye(3)))
         part.scaled = True
-    make_upright(part, g)
+    make_upright(part, np.asarray(g, dtype=np.float64))
     return True
 
 
@@ -110,7 +110,7 @@ def level_roughly(part: Part, scene: Scene) -> None:
 
 
 def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
-    """(3,) sum of what leads from lower to higher places over one position: points, centres of cameras and instruments."""
+    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
     over: dict[int, list[tuple[float, FloatArray]]] = {}
     for number, (centre, _) in part.poses.items():
         frame = frames[number]
@@ -127,7 +127,7 @@ def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
 
 def direct_roughly(part: Part, scene: Scene) -> None:
     """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
-    known = np.isfinite(part.points[:, :2]).all(axis=1)
+    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
     turns = []
     for sight in scene.terrestrial.sights:
         if sight.oriented and known[sight.position] and known[sight.points].all():
@@ -142,7 +142,7 @@ def direct_roughly(part: Part, scene: Scene) -> None:
 
 def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:
     """Differences (n, 3) of known points and of their heights (n,), along lines of levelling of any length."""
-    known = np.isfinite(part.points).all(axis=1)
+    known = np.asarray(np.isfinite(part.points).all(axis=1))
     start, end, dz = [], [], []
     for line in lines:
         points = line.points[known[line.points]]
@@ -193,7 +193,8 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
         key = int(lengths.start[i]), int(lengths.start_block[i])
         if key in centres:
             start[i] = centres[key]
-    return np.linalg.norm(part.points[lengths.end] - start, axis=1)
+    spans: FloatArray = np.linalg.norm(part.points[lengths.end] - start, axis=1)
+    return spans
 
 
 def _movement(scale: float, rotation: FloatArray) -> Similarity:

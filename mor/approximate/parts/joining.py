@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.level_and_scale import make_upright
-from mor.approximate.growth.movement import Movement, Ties, Turn, movement
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.level_and_scale import make_upright
+from mor.approximate.parts.movement import Movement, Ties, Turn, movement
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
 
@@ -82,7 +82,7 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
 
 def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, FloatArray]:
     ours, theirs = np.isfinite(source.points), np.isfinite(target.points)
-    known = ours & theirs if both else theirs & ours.all(axis=1)[:, None]
+    known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
     full = rows[known[rows].all(axis=1)]
     if len(full) > MANY:
@@ -92,7 +92,7 @@ def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, 
 
 
 def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Projection centres of frames posed in both, or of tripods whose place the target knows and whose height counts."""
+    """Projection centres of frames posed in both, or on tripods whose place and height the target knows."""
     centres, places = [], []
     for number, (centre, _) in source.poses.items():
         frame = scene.frames[number]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame, image_frames, theodolite_frames
-from mor.approximate.growth.grow_levelled import Distances
-from mor.approximate.growth.sightings import Sightings, sightings
+from mor.approximate.parts.distances import Distances
+from mor.approximate.parts.frames import Frame, image_frames, theodolite_frames
+from mor.approximate.parts.sightings import Sightings, sightings
 from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
 from mor.arrays import FloatArray, IntArray
@@ -59,8 +59,8 @@ class Scene:
     """Frame → rotation D that is fixed or observed."""
     distances: tuple[Distances, Distances]
     """Of parts without scale, and of those that have it."""
-    shared: dict[tuple[int, int], list[int]]
-    """Position and height blocks → the frames with that centre, where there are several."""
+    shared: dict[tuple[int, float], list[int]]
+    """Position block and height above it → the frames with that centre, where there are several."""
 
 
 def scene_of(network: Network) -> Scene:
@@ -132,7 +132,7 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
         return {}
     blocks, start = network.blocks["rotation"], network.start["rotation"]
     held = ~blocks.free | np.isfinite(network.sigma["rotation"])
-    known = held.all(axis=1) & np.isfinite(start).all(axis=(1, 2))
+    known = np.asarray(held.all(axis=1) & np.isfinite(start).all(axis=(1, 2)))
     return {
         n: start[frame.rotation]
         for n, frame in enumerate(frames)
@@ -140,9 +140,9 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
     }
 
 
-def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, int], list[int]]:
-    found: dict[tuple[int, int], list[int]] = {}
+def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, float], list[int]]:
+    found: dict[tuple[int, float], list[int]] = {}
     for number, frame in enumerate(frames):
         if frame.relative is None:
-            found.setdefault((frame.position, frame.height), []).append(number)
+            found.setdefault((frame.position, float(frame.offset[0])), []).append(number)
     return {key: numbers for key, numbers in found.items() if len(numbers) > 1}

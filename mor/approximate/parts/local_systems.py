@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.growth.movement import Ties, Turn, movement
+from mor.approximate.parts.movement import Ties, Turn, movement
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.index import Blocks
 from mor.project.network.build import Network

@@ -7,9 +7,9 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.part import Part
-from mor.approximate.growth.scene import Scene, StereoPair
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.scene import Scene, StereoPair
 from mor.arrays import FloatArray
 
 AGREE = 0.02
@@ -41,13 +41,13 @@ def _follow(part: Part, frames: Sequence[Frame], pair: StereoPair) -> bool:
     turn, base = known
     for leader, follower in lacking:
         if leader in part.poses:
-            O, D = part.poses[leader]
-            part.poses[follower] = (O + D.T @ base, turn @ D)
+            centre, D = part.poses[leader]
+            part.poses[follower] = (centre + D.T @ base, turn @ D)
             part.how[frames[follower].name] = f"follows {frames[leader].name}"
         else:
-            O, D = part.poses[follower]
+            centre, D = part.poses[follower]
             D = turn.T @ D
-            part.poses[leader] = (O - D.T @ base, D)
+            part.poses[leader] = (centre - D.T @ base, D)
             part.how[frames[leader].name] = f"leads {frames[follower].name}"
     return True
 

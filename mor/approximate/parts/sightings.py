@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
+from mor.approximate.parts.frames import Frame
 from mor.arrays import FloatArray, IntArray
 
 

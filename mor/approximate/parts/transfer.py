@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.frames import Frame
-from mor.approximate.growth.local_systems import fill_systems
-from mor.approximate.growth.part import Part, empty_part
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.local_systems import fill_systems
+from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable

@@ -79,8 +79,8 @@ def movement(ties: Ties, turn: Turn, scaled: bool) -> Movement | None:
     if not known.any() and len(ties.source_axes) == 0:
         return None
     frame = _normalised(ties, known)
-    found = [_refined(frame, R, turn, scaled) for R in _starts(frame, turn, scaled)]
-    found = [one for one in found if one is not None and one.scale > 0.0]
+    refined = [_refined(frame, R, turn, scaled) for R in _starts(frame, turn, scaled)]
+    found = [one for one in refined if one is not None and one.scale > 0.0]
     if not found:
         return None
     found.sort(key=lambda one: one.cost)
@@ -180,7 +180,7 @@ def _towards(axis: FloatArray) -> FloatArray:
 
 
 def _closed_forms(ties: _Normalised, turn: Turn, scaled: bool) -> list[FloatArray]:
-    """Rotations from points known in all components of use: all of them, and triples, so that some are without errors."""
+    """Rotations from points known in all components of use: from all of them and, against errors, from triples."""
     axes = 2 if turn is Turn.VERTICAL else 3
     full = np.flatnonzero(ties.known[:, :axes].all(axis=1))
     if len(full) < axes:

@@ -1,0 +1,214 @@
+"""The model of a chain of images: pairs joined by scale from common points, then all of it adjusted together.
+
+Every pair is oriented by itself (Rinner); the base of each further one is stretched until the points it has in common
+with the one before lie equally far from the image that both share. What follows is the bundle adjustment of the free
+model: the first image held, the first base of length one, points eliminated. Its σ are those of every result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.bundle import Bundle
+from mor.approximate.intersection import IntersectionOutcome, intersect
+from mor.approximate.relative_orientation.outcome import RelativeOrientation
+from mor.approximate.reprojection import reproject
+from mor.approximate.vectors import tangent_axes
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.rotations import cross_matrix, rotate
+
+ITERATIONS = 30
+
+
+class Chain(NamedTuple):
+    """Frames in the axes of the first image, the first base as unit."""
+
+    positions: FloatArray
+    """(m, 3)"""
+    rotations: FloatArray
+    """(m, 3, 3)"""
+    common: IntArray
+    """(m − 2,) points that carried the scale from each pair to the next; 0 ends the chain there."""
+
+
+class Model(NamedTuple):
+    """The adjusted model."""
+
+    positions: FloatArray
+    """(m, 3)"""
+    rotations: FloatArray
+    """(m, 3, 3)"""
+    points: FloatArray
+    """(n, 3); not a number where ``reasons`` says why."""
+    frame_covariance: FloatArray
+    """(m, 6, 6) of X0 and δ, for the a-priori σ of the rays."""
+    point_covariance: FloatArray
+    """(n, 3, 3)"""
+    reasons: tuple[IntersectionOutcome, ...]
+    """(n,) what became of each point."""
+    sigma0: float
+    redundancy: int
+
+
+class _Normals(NamedTuple):
+    frames: FloatArray
+    """(f, f) with the points eliminated."""
+    side: FloatArray
+    """(f,)"""
+    inverse: FloatArray
+    """(n, 3, 3) of the points' own blocks."""
+    reach: FloatArray
+    """(n, 3, f) inverse times the mixed blocks."""
+    offset: FloatArray
+    """(n, 3) inverse times the points' own sides."""
+    objective: float
+
+
+def chain(pairs: Sequence[RelativeOrientation], bundles: Sequence[Bundle], seen: BoolArray) -> Chain:
+    """Chain of m − 1 oriented pairs of neighbouring images; ``seen`` (m, n) the rays that count."""
+    positions, rotations, common = [np.zeros(3)], [np.eye(3)], []
+    length = 1.0
+    for k, pair in enumerate(pairs):
+        if k > 0:
+            shared = np.flatnonzero(seen[k - 1] & seen[k] & seen[k + 1])
+            before = _ranges(pairs[k - 1], bundles[k - 1].take(shared), bundles[k].take(shared))[1]
+            after = _ranges(pair, bundles[k].take(shared), bundles[k + 1].take(shared))[0]
+            ratios = before / after
+            ratios = ratios[np.isfinite(ratios) & (ratios > 0.0)]
+            common.append(len(ratios))
+            length *= float(np.median(ratios)) if len(ratios) else float("nan")
+        positions.append(positions[k] + length * rotations[k].T @ pair.base)
+        rotations.append(pair.rotation @ rotations[k])
+    return Chain(np.stack(positions), np.stack(rotations), np.array(common, dtype=np.int64))
+
+
+def _ranges(pair: RelativeOrientation, a: Bundle, b: Bundle) -> tuple[FloatArray, FloatArray]:
+    """Distances (n,) of the intersected points from both centres, the base as unit."""
+    first, second = a.directions, b.directions @ pair.rotation
+    normal = np.cross(first, second)
+    size = np.sum(normal**2, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_a = np.sum(np.cross(pair.base, second) * normal, axis=1) / size
+        from_b = np.sum(np.cross(pair.base, first) * normal, axis=1) / size
+    return np.asarray(from_a), np.asarray(from_b)
+
+
+def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Model:
+    """Bundle adjustment of the chain ``start`` and of every point that its rays, ``seen`` (m, n), determine."""
+    points, reasons = _intersected(bundles, seen, start)
+    used = seen & np.isfinite(points[:, 0])
+    index = np.flatnonzero(np.any(used, axis=0))
+    positions, rotations, chosen = start.positions, start.rotations, points[index]
+    damping, normals = 0.0, _normals(bundles, used[:, index], positions, rotations, chosen)
+    for _ in range(ITERATIONS):
+        scale = np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
+        scaled = normals.frames / np.outer(scale, scale) + damping * np.eye(len(scale))
+        step = -np.linalg.solve(scaled, normals.side / scale) / scale
+        moved = _moved(positions, rotations, step)
+        shifted = chosen - normals.offset - normals.reach @ step
+        tried = _normals(bundles, used[:, index], *moved, shifted)
+        gain = normals.objective - tried.objective
+        if gain >= 0.0:
+            positions, rotations, chosen, normals = *moved, shifted, tried
+            damping = 0.0 if damping < 1e-8 else damping / 10.0
+        else:
+            damping = max(10.0 * damping, 1e-6)
+        if abs(gain) <= 1e-13 * normals.objective or float(np.max(np.abs(step))) < 1e-13 or damping > 1e6:
+            break
+    points[index] = chosen
+    return _model(positions, rotations, points, index, normals, used, reasons)
+
+
+def _intersected(
+    bundles: Sequence[Bundle], seen: BoolArray, start: Chain
+) -> tuple[FloatArray, tuple[IntersectionOutcome, ...]]:
+    points, reasons = np.full((seen.shape[1], 3), np.nan), []
+    for column in range(seen.shape[1]):
+        images = np.flatnonzero(seen[:, column])
+        rays = [bundles[k].take(np.array([column])) for k in images]
+        reason = IntersectionOutcome.TOO_FEW
+        if len(images) > 1:
+            joined = Bundle(*(np.concatenate(parts) for parts in zip(*map(_parts, rays), strict=True)))
+            found = intersect(joined, start.positions[images], start.rotations[images])
+            reason = found.outcome
+            # Of more than two images the chain is no adjustment yet: its rays need not meet to their precision.
+            if reason.usable or (len(images) > 2 and reason is IntersectionOutcome.DOES_NOT_MEET):
+                points[column], reason = found.point, IntersectionOutcome.DETERMINED
+        reasons.append(reason)
+    return points, tuple(reasons)
+
+
+def _parts(bundle: Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    return bundle.rays, bundle.normals, bundle.axes, bundle.sigma
+
+
+def _basis(positions: FloatArray) -> FloatArray:
+    """(6m, f) how the unknowns move the frames: not the first, the second not along its base."""
+    frames = 6 * len(positions)
+    basis = np.eye(frames)[:, 7:]
+    basis[6:9, :2] = tangent_axes(positions[1] / np.linalg.norm(positions[1]))
+    return basis
+
+
+def _moved(positions: FloatArray, rotations: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    change = (_basis(positions) @ step).reshape(-1, 6)
+    moved = positions + change[:, :3]
+    moved[1] /= np.linalg.norm(moved[1])
+    return moved, rotate(rotations, change[:, 3:])
+
+
+def _normals(
+    bundles: Sequence[Bundle],
+    used: BoolArray,
+    positions: FloatArray,
+    rotations: FloatArray,
+    points: FloatArray,
+) -> _Normals:
+    basis, count = _basis(positions), len(points)
+    unknowns = basis.shape[1]
+    own, mixed, own_side = np.zeros((count, 3, 3)), np.zeros((count, 3, unknowns)), np.zeros((count, 3))
+    frames, side, objective = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0.0
+    columns = np.flatnonzero(np.any(used, axis=0))
+    all_points = np.full((used.shape[1], 3), np.nan)
+    all_points[columns] = points
+    for k, bundle in enumerate(bundles):
+        seen = np.flatnonzero(used[k])
+        star = (all_points[seen] - positions[k]) @ rotations[k].T
+        computed = reproject(bundle.take(seen), star)
+        by_point = computed.by_star @ rotations[k]
+        by_frame = np.concatenate([-by_point, computed.by_star @ cross_matrix(star)], axis=2)
+        by_unknown = by_frame @ basis[6 * k : 6 * k + 6]
+        own[seen] += np.einsum("nki,nkj->nij", by_point, by_point)
+        mixed[seen] += np.einsum("nki,nkj->nij", by_point, by_unknown)
+        own_side[seen] += np.einsum("nki,nk->ni", by_point, computed.residuals)
+        frames += np.einsum("nki,nkj->ij", by_unknown, by_unknown)
+        side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
+        objective += float(np.sum(computed.residuals**2))
+    inverse = np.linalg.inv(own)
+    reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
+    reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
+    return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)
+
+
+def _model(
+    positions: FloatArray,
+    rotations: FloatArray,
+    points: FloatArray,
+    index: IntArray,
+    normals: _Normals,
+    used: BoolArray,
+    reasons: tuple[IntersectionOutcome, ...],
+) -> Model:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
+    unknowns = np.linalg.inv(normals.frames * np.outer(scale, scale)) * np.outer(scale, scale)
+    basis = _basis(positions)
+    frames = basis @ unknowns @ basis.T
+    blocks = np.stack([frames[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(len(positions))])
+    covariance = np.full((len(points), 3, 3), np.nan)
+    covariance[index] = normals.inverse + normals.reach @ unknowns @ np.swapaxes(normals.reach, 1, 2)
+    redundancy = 2 * int(np.sum(used)) - 3 * len(index) - len(scale)
+    sigma0 = float(np.sqrt(normals.objective / redundancy)) if redundancy > 0 else float("nan")
+    return Model(positions, rotations, points, blocks, covariance, reasons, sigma0, redundancy)

@@ -1,0 +1,103 @@
+"""How much memory there is for this process, and what is said where it will not do.
+
+The least of: what the machine has available, what the control group of the process leaves, and the limit of its address
+space (``ulimit -v``). Where the system tells none of them, nothing is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from mor.errors import OutOfMemoryError
+
+ENVIRONMENT = "MOR_MEMORY_MB"
+"""Environment variable that says how much the process may take in all, in place of what the system says."""
+_MB = 1e6
+_GROUP = Path("/sys/fs/cgroup")
+
+
+def check_room(further: float, phase: str, advice: str) -> None:
+    """Raise :class:`OutOfMemoryError` where ``further`` bytes are more than there are left."""
+    left = available()
+    if left is None or further <= left:
+        return
+    words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} are left"
+    raise OutOfMemoryError(
+        f"{words}. What helps: {advice}; a machine with more of it ({ENVIRONMENT}=… overrules)."
+    )
+
+
+def _said(size: float) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / _MB:.0f} MB"
+
+
+def available() -> float | None:
+    """Bytes that this process may still take; ``None`` where nobody knows."""
+    given = os.environ.get(ENVIRONMENT, "")
+    if given.isascii() and given.isdigit():
+        return float(given) * _MB - resident()
+    found = [size for size in (_of_machine(), _of_group(), _of_address_space()) if size is not None]
+    return max(min(found), 0.0) if found else None
+
+
+def resident() -> float:
+    """Bytes of memory the process takes now; 0 where nobody knows."""
+    return _field(Path("/proc/self/status"), "VmRSS") or 0.0
+
+
+def _of_machine() -> float | None:
+    return _field(Path("/proc/meminfo"), "MemAvailable")
+
+
+def _of_group() -> float | None:
+    """What the control group leaves, and the groups it is in (version 2, or 1); files in their caches give way."""
+    found = [
+        most - now + (_field(folder / "memory.stat", cache, 1.0) or 0.0)
+        for folder, limit, used, cache in _groups()
+        if (most := _number(folder / limit)) is not None and (now := _number(folder / used)) is not None
+    ]
+    return min(found, default=None)
+
+
+def _groups() -> list[tuple[Path, str, str, str]]:
+    """Folders of the groups of this process with the names of their limit, of what is used, and of cached files."""
+    try:
+        own = Path("/proc/self/cgroup").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        own = []
+    group = next((line[3:] for line in own if line.startswith("0::")), "/")
+    inner = _GROUP / group.lstrip("/")
+    chain = [inner, *(folder for folder in inner.parents if folder.is_relative_to(_GROUP))]
+    second = [(folder, "memory.max", "memory.current", "inactive_file") for folder in chain]
+    first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+    return [*second, (_GROUP / "memory", *first)]
+
+
+def _of_address_space() -> float | None:
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return None
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    used = _field(Path("/proc/self/status"), "VmSize")
+    return None if most == resource.RLIM_INFINITY or used is None else most - used
+
+
+def _number(path: Path) -> float | None:
+    try:
+        text = path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return None
+    return float(text) if text.isdigit() else None
+
+
+def _field(path: Path, name: str, unit: float = 1024.0) -> float | None:
+    """A field of a file of names and numbers of the system, in bytes."""
+    try:
+        text = path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError):
+        return None
+    match = re.search(rf"^{name}:?\s+(\d+)", text, re.MULTILINE)
+    return unit * float(match[1]) if match else None

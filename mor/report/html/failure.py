@@ -1,0 +1,48 @@
+"""The page where there is no solution: the verdict, the iterations, what does not come to rest, what fits worst.
+
+It shows no places and no cameras: what looks like a result would be taken for one.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from mor.quality.solved import Solved
+from mor.report.results.failure import failure
+from mor.report.results.summary import summary
+from mor.report.text.head import verdict
+from mor.report.text.layout import fixed, short
+from mor.report.text.undetermined import section
+from mor.report.words.language import ENGLISH, Words
+
+SHOWN = 1000
+"""Things that nothing determines that are listed."""
+
+
+def failure_page(solved: Solved, words: Words = ENGLISH) -> str:
+    """The page of an outcome that is no solution, in a language: HTML that needs nothing else."""
+    environment = Environment(
+        loader=PackageLoader("mor.report.html"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"short": short, "fixed": fixed}
+    data = summary(solved)
+    content: dict[str, Any] = {
+        "title": data["title"] or words("Adjustment"),
+        "summary": data,
+        "verdict": verdict(solved, words),
+        "explained": section(solved, words).splitlines()[2:],
+        "things": data["undeterminable"][:SHOWN],
+        "more": max(0, len(data["undeterminable"]) - SHOWN),
+        "failure": failure(solved) or {},
+        "say": words,
+        "style": Markup(files("mor.report.html").joinpath("assets", "page.css").read_text(encoding="utf-8")),
+    }
+    return environment.get_template("failure.html.j2").render(**content)

@@ -1,0 +1,132 @@
+"""Columns of the tables of start values: value, σ and start of every component, as the project would give them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry.rotations import angles_from_rotation
+from mor.parameters.index import Values
+from mor.parameters.kinds import POINT, ROTATION, BlockKind
+from mor.project.network.build import Network
+from mor.project.network.set_ups import shared_column
+from mor.units import ANGLE, ANGLE_UNITS
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A network and the values its blocks have got."""
+
+    network: Network
+    values: Values
+    snooping: bool = False
+    """True where data snooping was asked for outside the project file."""
+
+
+def angle_unit(placed: Placed) -> str:
+    """Unit of angles in the tables, where the project writes d-m-s too."""
+    return placed.network.edge.default_unit(ANGLE)
+
+
+def _component_columns(
+    placed: Placed,
+    kind: str,
+    numbers: IntArray,
+    names: Sequence[str],
+    values: FloatArray,
+    per_unit: float = 1.0,
+) -> dict[str, FloatArray]:
+    """Value, σ and start columns: fixed σ = 0, observed with the observed value and its start, free with its start."""
+    network = placed.network
+    free = network.blocks[kind].free[numbers]
+    sigma, observed = network.sigma[kind][numbers], network.observed[kind][numbers]
+    if kind == "point":
+        M = network.edge.matrix
+        source = np.argmax(np.abs(M), axis=0)
+        free, sigma = free[:, source], sigma[:, source]
+        observed = observed[:, source] * M[source, np.arange(3)]
+    is_observed = np.isfinite(sigma)
+    columns: dict[str, FloatArray] = {}
+    for k, name in enumerate(names):
+        columns[name] = np.where(is_observed[:, k], observed[:, k] / per_unit, values[:, k])
+        columns[f"sigma_{name}"] = np.where(free[:, k], sigma[:, k] / per_unit, 0.0)
+        columns[f"start_{name}"] = np.where(is_observed[:, k], values[:, k], np.nan)
+    return {key: column for key, column in columns.items() if not np.isnan(column).all() or key in names}
+
+
+def start_frame(ids: Sequence[str], columns: dict[str, Any]) -> pl.DataFrame:
+    """A table of things by name; columns of texts that say nothing are left out."""
+    frame = pl.DataFrame({"id": pl.Series("id", list(ids), dtype=pl.String), **columns})
+    frame = frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+    kept = [c for c in frame.columns if frame[c].dtype != pl.String or (frame[c] != "").any() or c == "id"]
+    return frame.select(kept)
+
+
+def coordinate_columns(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
+    """Coordinates of points, in project axes."""
+    values = placed.values["point"][numbers] @ placed.network.edge.matrix
+    return _component_columns(placed, "point", numbers, POINT.names, values)
+
+
+def angle_columns(placed: Placed, numbers: IntArray, M: FloatArray) -> dict[str, FloatArray]:
+    """ω, φ, κ of rotations D Mᵀ, in the unit of the tables."""
+    per_unit = ANGLE_UNITS[angle_unit(placed)]
+    values = angles_from_rotation(placed.values["rotation"][numbers] @ M) / per_unit
+    return _component_columns(placed, "rotation", numbers, ROTATION.names, values, per_unit)
+
+
+def plain_columns(
+    placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Components that no axes turn."""
+    return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
+
+
+def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
+    """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
+    columns: dict[str, Any] = dict(plain_columns(placed, kind.key, numbers, kind.names))
+    for column in columns.values():
+        column[~own] = np.nan
+    columns = {key: column for key, column in columns.items() if not np.isnan(column).all()}
+    shared = placed.network.things.get(shared_column(kind))
+    if shared is not None and shared.ids:
+        names = dict(zip(shared.parts[kind.key].tolist(), shared.ids, strict=True))
+        columns[shared_column(kind)] = [names.get(int(number), "") for number in numbers]
+    return columns
+
+
+def unknown_constants(
+    placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray
+) -> list[tuple[str, ...]]:
+    """Of each frame (n,) the components that are unknowns without a σ."""
+    free = placed.network.blocks[kind.key].free[numbers]
+    loose = free & np.isnan(placed.network.sigma[kind.key][numbers]) & own[:, None]
+    return [tuple(name for name, there in zip(kind.names, row, strict=True) if there) for row in loose]
+
+
+def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
+    """Names of the points or shared positions that frames stand on; empty where a position is a frame's own."""
+    names: dict[int, str] = {}
+    for space in ("position", "point"):
+        things = placed.network.things.get(space)
+        if things is not None:
+            here = np.flatnonzero(np.isin(things.parts["position"], numbers))
+            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
+    return [names.get(int(n), "") for n in numbers]
+
+
+def pose_columns(
+    placed: Placed, positions: IntArray, rotations: IntArray, shared: str, level: bool = False
+) -> dict[str, Any]:
+    """Position and attitude of frames, and the name of what they stand on."""
+    edge = placed.network.edge
+    return {
+        shared: _shared_names(placed, positions),
+        **coordinate_columns(placed, positions),
+        **angle_columns(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
+    }

@@ -1,0 +1,59 @@
+"""Random mixtures start from nothing, and rough start values are told from good ones.
+
+A few seeds; ``python -m tests.mixtures --count 1000`` runs as many as one likes, docs/start-values.md has the rates.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mor.approximate.growth.strategy import approximate
+from mor.geometry.rotations import rotate
+from mor.pipeline import read_document, read_network
+
+sys.path.insert(0, str(Path(__file__).parents[3]))
+
+from tests.mixtures.ingredients import mixture, wrong_identities
+from tests.mixtures.project_file import write_project
+from tests.mixtures.trial import tried
+
+
+@pytest.mark.parametrize("seed", [3, 4, 15, 35, 36, 1035, 1161, 1229])
+def test_with_nothing_given_the_solution_is_that_of_the_truth(seed, tmp_path):
+    trial = tried(mixture(seed), tmp_path)
+    assert trial.counts, trial.words
+    assert trial.reached, trial.words
+
+
+def test_wrong_identities_do_not_keep_it_from_starting(tmp_path):
+    world = mixture(3)
+    wrong_identities(world, 0.03)
+    trial = tried(world, tmp_path)
+    assert trial.counts, trial.words
+    assert trial.reached, trial.words
+
+
+def test_start_values_that_the_rays_contradict_are_named_and_replaced(tmp_path):
+    _, truth = write_project(mixture(5), tmp_path)
+    network = read_network(read_document(truth), tmp_path)
+    start = {kind: values.copy() for kind, values in network.start.items()}
+    image = network.things["image"].ids[1]
+    block = network.things["image"].part(image, "rotation")
+    true = start["rotation"][block].copy()
+    start["rotation"][block] = rotate(true[None], np.array([[0.3, -0.2, 0.1]]))[0]
+    lost = network.blocks["point"].free.all(axis=1) & [name.startswith("point P") for name in _names(network)]
+    start["point"][lost] = np.nan
+    found = approximate(replace(network, start=start))
+    assert [words.partition(":")[0] for words in found.replaced] == [f"image {image}"]
+    assert np.abs(found.start["rotation"][block] - true).max() < 0.02
+    others = [
+        n for n in range(len(start["rotation"])) if n != block and np.isfinite(start["rotation"][n]).all()
+    ]
+    np.testing.assert_array_equal(found.start["rotation"][others], start["rotation"][others])
+
+
+def _names(network):
+    return [name if " " in name else f"point {name}" for name in network.blocks["point"].ids]

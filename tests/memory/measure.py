@@ -1,0 +1,40 @@
+"""``python -m tests.memory.measure project.yaml [options of mor adjust]``: memory as estimated, and as it was.
+
+To be run in a process of its own: the largest resident size is that of the process.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from typing import Any
+
+import mor.adjustment.solve
+import mor.memory
+from mor.cli import run
+
+MB = 1e6
+
+
+def measure(arguments: list[str]) -> dict[str, float]:
+    """Run ``mor adjust``; the estimate is what was there when the adjustment began and all that was said to follow."""
+    asked: dict[str, float] = {}
+    begun: list[float] = []
+
+    def told(further: float, phase: str, advice: str) -> None:
+        if phase == "the adjustment" and not begun:
+            begun.append(mor.memory.resident())
+        asked[phase] = max(further, asked.get(phase, 0.0))
+
+    replaced: Any = told
+    mor.memory.check_room = replaced
+    mor.adjustment.solve.check_room = replaced
+    code = run(["adjust", *arguments, "-q", "--force"])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    estimate = begun[0] + asked["the adjustment"] + asked["writing the reports"]
+    return {"code": float(code), "estimated": estimate / MB, "measured": peak / MB}
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(sys.argv[1:])))

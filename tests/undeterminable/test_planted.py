@@ -1,0 +1,91 @@
+"""What nothing determines is named, left out on request, and changes nothing of the rest; far points are directions."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tests.small_projects import mor
+from tests.undeterminable.plantings import write
+from tests.undeterminable.street import street
+from tests.undeterminable.trial import trial
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_was_planted_is_named_and_the_rest_is_as_without_it(seed, tmp_path):
+    assert trial(seed, tmp_path).mistakes == ()
+
+
+def _adjusted(folder, world, undetermined="refuse"):
+    project = write(folder, world, undetermined)
+    run = mor("adjust", project, "--no-html", "--force")
+    assert run.code == 0, run.err
+    return json.loads((folder / "project.results" / "results.json").read_text())
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_many_two_ray_points_come_through_and_the_far_ones_are_at_infinity(free, tmp_path):
+    world, far = street(3, images=10, pairs=120, far=20, free=free)
+    held = _adjusted(tmp_path / "held", world)
+    assert {row["id"] for row in held["undeterminable"]} == far
+    assert held["redundancy_sum"] == pytest.approx(held["redundancy"], abs=1e-6)
+    for row in held["undeterminable"]:
+        assert row["treatment"] == "at infinity"
+        assert np.hypot(row["dx"], row["dz"]) < 0.5 * row["dy"]  # into the street, where they were planted
+    again = mor("adjust", tmp_path / "held" / "project.results" / "adjusted.yaml", "--no-html", "--json")
+    assert json.loads(again.out)["iterations"] <= 2
+    assert {row["id"] for row in json.loads(again.out)["undeterminable"]} == far
+
+
+def _at_a_distance(folder, world, direction, reach):
+    """The far points as ordinary ones, one coordinate held at a distance, the other two free."""
+    project = write(folder, world, "refuse")
+    rows = [f"{name},{','.join(map(repr, (reach * d / d[1]).tolist()))}" for name, d in direction.items()]
+    (folder / "distant.csv").write_text("\n".join(["id,x,y,z", *rows]) + "\n")
+    points = pl.read_csv(folder / "points.csv", infer_schema=False)
+    points.filter(~pl.col("id").is_in(sorted(direction))).write_csv(folder / "points.csv")
+    text = "  - {file: points.csv}\n  - {file: distant.csv, fixed: [y]}\n"
+    project.write_text(project.read_text().replace("  - {file: points.csv}\n", text))
+    run = mor("adjust", project, "--no-html")
+    assert run.code == 0, run.err
+    return json.loads((folder / "project.results" / "results.json").read_text())
+
+
+def _apart(one, other):
+    """Largest difference of coordinates in units of σ, and largest relative difference of σ."""
+    rows = {row["id"]: row for row in other["points"]}
+    pairs = [
+        (row[axis] - rows[row["id"]][axis], row[f"s{axis}"], rows[row["id"]][f"s{axis}"])
+        for row in one["points"]
+        if row["status"] == "free"
+        for axis in "xyz"
+    ]
+    return max(abs(d) / s for d, s, _ in pairs), max(abs(s / t - 1.0) for _, s, t in pairs)
+
+
+def test_at_infinity_is_the_limit_of_points_held_ever_farther_away(tmp_path):
+    """Equivalent formulation: the difference falls with the distance, to nothing."""
+    world, _ = street(5, images=8, pairs=60, far=6, free=False)
+    held = _adjusted(tmp_path / "held", world)
+    direction = {row["id"]: np.array([row["dx"], row["dy"], row["dz"]]) for row in held["undeterminable"]}
+    near, distant = (_at_a_distance(tmp_path / f"{r:g}", world, direction, r) for r in (1e5, 1e6))
+    assert distant["redundancy"] == held["redundancy"]
+    (difference, of_sigma), (before, _) = _apart(held, distant), _apart(held, near)
+    assert before > 1e-3
+    assert difference < 0.11 * before
+    assert of_sigma < 1e-3
+
+
+def test_more_than_a_screen_without_start_values_is_named_in_a_table(tmp_path):
+    world, _ = street(4, images=6, pairs=10, far=0, free=True)
+    world.given = False
+    for k in range(40):
+        world.points[f"LOST{k}"] = np.zeros(3)
+    run = mor("adjust", write(tmp_path, world, "refuse"), "--no-html")
+    assert run.code == 2
+    table = pl.read_csv(tmp_path / "project.results" / "undetermined.csv")
+    assert {f"LOST{k}" for k in range(40)} <= set(table["id"])
+    assert "undetermined.csv" in run.err
