@@ -80,7 +80,10 @@ def without_suspects(
         return again, None
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
-        rest = adjust(left_out(problem, suspects), found.values, settings, watch)
+        remaining = left_out(problem, suspects)
+        if remaining.index.count == 0:  # only suspects tell of anything: there is nothing left to adjust
+            break
+        rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
             believed = plain.outcome is not Outcome.CONVERGED or _outweighs(rest, suspects.count)
             return (rest, suspects) if believed else (plain, None)
