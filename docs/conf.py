@@ -33,7 +33,14 @@ CHAPTERS = {
         "tutorials/machine-part",
         "tutorials/theodolite-network",
     ),
-    "Projects": ("project-file", "observation-types", "camera-models", "conventions", "start-values"),
+    "Projects": (
+        "project-file",
+        "observation-types",
+        "camera-models",
+        "conventions",
+        "start-values",
+        "orientation",
+    ),
     "Results": ("reports", "results", "statistics", "reliability"),
     "Scripts and developers": (
         "python",

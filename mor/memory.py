@@ -47,6 +47,11 @@ def resident() -> float:
     return _field(Path("/proc/self/status"), "VmRSS") or 0.0
 
 
+def largest_resident() -> float:
+    """Bytes of memory the process has taken at most; 0 where nobody knows."""
+    return _field(Path("/proc/self/status"), "VmHWM") or 0.0
+
+
 def _of_machine() -> float | None:
     return _field(Path("/proc/meminfo"), "MemAvailable")
 

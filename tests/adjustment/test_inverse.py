@@ -71,7 +71,9 @@ def test_solutions_of_equations_in_the_range(network):
         F.T @ inverse.solve(F), expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max()
     )
     one, several = (x / inverse.scale for x in (inverse.solve(F[:, 0]), inverse.solve(F)[:, 0]))
-    atol = 10 * round_off(dense, inverse) * np.abs(one).max()  # one column goes another way through the processor
+    atol = (
+        10 * round_off(dense, inverse) * np.abs(one).max()
+    )  # one column goes another way through the processor
     np.testing.assert_allclose(several, one, rtol=0, atol=atol)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from mor import compilation
+from mor import compilation, kernel_cache
 from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
 
 
-def test_compiling_is_announced_once_and_only_then():
+def test_compiling_is_announced_once_and_only_then(monkeypatch, tmp_path):
     pytest.importorskip("numba")
+    monkeypatch.setattr(kernel_cache, "_folder", lambda: tmp_path)
     one, other = (compilation.Kernel(function) for function in (lambda x: x + 1.0, lambda x: x - 1.0))
     said: list[str] = []
     with compiler_announced(said.append):

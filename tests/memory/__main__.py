@@ -49,10 +49,8 @@ def main() -> None:
                 found = measured(project, *options)
                 ratio = found["estimated"] / found["measured"]
                 words = f"{case[0]} {'x'.join(map(str, case[1]))} {case[2]} {' '.join(options)}"
-                print(
-                    f"{words:32s} {found['estimated']:7.0f} MB estimated, {found['measured']:7.0f} measured: {ratio:.2f}",
-                    flush=True,
-                )
+                sizes = f"{found['estimated']:7.0f} MB estimated, {found['measured']:7.0f} measured"
+                print(f"{words:32s} {sizes}: {ratio:.2f}", flush=True)
 
 
 if __name__ == "__main__":

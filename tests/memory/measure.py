@@ -6,7 +6,6 @@ To be run in a process of its own: the largest resident size is that of the proc
 from __future__ import annotations
 
 import json
-import resource
 import sys
 from typing import Any
 
@@ -31,7 +30,8 @@ def measure(arguments: list[str]) -> dict[str, float]:
     mor.memory.check_room = replaced
     mor.adjustment.solve.check_room = replaced
     code = run(["adjust", *arguments, "-q", "--force"])
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    # Not ru_maxrss: that begins with the size of the process this one was forked from.
+    peak = mor.memory.largest_resident()
     estimate = begun[0] + asked["the adjustment"] + asked["writing the reports"]
     return {"code": float(code), "estimated": estimate / MB, "measured": peak / MB}
 

@@ -22,7 +22,8 @@ def test_what_does_not_fit_is_refused_with_what_would_help(tmp_path, monkeypatch
     monkeypatch.setenv("MOR_MEMORY_MB", "1")
     run = command("adjust", write_block(tmp_path))
     assert run.code == 5
-    assert "memory" in run.err and "What helps" in run.err
+    assert "memory" in run.err
+    assert "What helps" in run.err
     assert not (tmp_path / "project.results").exists()
 
 
@@ -50,4 +51,6 @@ def test_running_out_of_memory_is_told_as_that(tmp_path, monkeypatch):
     monkeypatch.setattr("mor.adjustment.solve.make_plan", fails)
     run = command("adjust", write(tmp_path, LEVELLING))
     assert run.code == 5
-    assert "not enough memory" in run.err and "9.00 TiB" in run.err and "internal" not in run.err
+    assert "not enough memory" in run.err
+    assert "9.00 TiB" in run.err
+    assert "internal" not in run.err

@@ -100,7 +100,10 @@ def test_a_zero_sigma_of_image_variant_is_no_difference(tmp_path: Path) -> None:
     same = BLOCK.replace(INTERIOR, "{interior: {c: {free: 20}}, image_variant: {c: 0}}")
     for folder, text in ((tmp_path / "free", free), (tmp_path / "same", same)):
         assert mor("adjust", write_block(folder, text), "--no-html").code == 0
-    found = [json.loads((tmp_path / name / "project.results/results.json").read_text()) for name in ("free", "same")]
+    found = [
+        json.loads((tmp_path / name / "project.results/results.json").read_text())
+        for name in ("free", "same")
+    ]
     for key in ("unknowns", "redundancy", "sigma0", "points", "cameras"):
         assert found[0][key] == found[1][key]
 

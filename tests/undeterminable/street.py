@@ -16,7 +16,7 @@ def street(seed: int, images: int, pairs: int, far: int, free: bool) -> tuple[Wo
     world = World(random, free=free, given=True)
     for k in range(images):
         centre = np.array([2.0 * k, 0.0, 1.6]) + 0.1 * random.standard_normal(3)
-        target = centre + [0.05 * random.standard_normal(), 10.0, 0.0]
+        target = centre + np.array([0.05 * random.standard_normal(), 10.0, 0.0])
         world.images[f"I{k}"] = (centre, camera(centre, target, 0.1 * random.standard_normal()))
     for k in range(images - 2):
         for n in range(12):

@@ -71,12 +71,12 @@ def test_at_infinity_is_the_limit_of_points_held_ever_farther_away(tmp_path):
     world, _ = street(5, images=8, pairs=60, far=6, free=False)
     held = _adjusted(tmp_path / "held", world)
     direction = {row["id"]: np.array([row["dx"], row["dy"], row["dz"]]) for row in held["undeterminable"]}
-    near, distant = (_at_a_distance(tmp_path / f"{r:g}", world, direction, r) for r in (1e5, 1e6))
+    near, distant = (_at_a_distance(tmp_path / f"{r:g}", world, direction, r) for r in (1e4, 1e5))
     assert distant["redundancy"] == held["redundancy"]
     (difference, of_sigma), (before, _) = _apart(held, distant), _apart(held, near)
     assert before > 1e-3
     assert difference < 0.11 * before
-    assert of_sigma < 1e-3
+    assert of_sigma < 1e-2
 
 
 def test_more_than_a_screen_without_start_values_is_named_in_a_table(tmp_path):

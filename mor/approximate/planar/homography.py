@@ -83,7 +83,7 @@ def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
         design, residuals, corrections = _conditions(a, b, rotation, corrections)
         turns = -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
         step = np.linalg.lstsq(design @ turns, -residuals, rcond=None)[0]
-        rotation = rotate(rotation, step)
+        rotation = rotate(rotation, np.asarray(step, dtype=np.float64))
         if float(np.max(np.abs(step))) < 1e-13:
             break
     residuals = _conditions(a, b, rotation, corrections)[1]

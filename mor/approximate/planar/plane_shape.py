@@ -205,7 +205,7 @@ def _with_points(rays: _Rays, state: PlaneState, off: BoolArray) -> PlaneState:
     points = state.points.copy()
     for index in np.flatnonzero(off):
         images = np.flatnonzero(rays.seen[:, index])
-        own = np.stack([rays.bundles[k].rays[index] for k in images])
+        own = np.stack([rays.bundles[int(k)].rays[index] for k in images])
         turned = unit(np.einsum("nij,ni->nj", state.rotations[images], own))
         points[index] = nearest_point(state.positions[images], turned)
     return state._replace(points=points)
@@ -259,7 +259,7 @@ def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape])
         if rank(other) <= limit and not any(_same(other, one) for one in (best, *rivals)):
             rivals.append(other)
     outcome = best.outcome
-    based = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
+    based: list[PlaneOutcome] = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
         outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
     return replace(best, outcome=outcome, alternatives=tuple(rivals))

@@ -128,7 +128,7 @@ def _intersected(
     points, reasons = np.full((seen.shape[1], 3), np.nan), []
     for column in range(seen.shape[1]):
         images = np.flatnonzero(seen[:, column])
-        rays = [bundles[k].take(np.array([column])) for k in images]
+        rays = [bundles[int(k)].take(np.array([column])) for k in images]
         reason = IntersectionOutcome.TOO_FEW
         if len(images) > 1:
             joined = Bundle(*(np.concatenate(parts) for parts in zip(*map(_parts, rays), strict=True)))
@@ -187,7 +187,7 @@ def _normals(
         frames += np.einsum("nki,nkj->ij", by_unknown, by_unknown)
         side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
         objective += float(np.sum(computed.residuals**2))
-    inverse = np.linalg.inv(own)
+    inverse = np.linalg.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
     return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)

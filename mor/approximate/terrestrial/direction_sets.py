@@ -75,7 +75,7 @@ def first_face(group: ObservationGroup) -> tuple[FloatArray, FloatArray]:
 
 
 def frame_verticals(network: Network) -> FloatArray:
-    """(rotation blocks, 3) the vertical D e_Z in the axes of each frame; NaN where neither angles nor a level tell it."""
+    """(rotation blocks, 3) the vertical D e_Z in the axes of each frame; NaN where no angles and no level tell it."""
     start = network.start.get("rotation", np.zeros((0, 3, 3)))
     up = np.full((len(start), 3), np.nan)
     if len(start) == 0:

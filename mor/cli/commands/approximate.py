@@ -28,8 +28,9 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
       mor approximate project.yaml
       mor approximate project.yaml -o started --force
 
-    Given values stay as they are. The protocol on standard output says how each value was obtained, or what is
-    missing for it. mor adjust does the same by itself where values are missing.
+    Given values stay as they are; attitudes and poses that are start values and no more are replaced where the
+    observations contradict them. The protocol on standard output says how each value was obtained, what was replaced,
+    or what is missing. mor adjust does the same by itself where values are missing.
 
     \b
     Exit codes: 0 done; 2 input, or values stay missing.
@@ -40,10 +41,10 @@ def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int
     from mor.counting import counted
     from mor.errors import ExitCode, InputError, Problem
     from mor.pipeline import read_document, read_network
+    from mor.report.results.adjusted.start_columns import Placed
     from mor.report.results.folder import check_inputs, folder_beside
     from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
-    from mor.report.results.start_columns import Placed
     from mor.report.results.writing import PROJECT, write_project
 
     folder = output or folder_beside(project, ".start")

@@ -103,7 +103,7 @@ def _outweighs(rest: Adjustment, suspects: int) -> bool:
     """
     problem = rest.problem
     redundancy = problem.observations - problem.index.count + rest.defect.datum.shape[1]
-    return redundancy >= max(_CONTROLLED, 2 * suspects)
+    return bool(redundancy >= max(_CONTROLLED, 2 * suspects))
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:

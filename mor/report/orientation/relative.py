@@ -38,7 +38,7 @@ class Oriented(NamedTuple):
 def relative(measured: Measured, constants: FloatArray, sigma: float) -> Oriented:
     """Orient every pair of neighbouring images, chain the models and adjust them."""
     images = bundles(measured, constants, sigma)
-    seen = np.isfinite(measured.coordinates).all(axis=2).T
+    seen: BoolArray = np.asarray(np.isfinite(measured.coordinates).all(axis=2)).T
     used, pairs, common, auxiliary = seen.copy(), [], [], []
     for k in range(len(images) - 1):
         both = seen[k] & seen[k + 1]

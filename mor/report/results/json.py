@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
+    component_rows,
     group_table,
-    image_interiors,
     image_table,
     interior_rows,
     other_rows,
@@ -74,8 +75,21 @@ def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list
     """Images with the interior orientation they have of their own."""
     if images is None:
         return None
-    interiors = image_interiors(solved)
+    interiors = _image_interiors(solved)
     return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
+
+
+def _image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
+    """Components of the interior orientation that an image has of its own, by image, where it has some."""
+    images, cameras = solved.network.things["image"], solved.network.project.cameras
+    found = {}
+    for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
+        model = cameras[solved.network.things["camera"].ids[camera]]
+        if model.image_variant:
+            kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
+            components = component_rows(solved, kind.key, number, kind.components)
+            found[name] = {own: components[own] for own in model.image_variant}
+    return found
 
 
 def to_json(data: dict[str, Any]) -> str:

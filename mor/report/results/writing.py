@@ -14,11 +14,11 @@ from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
-from mor.report.results.adjusted_project import adjusted_project, remarks
+from mor.report.results.adjusted.adjusted_project import adjusted_project, remarks
+from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
 from mor.report.results.json import entries, results, to_json
 from mor.report.results.reservation import Reservation
-from mor.report.results.start_columns import Placed
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer
 from mor.report.tables.observations import SHOWN, observation_table

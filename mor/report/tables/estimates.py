@@ -151,7 +151,7 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
                 "unit": solved.network.scales[name].unit,
                 "r0": _zero_crossing(solved, name),
                 "format": _format(solved, name),
-                "components": _components(solved, kind, number, CAMERA_MODELS[camera.model].components),
+                "components": component_rows(solved, kind, number, CAMERA_MODELS[camera.model].components),
                 "correlations": _correlations(solved, kind, number),
             }
         )
@@ -174,7 +174,8 @@ def _format(solved: Solved, name: str) -> dict[str, Any] | None:
     return {"width": width, "height": height, "pixel": scale.pixel, "origin": camera.coordinates}
 
 
-def _components(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
+def component_rows(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
+    """Components of a block by name: value, σ, status, and how significant those are that are unknowns."""
     estimate = plain(solved, kind, np.array([number]))
     blocks = solved.network.blocks[kind]
     return {
@@ -205,19 +206,6 @@ def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
     return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
 
 
-def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
-    """Components of the interior orientation that an image has of its own, by image, where it has some."""
-    images, cameras = solved.network.things["image"], solved.network.project.cameras
-    found = {}
-    for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
-        model = cameras[solved.network.things["camera"].ids[camera]]
-        if model.image_variant:
-            kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
-            components = _components(solved, kind.key, number, kind.components)
-            found[name] = {own: components[own] for own in model.image_variant}
-    return found
-
-
 def other_rows(solved: Solved) -> list[dict[str, Any]]:
     """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
     rows = []
@@ -235,7 +223,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
         shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else features
         for number in np.flatnonzero(blocks.free.any(axis=1)):
             if blocks.ids[number] not in shown:
-                components = _components(solved, kind, int(number), blocks.kind.components)
+                components = component_rows(solved, kind, int(number), blocks.kind.components)
                 own = {n: c for n, c in components.items() if c["status"] == "free"}
                 rows.append({"kind": kind, "id": blocks.ids[number], "components": own})
     return rows

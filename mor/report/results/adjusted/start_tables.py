@@ -11,7 +11,7 @@ import polars as pl
 from mor.arrays import FloatArray
 from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
 from mor.project.network.set_ups import shared_column
-from mor.report.results.start_columns import (
+from mor.report.results.adjusted.start_columns import (
     Placed,
     angle_columns,
     constant_columns,

@@ -19,8 +19,8 @@ from mor.errors import Undeterminable
 from mor.parameters.kinds import INTERIORS, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
-from mor.report.results.start_columns import Placed, angle_unit
-from mor.report.results.start_tables import start_tables
+from mor.report.results.adjusted.start_columns import Placed, angle_unit
+from mor.report.results.adjusted.start_tables import start_tables
 
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""

@@ -1,0 +1,52 @@
+"""The process around the command line: signals and warnings. More trials: ``python -m tests.interruptions``."""
+
+from __future__ import annotations
+
+import random
+import signal
+import sys
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from interruptions import SIGNALS, Scene, prepared, trial
+from small_projects import LEVELLING, mor, write
+
+from mor import __main__ as process
+
+
+@pytest.fixture(scope="module")
+def scene() -> Iterator[Scene]:
+    with prepared() as ready:
+        yield ready
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_hit_at_random_moments_the_old_or_the_new_result_is_there(scene: Scene, name: str) -> None:
+    draw = random.Random(f"suite {name}")
+    for _ in range(2):
+        done = trial(scene, name, draw)
+        assert not done.faults, done
+
+
+def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr("mor.report.results.writing.text_report", lambda *_: process._interrupt(15, None))
+    project = write(tmp_path, LEVELLING)
+    run = mor("adjust", project)
+    assert run.code == 143
+    assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
+    assert list(tmp_path.iterdir()) == [project]
+
+
+def test_arithmetic_that_goes_wrong_is_an_error_and_nothing_else_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "warnoptions", [])
+    with warnings.catch_warnings():
+        process._heed_warnings()
+        with pytest.raises(RuntimeWarning):
+            np.sqrt(np.array([-1.0]))
+        warnings.warn("no longer in the next version", DeprecationWarning, stacklevel=1)
+    assert capsys.readouterr().err == ""
