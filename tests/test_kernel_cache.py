@@ -58,7 +58,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[
             path.write_text(text)
             monkeypatch.setitem(sys.modules, name, _module(name, path))
         compiled: list[None] = []
-        with compilation_announced(lambda: compiled.append(None)):
+        with compilation_announced(lambda: compiled.append(None), lambda: None):
             return sys.modules["outer_kernels"].twice(numbers, 0.25), len(compiled)
 
     return again

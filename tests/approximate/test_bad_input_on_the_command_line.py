@@ -98,12 +98,14 @@ def test_bad_pairs_are_named_by_a_project(scenes, tmp_path, capsys, name):
     assert run(["approximate", path, "-o", str(tmp_path / "start")]) == 2
     printed = capsys.readouterr()
     assert WORDS[name][1] in printed.out
-    assert len(printed.out.splitlines()) < 15
+    said = [line for line in printed.out.splitlines() if not line.startswith("MISSING point")]
+    assert len(said) < 15
     assert run(["adjust", path, "-o", str(tmp_path / "results")]) == 2
     printed = capsys.readouterr()
     assert WORDS[name][1] in printed.err
     assert "Traceback" not in printed.out + printed.err
-    assert not (tmp_path / "results").exists()
+    written = {path.name for path in (tmp_path / "results").glob("*")}
+    assert written <= {"undetermined.csv"}  # where more than a screenful has no start values
 
 
 @pytest.mark.parametrize("name", ["behind", "wrong constant"])

@@ -102,7 +102,7 @@ class TestOverwriting:
         assert mor("adjust", project).code == 0
         project.write_text(BLOCK.replace("datum: free\n", ""))
         assert mor("adjust", project, "--force").code == 4
-        assert set(content(tmp_path / "project.results")) == {"results.json", "report.txt"}
+        assert set(content(tmp_path / "project.results")) == {"results.json", "report.txt", "report.html"}
 
 
 def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> None:

@@ -80,7 +80,7 @@ def _solved(case):
 
 @cache
 def _expected(case):
-    return json.loads((reference_folder("camcal") / "expected.json").readproject())[case]
+    return json.loads((reference_folder("camcal") / "expected.json").read_text())[case]
 
 
 def _reported(name, value):
@@ -137,10 +137,10 @@ def test_images(folder, case):
 
 def _without(folder, tmp_path, drop):
     """Solve with some of the rays left out."""
-    header, *rows = (folder / "observations.csv").readproject().splitlines()
+    header, *rows = (folder / "observations.csv").read_text().splitlines()
     kept = [row for row in rows if not drop(*row.split(",")[:2])]
     path = tmp_path / "observations.csv"
-    path.writeproject("\n".join([header, *kept]) + "\n")
+    path.write_text("\n".join([header, *kept]) + "\n")
     return solve_network(network_of_yaml(project("reference_model3", str(path)), folder)).adjustment
 
 

@@ -101,7 +101,8 @@ def command(
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
     \b
-    Exit codes: 0 done; 1 rejected (only with --strict); 2 input; 3 not converged; 4 singular; 5 memory.
+    Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
+    4 singular; 5 memory.
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress

@@ -25,8 +25,6 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
-_CONTROLLED = 10
-"""Redundancy below which a solution of all observations is left to the tests of single observations."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _GIVEN_UP = ("point", "rotation")
@@ -67,8 +65,9 @@ def without_suspects(
     """A solution in place of a plain adjustment that has none, or an absurd one.
 
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
-    left out. Otherwise it is the adjustment without the suspects. A solution is absurd where another one is known that
-    half of the observations fit three times better. Where nothing better is found, it is the plain adjustment as it is.
+    left out. A solution is absurd where another one of all observations is known that half of them fit three times
+    better. Where there is no solution, it is the adjustment without the suspects. But where there is one, however bad,
+    it stands: of two sources that contradict each other suspects would only be the smaller one.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -78,6 +77,8 @@ def without_suspects(
     again = adjust(problem, found.values, settings, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return again, None
+    if plain.outcome is Outcome.CONVERGED:
+        return plain, None
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
@@ -85,25 +86,13 @@ def without_suspects(
             break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
-            believed = plain.outcome is not Outcome.CONVERGED or _outweighs(rest, suspects.count)
-            return (rest, suspects) if believed else (plain, None)
+            return rest, suspects
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
     return plain, None
-
-
-def _outweighs(rest: Adjustment, suspects: int) -> bool:
-    """True where the rest says more against the suspects than they against it.
-
-    Any solution can be made to fit by leaving out as many observations as are redundant. Where there is a solution of
-    all observations, the rest must therefore control itself well more often than it has to leave out.
-    """
-    problem = rest.problem
-    redundancy = problem.observations - problem.index.count + rest.defect.datum.shape[1]
-    return bool(redundancy >= max(_CONTROLLED, 2 * suspects))
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:

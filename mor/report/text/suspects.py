@@ -7,7 +7,7 @@ from typing import Any
 from mor.quality.solved import Solved
 from mor.report.tables.suspects import suspects
 from mor.report.tables.worst import component_of
-from mor.report.text.layout import fixed, heading, short, table
+from mor.report.text.layout import heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 200
@@ -38,19 +38,12 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     """The verdict on them; first of all that not all observations have been adjusted."""
     if data is None:
         return []
-    if data["outcome"] == "converged":
-        first = words(
-            "ABSURD with all observations (sigma0 ratio {ratio}): it fits hardly any of them.",
-            ratio=fixed(data["sigma0_ratio"], 1),
-        )
-    else:
-        first = words(
+    return [
+        words(
             "DOES NOT CONVERGE with all observations ({outcome} after {count:iteration|iterations}).",
             outcome=words.listed(data["outcome"]),
             count=data["iterations"],
-        )
-    return [
-        first,
+        ),
         words(
             "Without {count:suspect|suspects} it does; what follows is that adjustment. The worst: {place}.",
             count=data["count"],

@@ -19,7 +19,7 @@ from scenes import levelling_network, photo_block, plane_network
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
-from mor.pipeline import make_problem, read_document, read_network, start_values
+from mor.pipeline import determinable_start, make_problem, read_document, read_network
 from mor.quality.assess import assess
 from mor.quality.precision.covariance import joint_cofactors
 
@@ -109,7 +109,7 @@ def test_the_covariance_is_the_exact_one(name):
 def test_sample_projects_in_a_datum_of_four_of_their_points(sample):
     folder = FOLDER / sample
     network = read_network(read_document(folder / "project.yaml"), folder)
-    start = start_values(network)
+    network, start = determinable_start(network)
     problem = make_problem(network, start, start)
     points = np.flatnonzero(network.datum.mask.all(axis=1))
     mask = np.zeros_like(network.datum.mask)

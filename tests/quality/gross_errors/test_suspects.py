@@ -56,6 +56,7 @@ def test_sigma_too_small_throughout_is_no_gross_error():
 def test_the_rest_is_the_plain_adjustment_without_the_suspects():
     scene = spoiled(1, "mixture", 0.1)
     plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(1), 0.01, GON))
+    assert plain.outcome is not Outcome.CONVERGED
     rest, suspects = without_suspects(plain)
     assert suspects is not None
     alone = adjust(left_out(scene.problem, suspects), scene.truth)

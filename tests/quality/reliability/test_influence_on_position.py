@@ -173,7 +173,9 @@ def test_influence_is_the_movement_of_the_points_by_the_estimated_error(name, fo
     there = np.isfinite(error)
     size = np.abs(expected[there]).max()
     assert size > 1e-5
-    last = max(1e-7, 1e3 * np.finfo(float).eps * _condition(adjustment))
+    # between what is known at best and at worst: ε·κ and ε·κ² are far apart, and round-off seldom is at its worst
+    last = max(1e-7, np.finfo(float).eps * _condition(adjustment) ** 1.5)
+    assert last < 1e-4
     np.testing.assert_allclose(found[there], expected[there], rtol=1e-5, atol=last * size)
     assert np.isnan(found[~there]).all()
     assert there.sum() > 0.7 * there.size
