@@ -60,12 +60,6 @@ SETTLED_CASES = {
     "shared_covariance_crash.yaml",
 }
 """Cases that have to be adjusted; of the others a documented end is asked here."""
-INTERNAL_ERRORS = {
-    "control_crash_70/project.yaml",
-    "dynamic_datum_crash.dat",
-    "one_target_three_times_crash.yaml",
-}
-"""Cases that still end in an internal error."""
 
 
 def _found() -> list[object]:
@@ -78,8 +72,7 @@ def _found() -> list[object]:
         found.append(pytest.param(Project("", path), True, id=path.parent.name))
     for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
         name = path.relative_to(CASES).as_posix()
-        marks = [pytest.mark.xfail(reason="internal error")] if name in INTERNAL_ERRORS else []
-        found.append(pytest.param(Project("", path), name in SETTLED_CASES, id=name, marks=marks))
+        found.append(pytest.param(Project("", path), name in SETTLED_CASES, id=name))
     return found
 
 

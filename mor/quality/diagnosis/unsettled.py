@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mor.adjustment.datum.local_defects import beside
+from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome
+from mor.adjustment.state import A_WEAK_TURN, Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Index, Values
 from mor.quality.diagnosis.loose_things import OPEN
@@ -61,6 +62,8 @@ def last_movements(adjustment: Adjustment) -> Movements:
 
 def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
+    if adjustment.outcome is Outcome.NOT_CONVERGED:
+        return _hardly_determined(adjustment)
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment
     if not adjustment.plan.problem.index.count:
@@ -71,6 +74,18 @@ def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
     if only_here(adjustment):
         return replace(adjustment, reason=AT_THE_START)
     return adjustment
+
+
+def _hardly_determined(adjustment: Adjustment) -> Adjustment:
+    """Singular where the last values show a turn of which nothing is known: it alone keeps the iteration going."""
+    here = adjust(adjustment.problem, adjustment.values, Settings(max_iterations=0))
+    turns = weak_turns(here.inverse.weak, here.problem, here.values)
+    if not turns or turns[0].sigma <= NOTHING_KNOWN:
+        return adjustment
+    iterations = adjustment.iterations
+    return replace(
+        here, outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+    )
 
 
 def only_here(adjustment: Adjustment) -> bool:

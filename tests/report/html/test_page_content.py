@@ -87,9 +87,7 @@ def test_every_sigma_stands_with_its_datum(building_view: View) -> None:
 def test_verdict_names_the_worst_observation(facade_view: View) -> None:
     data = page_data(facade_view)
     words = {statement.title: statement for statement in statements(data)}
-    worst = facade_view.residuals.sort(pl.col("w").abs(), descending=True, nulls_last=True).row(
-        0, named=True
-    )
+    worst = facade_view.residuals.sort(pl.col("w").abs(), descending=True, nulls_last=True).row(0, named=True)
     assert f"{worst['from']} – {worst['to']}, {worst['component']}" in words["Single observations"].words
     assert headline(data).title == "Accepted, with observations to look at"
 
