@@ -381,8 +381,12 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
     """Columns as a table; names are texts also where there is none, NaN is no value."""
     texts = [name for name in ("id", "camera", "status") if name in columns]
     frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
-    some = [one.name for one in frame.select(pl.col(pl.Float64)) if one.is_nan().any()]
+    some = [name for name, column in columns.items() if _has_nan(column)]
     return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
+
+
+def _has_nan(column: object) -> bool:
+    return isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any())
 
 
 def _number(value: float) -> float | None:
