@@ -16,7 +16,7 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
-from mor.report.results.summary import summary
+from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
     group_table,
@@ -105,12 +105,18 @@ def view_of_folder(folder: Path) -> View:
         raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
     except (ValueError, RecursionError):
         raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+    if isinstance(data, dict) and (version := data.get("schema_version")) != SCHEMA_VERSION:
+        words = (
+            f"these results are of version {version}, this program reads version {SCHEMA_VERSION}; "
+            "mor adjust --force writes them anew"
+        )
+        raise InputError([Problem(words, str(path))])
     if not isinstance(data, dict) or data.get("global_test") is None:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
     try:
         return _view(data, folder)
     except (KeyError, TypeError, pl.exceptions.PolarsError):
-        words = "these results are not complete, or of another version of mor"
+        words = "these results are not complete"
         raise InputError([Problem(words, str(path))]) from None
 
 
