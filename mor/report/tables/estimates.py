@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations import is_image_point
 from mor.observations.names import places_of
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
@@ -332,7 +333,7 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
     count = len(solved.network.blocks["point"].ids)
     rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for group in solved.adjustment.problem.groups:
-        is_image = group.type.key.startswith(("image/", "follower/"))
+        is_image = is_image_point(group.type)
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == "point" and slot.of != "image":
                 target = rays if is_image else others
@@ -346,7 +347,7 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
     count = np.zeros(len(images.ids), dtype=np.int64)
     square = np.zeros(len(images.ids))
     for number, group in enumerate(solved.adjustment.problem.groups):
-        if not group.type.key.startswith(("image/", "follower/")):
+        if not is_image_point(group.type):
             continue
         which = places_of(group.references[0], images.ids)
         count += np.bincount(which, minlength=len(count))
