@@ -1,4 +1,4 @@
-"""Why an image or a station is loose: it sees no, one or two points, or a line of them; or φ is ±100 gon."""
+"""Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import numpy as np
 from mor.arrays import IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import moves_by_angles
+from mor.parameters.kinds import KINDS
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 from mor.quality.solved import Solved
+from mor.units import LENGTH_UNITS
 
 _ON_LINE = 1e-6
 """Spread of points beside a line, as part of that along it, below which they are on it."""
@@ -80,6 +82,41 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> 
             )
         ]
     return []
+
+
+def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
+    """A line for every system some of whose angles are fixed: these oppose a turn that its points may not know."""
+    systems = solved.network.things["system"]
+    rotations = solved.adjustment.problem.index.columns["rotation"]
+    length = solved.network.project.units.length
+    lines = []
+    for name in systems.ids:
+        rotation = systems.part(name, "rotation")
+        fixed = rotations[rotation] < 0
+        points = _points_seen(solved, rotation)
+        if fixed.all() or not fixed.any() or len(points) < 2:
+            continue
+        across = _across_a_line(solved, points) / LENGTH_UNITS[length]
+        lines.append(
+            say(
+                "The fixed {components} of system {id} opposes it; the points of this system lie within "
+                "{across} {unit} of one line. Where they are meant to lie on it, describe it as features: "
+                "type: line, which needs no angle.",
+                components=", ".join(np.array(KINDS["rotation"].names)[fixed]),
+                id=name,
+                across=f"{across:.2g}",
+                unit=length,
+            )
+        )
+    return lines
+
+
+def _across_a_line(solved: Solved, points: IntArray) -> float:
+    """Largest distance of points from the line that fits them best."""
+    places = solved.adjustment.values["point"][points]
+    beside = places - places.mean(axis=0)
+    along = np.linalg.svd(beside)[2][0]
+    return float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
 
 
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
