@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.coplanarity import Coplanarity, in_front
+from mor.approximate.relative_orientation.nonlinearity import sigma_hold
 from mor.approximate.relative_orientation.outcome import (
     Candidate,
     RelativeOrientation,
@@ -28,8 +29,6 @@ APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
 MINIMA_APART = 1.0
 """The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
-WEAK = 0.1
-"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
 WRONG = 6.0
 """σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
@@ -221,9 +220,7 @@ def _outcome(
         return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
     if rivals:
         return RelativeOutcome.AMBIGUOUS
-    if float(np.sqrt(np.max(np.linalg.eigvalsh(covariance)))) > WEAK:
-        return RelativeOutcome.WEAK
-    return RelativeOutcome.DETERMINED
+    return RelativeOutcome.DETERMINED if sigma_hold(a, b, chosen, covariance) else RelativeOutcome.WEAK
 
 
 def _same_but_behind(c: Candidate) -> int:
