@@ -120,7 +120,7 @@ def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tupl
 
 
 def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
-    """Of all that fit the one with most points in front, then of least objective; rivals that are as good.
+    """Of all that fit the one with fewest points behind beyond doubt, then of least objective; rivals that are as good.
 
     The orientations of a plane fit its collineation equally well, whatever their objectives are: each measures the
     errors across its own base only, and these are different parts of the same errors. There each is judged by itself.
@@ -131,13 +131,14 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     excess = AS_GOOD * variance
     limit = max(adjusted[0].objective + excess, variance * float(chdtri(redundancy, BY_ITSELF)))
     fitting = [one for one in adjusted if one.objective <= limit]
-    chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
+    behind = [_surely_behind(a, b, one) for one in fitting]
+    chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], fitting[k].objective))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
-        for one in fitting
-        if _surely_behind(a, b, one) <= _surely_behind(a, b, chosen)
+        for one, hidden in zip(fitting, behind, strict=True)
+        if hidden <= min(behind)
         and one.objective <= as_good
         and _distance(one, chosen) > _tolerance(one, chosen, sigma)
     ]
@@ -177,13 +178,21 @@ def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate,
 
 
 def orientation_covariance(chosen: Coplanarity) -> FloatArray:
-    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
+    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular.
+
+    Along b, where its length of one leaves no error of first order, that of second: with ξ the turns of the base
+    b changes by −b |ξ|²/2, and E |ξ|⁴ = (tr C)² + 2 tr C². A component of ±1 had no σ else.
+    """
     scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
     values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
     spread = np.zeros((6, 5))
     spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
-    return np.asarray(spread @ inverse @ spread.T)
+    covariance = np.asarray(spread @ inverse @ spread.T)
+    of_base = covariance[:3, :3]
+    fourth = np.trace(of_base) ** 2 + 2.0 * np.sum(of_base**2)
+    covariance[:3, :3] += 0.25 * fourth * np.outer(chosen.base, chosen.base)
+    return covariance
 
 
 def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -195,10 +204,6 @@ def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
 
 def _variance(one: Coplanarity, points: int) -> float:
     return one.objective / (points - 5)
-
-
-def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
-    return int(np.sum(np.all(in_front(a, b, one.base, one.rotation), axis=1)))
 
 
 def _surely_behind(a: Bundle, b: Bundle, one: Coplanarity) -> int:
@@ -215,7 +220,7 @@ def _outcome(
 ) -> RelativeOutcome:
     if np.sqrt(_variance(chosen, len(a))) > WRONG:
         return RelativeOutcome.DOES_NOT_FIT
-    if _front_count(a, b, chosen) < BEHIND * len(a):
+    if len(a) - _surely_behind(a, b, chosen) < BEHIND * len(a):
         mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
         return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
     if rivals:
