@@ -120,7 +120,9 @@ def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tupl
 
 
 def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
-    """Of all that fit the one with fewest points behind beyond doubt, then of least objective; rivals that are as good.
+    """Of all that fit the one with fewest points behind beyond doubt, then of the least sum of squares; its rivals.
+
+    A point behind within its errors could be far away in front: its parallax counts with the residuals.
 
     The orientations of a plane fit its collineation equally well, whatever their objectives are: each measures the
     errors across its own base only, and these are different parts of the same errors. There each is judged by itself.
@@ -131,8 +133,10 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     excess = AS_GOOD * variance
     limit = max(adjusted[0].objective + excess, variance * float(chdtri(redundancy, BY_ITSELF)))
     fitting = [one for one in adjusted if one.objective <= limit]
-    behind = [_surely_behind(a, b, one) for one in fitting]
-    chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], fitting[k].objective))]
+    parallaxes = [_parallaxes_behind(a, b, one) for one in fitting]
+    behind = [int(np.sum(one > SURE)) for one in parallaxes]
+    in_all = [one.objective + float(np.sum(own**2)) for one, own in zip(fitting, parallaxes, strict=True)]
+    chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], in_all[k]))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
@@ -206,13 +210,16 @@ def _variance(one: Coplanarity, points: int) -> float:
     return one.objective / (points - 5)
 
 
-def _surely_behind(a: Bundle, b: Bundle, one: Coplanarity) -> int:
-    """Points behind whose rays are not parallel, as precisely as rays and attitude are known."""
+def _parallaxes_behind(a: Bundle, b: Bundle, one: Coplanarity) -> FloatArray:
+    """(n,) parallax in σ of the points behind, 0 of those in front: what it takes to make their rays parallel.
+
+    σ are those of the rays and of the attitude.
+    """
     front = np.all(in_front(a, b, one.base, one.rotation), axis=1)
     parallax = np.linalg.norm(cross(a.directions, b.directions @ one.rotation), axis=1)
     of_rays = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     of_turn = np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:])))
-    return int(np.sum(~front & (parallax > SURE * np.hypot(of_rays, of_turn))))
+    return np.where(front, 0.0, parallax / np.hypot(of_rays, of_turn))
 
 
 def _outcome(
@@ -220,7 +227,7 @@ def _outcome(
 ) -> RelativeOutcome:
     if np.sqrt(_variance(chosen, len(a))) > WRONG:
         return RelativeOutcome.DOES_NOT_FIT
-    if len(a) - _surely_behind(a, b, chosen) < BEHIND * len(a):
+    if np.sum(_parallaxes_behind(a, b, chosen) <= SURE) < BEHIND * len(a):
         mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
         return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
     if rivals:
