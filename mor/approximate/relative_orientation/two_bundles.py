@@ -46,7 +46,7 @@ SEEDS = 6
 FIRST_STEPS = 8
 FAR_BEHIND = 20.0
 """A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
-SMALL = 30.0
+SMALL = 15.0
 """Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base."""
 LOST = 2.9e-7
 """Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
