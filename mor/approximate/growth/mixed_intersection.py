@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
@@ -31,7 +32,9 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
         X, fits = _meeting(part.points[point], planes[point], smallest)
         if fits or (contradicting and np.isfinite(X).all()):
             part.points[point] = X
-            part.how[f"point {point}"] = f"intersection of {len(planes[point])} lines and planes"
+            part.how[f"point {point}"] = rule(
+                "intersection of {count} lines and planes", count=len(planes[point])
+            )
             added = True
     return added
 

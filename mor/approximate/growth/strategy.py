@@ -20,13 +20,16 @@ from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_pol
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
 from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.history import Join
 from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
 from mor.approximate.parts.level_and_scale import direct_roughly, level_and_scale, level_roughly
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.relative_poses import grow_relative
+from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
-from mor.approximate.similarity import Similarity, SimilarityOutcome
+from mor.approximate.terrestrial.sights import Sight
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
@@ -42,14 +45,20 @@ class Approximation:
     """Start values, how each was obtained, and what is still missing."""
 
     start: Mapping[str, FloatArray]
-    how: Mapping[str, str]
+    how: Mapping[str, Rule]
     """Name of a point, image or station → how its start value was obtained."""
     missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Rule, ...] = ()
     """Why frames could not begin a part of their own, where something is missing."""
     replaced: tuple[str, ...] = ()
     """Given start values that the observations contradict, which others took the place of."""
+    parts: tuple[Join, ...] = ()
+    """The parts that began beside the object system, in the order in which they joined another one."""
+    frames: tuple[Frame, ...] = ()
+    """Images and theodolite sets by the numbers they have in ``parts``."""
+    sights: tuple[Sight, ...] = ()
+    """Levelled sets by the numbers they have in ``parts``."""
 
 
 @dataclass
@@ -63,7 +72,9 @@ class _Assembly:
     given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
     """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
-    reasons: list[str] = field(default_factory=list)
+    reasons: list[Rule] = field(default_factory=list)
+    begun: int = 0
+    """Parts that have begun so far, the object system aside."""
 
 
 def approximate(network: Network) -> Approximation:
@@ -102,7 +113,9 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
 def _assembled(network: Network, scene: Scene) -> _Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    assembly = _Assembly(scene, parts)
+    assembly = _Assembly(scene, parts, begun=len(parts) - 1)
+    for number, part in enumerate(parts):
+        part.number = number
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
@@ -119,7 +132,8 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
 def _approximation(network: Network, assembly: _Assembly) -> Approximation:
     scene = assembly.scene
     start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
-    return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
+    reasons, parts = tuple(assembly.reasons) if missing else (), tuple(assembly.parts[0].joined)
+    return Approximation(start, how, missing, reasons, (), parts, scene.frames, scene.terrestrial.sights)
 
 
 def _assemble(assembly: _Assembly) -> None:
@@ -129,6 +143,8 @@ def _assemble(assembly: _Assembly) -> None:
         _join_all(assembly)
         part = _next_seed(assembly)
         if part is not None:
+            assembly.begun += 1
+            part.number = assembly.begun
             _grow_until_tied(parts[0], part, scene, assembly.fewest)
             parts.append(part)
         elif not _join_all(assembly, ambiguous=True):
@@ -277,13 +293,8 @@ def _place_the_rest(assembly: _Assembly) -> None:
         parts.remove(source)
         level_roughly(source, scene)
         direct_roughly(source, scene)
-        found = tie(parts[0], source, scene)
-        carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
+        carry(parts[0], source, scene, tie(parts[0], source, scene))
         _grow(parts[0], scene, assembly.fewest)
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         _grow(parts[0], scene, assembly.fewest)
-
-
-def _as_it_is() -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)

@@ -48,6 +48,11 @@ class Frame:
     up: FloatArray
     """(3,) the vertical in the axes of the frame, NaN where it is not known."""
 
+    @property
+    def stands(self) -> bool:
+        """True where ``position`` is its own; that of a stereo follower is the position of its leader."""
+        return self.relative is None
+
 
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     """σ of rays that may be off by a slack besides."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.history import Join, Tie
 from mor.approximate.parts.level_and_scale import make_upright
 from mor.approximate.parts.movement import Movement, Ties, Turn, movement
 from mor.approximate.parts.part import Part
@@ -36,12 +37,17 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
         return False
     if found.alternatives and not ambiguous:
         return False
-    carry(target, source, scene, _likelier(found, source))
+    carry(target, source, scene, found)
     return True
 
 
-def carry(target: Part, source: Part, scene: Scene, moved: Similarity) -> None:
-    """Carry a part over; what only it knew of vertical, direction and scale the target learns from it."""
+def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> None:
+    """Carry a part over; what only it knew of vertical, direction and scale the target learns from it.
+
+    Where nothing was ``found`` that ties the two it stays where it is.
+    """
+    _remember(target, source, found)
+    moved = _as_it_is() if found is None else _likelier(found, source)
     if source.scaled and not target.scaled:
         target.transform(_inverse_scale(moved.scale))
         moved = _times(moved, 1.0 / moved.scale)
@@ -52,6 +58,20 @@ def carry(target: Part, source: Part, scene: Scene, moved: Similarity) -> None:
         make_upright(target, moved.rotation[:, 2])
     target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
     spread_positions(target, scene.frames)
+
+
+def _as_it_is() -> Similarity:
+    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
+
+
+def _remember(target: Part, source: Part, found: Movement | None) -> None:
+    """Keep in ``target`` what ``source`` is, and what ties the two, before it is carried over."""
+    tied = None if found is None else Tie(found.open, found.redundancy, found.misfit, len(found.alternatives))
+    known = np.flatnonzero(np.isfinite(source.points).any(axis=1))
+    poses, kappas = tuple(sorted(source.poses)), tuple(sorted(source.kappas))
+    knows = source.levelled, source.oriented, source.scaled
+    one = Join(source.number, source.began, target.number, known, poses, kappas, *knows, tied)
+    target.joined += [*source.joined, one]
 
 
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
@@ -101,7 +121,8 @@ def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArra
             centres.append(centre)
             places.append(target.poses[number][0])
         elif (
-            frame.offset[0] != 0.0
+            frame.stands
+            and frame.offset[0] != 0.0
             and target.levelled
             and target.scaled
             and not (source.levelled and source.scaled)
@@ -157,14 +178,15 @@ def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
     off = []
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
-        if system.fixed[frame.position]:
+        if frame.stands and system.fixed[frame.position]:
             off.append(system.points[frame.position] - _place(frame, centre, D))
     return float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
 
 
 def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
     """True where given positions of most of the frames of a part determine its place and its turns well."""
-    blocks = np.array(sorted({frames[number].position for number in part.poses}), dtype=np.int64)
+    standing = {frames[number].position for number in part.poses if frames[number].stands}
+    blocks = np.array(sorted(standing), dtype=np.int64)
     given = blocks[system.fixed[blocks]]
     if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
         return False
@@ -186,8 +208,8 @@ def take_over(system: Part, part: Part) -> None:
         system.poses.setdefault(number, pose)
     for number, kappa in part.kappas.items():
         system.kappas.setdefault(number, kappa)
-    for name, words in part.how.items():
-        system.how.setdefault(name, words)
+    for name, how in part.how.items():
+        system.how.setdefault(name, how)
     system.slack = max(system.slack, part.slack)
 
 
@@ -199,7 +221,7 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
     for number, (centre, rotation) in part.poses.items():
         frame = frames[number]
         missing = np.isnan(part.points[frame.position])
-        if missing.any() and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
+        if missing.any() and frame.stands and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
             part.points[frame.position, missing] = _place(frame, centre, rotation)[missing]
 
 

@@ -114,7 +114,8 @@ def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
     over: dict[int, list[tuple[float, FloatArray]]] = {}
     for number, (centre, _) in part.poses.items():
         frame = frames[number]
-        over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
     lift = np.zeros(3)
     for position, places in over.items():
         if np.isfinite(part.points[position]).all():
@@ -187,7 +188,7 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
     centres = {
         (frames[n].position, frames[n].height): centre
         for n, (centre, _) in part.poses.items()
-        if frames[n].offset[0] != 0.0
+        if frames[n].offset[0] != 0.0 and frames[n].stands
     }
     for i in np.flatnonzero(lengths.start_height != 0.0) if centres else ():
         key = int(lengths.start[i]), int(lengths.start_block[i])

@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene, StereoPair
 from mor.arrays import FloatArray
 
@@ -43,12 +44,12 @@ def _follow(part: Part, frames: Sequence[Frame], pair: StereoPair) -> bool:
         if leader in part.poses:
             centre, D = part.poses[leader]
             part.poses[follower] = (centre + D.T @ base, turn @ D)
-            part.how[frames[follower].name] = f"follows {frames[leader].name}"
+            part.how[frames[follower].name] = rule("follows {one}", one=frames[leader].name)
         else:
             centre, D = part.poses[follower]
             D = turn.T @ D
             part.poses[leader] = (centre - D.T @ base, D)
-            part.how[frames[leader].name] = f"leads {frames[follower].name}"
+            part.how[frames[leader].name] = rule("leads {one}", one=frames[follower].name)
     return True
 
 
@@ -101,7 +102,7 @@ def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: i
     if turn is None:
         return False
     part.poses[number] = (centre.copy(), turn)
-    part.how[frame.name] = f"turned about the tripod of {frames[posed[0]].name}"
+    part.how[frame.name] = rule("turned about the tripod of {one}", one=frames[posed[0]].name)
     return True
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.local_systems import fill_systems
 from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.rule import Rule
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable
@@ -72,7 +73,7 @@ def _follower_pose(
 
 def fill_in(
     network: Network, part: Part, frames: Sequence[Frame], measured: Terrestrial
-) -> tuple[dict[str, FloatArray], dict[str, str], tuple[Undeterminable, ...]]:
+) -> tuple[dict[str, FloatArray], dict[str, Rule], tuple[Undeterminable, ...]]:
     """Start values of all blocks, how they were obtained, and what is missing."""
     start = {kind: values.copy() for kind, values in network.start.items()}
     points = start["point"]
@@ -136,13 +137,13 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
             start["base"][base] = D_a @ (O_b - O_a)
 
 
-def _named(network: Network, part: Part) -> dict[str, str]:
+def _named(network: Network, part: Part) -> dict[str, Rule]:
     """How things were obtained, by the names the project gives them."""
     ids = network.blocks["point"].ids
     named = {}
-    for name, words in part.how.items():
+    for name, how in part.how.items():
         kind, _, rest = name.partition(" ")
-        named[f"point {ids[int(rest)]}" if kind == "point" and rest.isdigit() else name] = words
+        named[f"point {ids[int(rest)]}" if kind == "point" and rest.isdigit() else name] = how
     return named
 
 
