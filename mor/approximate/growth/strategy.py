@@ -29,6 +29,7 @@ from mor.approximate.parts.relative_poses import grow_relative
 from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
+from mor.approximate.terrestrial.projection_centres import to_places
 from mor.approximate.terrestrial.sights import Sight
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Undeterminable
@@ -85,7 +86,7 @@ def approximate(network: Network) -> Approximation:
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
-    network = replace(network, start=with_observed(network))
+    network = to_places(replace(network, start=with_observed(network)))
     scene = scene_of(network)
     assembly = _assembled(network, scene)
     found = contradicting_frames(network, assembly.parts[0], scene)

@@ -84,11 +84,8 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     ties = Ties(
         np.concatenate([points, centres]),
         np.concatenate([goals, places]),
-        axes,
-        goal_axes if turn is Turn.ANY else goal_axes[:0],
+        *((axes[:0], goal_axes[:0]) if turn is Turn.NONE else (axes, goal_axes)),
     )
-    if turn is not Turn.ANY:
-        ties = Ties(ties.source, ties.target, axes[:0], goal_axes[:0])
     found = movement(ties, turn, source.scaled and target.scaled)
     if found is None or not (both and found.open == 1 and not np.isfinite(ties.target[:, 2]).any()):
         return found
