@@ -143,18 +143,15 @@ def _stations(world: World, given: bool) -> list[dict[str, Any]]:
 
 
 def _systems(world: World, given: bool, free: bool) -> dict[str, Any]:
-    rows = [
-        [
-            name,
-            *([_number(v) for v in origin] if given else [""] * 3),
-            *(_angles(D) if given else [""] * 3),
-            _number(scale) if given or not scale_free else "",
-        ]
-        for name, (origin, D, scale, scale_free) in world.systems.items()
-        if scale_free is free
-    ]
-    columns = ["id", "x", "y", "z", "omega", "phi", "kappa", "scale"]
-    return _table(columns, rows, **({} if free else {"fixed": ["scale"]}))
+    columns = ["x", "y", "z", "omega", "phi", "kappa", "scale"]
+    held = ("scale", *world.system_held) if not free else ()
+    rows = []
+    for name, (origin, D, scale, scale_free) in world.systems.items():
+        if scale_free is free:
+            values = [*map(_number, origin), *_angles(D), _number(scale)]
+            told = [v if given or c in held else "" for c, v in zip(columns, values, strict=True)]
+            rows.append([name, *told])
+    return _table(["id", *columns], rows, **({} if free else {"fixed": list(held)}))
 
 
 def _observations(world: World) -> list[dict[str, Any]]:

@@ -71,11 +71,13 @@ def _stations(world: World, draw: Generator, count: int, seen: float = 1.0, far:
 def partial_heights(world: World, draw: Generator) -> None:
     """A system in which only z̄ of points is measured, beside images with control."""
     _partial(world, draw, (False, False, True))
+    world.system_held = ("x", "y", "kappa")
 
 
 def partial_plan(world: World, draw: Generator) -> None:
     """A system in which only x̄ and ȳ are measured."""
     _partial(world, draw, (True, True, False))
+    world.system_held = ("z",)
 
 
 def _partial(world: World, draw: Generator, seen: tuple[bool, bool, bool]) -> None:

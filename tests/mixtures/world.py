@@ -72,6 +72,8 @@ class World:
     """``None`` free, 0 fixed."""
     systems: dict[str, tuple[FloatArray, FloatArray, float, bool]] = field(default_factory=dict)
     """Origin, D, scale, whether the scale is free."""
+    system_held: tuple[str, ...] = ()
+    """Components of the systems with a fixed scale that are fixed too."""
     planes: dict[str, list[str]] = field(default_factory=dict)
     rays: list[Row] = field(default_factory=list)
     directions: list[Row] = field(default_factory=list)

@@ -30,7 +30,7 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
         # Arcs last: they ask for many distances at every point that is not known yet.
-        if not added and not _arcs(part, distances):
+        if not added and not grow_arcs(part, distances):
             return grown
         grown = True
 
@@ -103,7 +103,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
     return added
 
 
-def _arcs(part: Part, distances: Distances) -> bool:
+def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
     unknown = np.asarray(np.isnan(part.points[:, :2]).any(axis=1))

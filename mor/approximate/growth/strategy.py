@@ -13,12 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mor.approximate.growth.bearing_network import grow_by_bearings
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
-from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
+from mor.approximate.growth.grow_levelled import begin_heights, grow_arcs, grow_levelled
 from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
+from mor.approximate.growth.trilateration import grow_distances, place_by_few_distances, seed_distances
 from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join
@@ -70,6 +72,7 @@ class _Assembly:
     parts: list[Part]
     fewest: int = ENOUGH
     tried_stations: set[int] = field(default_factory=set)
+    tried_shapes: set[tuple[int, ...]] = field(default_factory=set)
     given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
     """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
@@ -156,6 +159,10 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
     while True:
+        if not part.handed:
+            while _grow_shape(part, scene):
+                pass
+            return True
         grown = level_and_scale(part, scene)
         grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)
@@ -163,11 +170,19 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
         grown |= grow_mixed(part, scene)
+        grown = grown or grow_distances(part, scene.distances[1])
+        grown = grown or (part.levelled and grow_by_bearings(part, scene.terrestrial))
         spread_positions(part, scene.frames)
         if not grown:
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+
+
+def _grow_shape(part: Part, scene: Scene) -> bool:
+    """What distances alone tell; directions would take a mirrored shape for right."""
+    distances = scene.distances[1]
+    return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
 
 
 def _grow_levelled(part: Part, scene: Scene) -> bool:
@@ -215,7 +230,8 @@ def _next_seed(assembly: _Assembly) -> Part | None:
         if part is not None:
             return part
     part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
-    return part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    part = part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    return part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
 
 
 def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
@@ -241,6 +257,14 @@ def _unknown_stations(assembly: _Assembly) -> set[int]:
     for part in assembly.parts:
         known |= np.isfinite(part.points[places, :2]).all(axis=1)
     return set(places[~known].tolist())
+
+
+def _known_points(assembly: _Assembly) -> BoolArray:
+    """Points (n,) that some part knows, in plan at least."""
+    known = np.zeros(assembly.scene.points, dtype=bool)
+    for part in assembly.parts:
+        known |= np.isfinite(part.points[:, :2]).all(axis=1)
+    return known
 
 
 def _free_frames(assembly: _Assembly) -> BoolArray:
@@ -298,4 +322,6 @@ def _place_the_rest(assembly: _Assembly) -> None:
         _grow(parts[0], scene, assembly.fewest)
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
+        _grow(parts[0], scene, assembly.fewest)
+    while place_by_few_distances(parts[0], scene.distances[1]):
         _grow(parts[0], scene, assembly.fewest)

@@ -54,6 +54,16 @@ class Frame:
         return self.relative is None
 
 
+def given_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
+    """Projection centre O = X0 + h e_Z − Dᵀ r0* and D that the project gives; of a follower those of its leader."""
+    start = network.start
+    D, position = start["rotation"][frame.rotation], start["point"][frame.position]
+    if not (np.isfinite(D).all() and np.isfinite(position).all()):
+        return None
+    lift = np.array([0.0, 0.0, float(start["height"][frame.height, 0])])
+    return position + lift - D.T @ start["eccentricity"][frame.eccentricity], D
+
+
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     """σ of rays that may be off by a slack besides."""
     return np.hypot(sigma, slack)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join, Tie
 from mor.approximate.parts.level_and_scale import make_upright
-from mor.approximate.parts.movement import Movement, Ties, Turn, movement
+from mor.approximate.parts.movement import PRECISION, Movement, Ties, Turn, movement
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.platform import tie_by_platform
 from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
@@ -21,6 +23,8 @@ TURN = 0.01
 """σ of the turn (radians) up to which given positions tie a part while it is still growing."""
 FITS = 0.03
 """Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
+ALIKE = 3.0
+"""Factor of the misfits from which on a shape is told from its mirrored one."""
 MANY = 400
 """Common points of which the movement is worked out, at the most."""
 
@@ -32,7 +36,9 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     """
     spread_positions(source, scene.frames)
     spread_positions(target, scene.frames)
-    found = tie(target, source, scene)
+    found = _tie_of_either_hand(target, source, scene)
+    if found is None or found.open:
+        found = tie_by_platform(target, source, scene) or found
     if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
         return False
     if found.alternatives and not ambiguous:
@@ -41,12 +47,39 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     return True
 
 
+def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | None:
+    """The tie of two parts; one of distances alone is mirrored where it fits better so.
+
+    Where both fit alike the mirrored movement is an alternative.
+    """
+    found = tie(target, source, scene)
+    if found is None or (target.handed and source.handed):
+        return found
+    loose = target if source.handed else source
+    _mirror(loose)
+    other = tie(target, source, scene)
+    fit, mirrored = (
+        np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other)
+    )
+    if mirrored * ALIKE < fit:
+        return other
+    _mirror(loose)
+    if fit * ALIKE < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
+        return found
+    return replace(found, alternatives=(*found.alternatives, found.similarity))
+
+
+def _mirror(part: Part) -> None:
+    part.points[:, 0] *= -1.0
+
+
 def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> None:
     """Carry a part over; what only it knew of vertical, direction and scale the target learns from it.
 
     Where nothing was ``found`` that ties the two it stays where it is.
     """
     _remember(target, source, found)
+    target.handed |= source.handed
     moved = _as_it_is() if found is None else _likelier(found, source)
     if source.scaled and not target.scaled:
         target.transform(_inverse_scale(moved.scale))

@@ -40,6 +40,8 @@ class Part:
     """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
     given: bool = False
     """True for the object system: it is where the project says, and what joins it comes to it."""
+    handed: bool = True
+    """False where it may be mirrored: distances alone do not tell."""
     number: int = 0
     """0 is the object system, others count as they begin."""
     began: Rule = field(default_factory=lambda: rule("what is given"))

@@ -12,6 +12,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene, StereoPair
 from mor.arrays import FloatArray
+from mor.geometry.rotations import nearest_rotation
 
 AGREE = 0.02
 """Radians within which a ray agrees with a turn about one tripod."""
@@ -112,17 +113,10 @@ def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
     for i, j in islice(combinations(range(len(own)), 2), _SAMPLES):
         if np.linalg.norm(np.cross(own[i], own[j])) < SMALLEST_ANGLE:
             continue
-        D = _turn(own[[i, j]], there[[i, j]])
+        D = nearest_rotation(own[[i, j]].T @ there[[i, j]])
         agree = np.linalg.norm(own - there @ D.T, axis=1) < AGREE
         count = int(agree.sum())
         if count >= 2 and (best is None or count > best[0]):
-            best = count, _turn(own[agree], there[agree])
+            best = count, nearest_rotation(own[agree].T @ there[agree])
     enough = best is not None and best[0] >= max(2, 0.6 * len(own))
     return best[1] if best is not None and enough else None
-
-
-def _turn(own: FloatArray, there: FloatArray) -> FloatArray:
-    left, _, right = np.linalg.svd(own.T @ there)
-    proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn: FloatArray = (left * proper) @ right
-    return turn
