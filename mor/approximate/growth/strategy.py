@@ -25,7 +25,12 @@ from mor.approximate.parts.contradictions import Contradiction, contradicting_fr
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join
 from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.parts.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.parts.level_and_scale import (
+    direct_roughly,
+    level_and_scale,
+    level_roughly,
+    scale_roughly,
+)
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.relative_poses import grow_relative
 from mor.approximate.parts.rule import Rule
@@ -317,6 +322,7 @@ def _place_the_rest(assembly: _Assembly) -> None:
         source = max(parts[1:], key=_size)
         parts.remove(source)
         level_roughly(source, scene)
+        scale_roughly(source, scene)
         direct_roughly(source, scene)
         carry(parts[0], source, scene, tie(parts[0], source, scene))
         _grow(parts[0], scene, assembly.fewest)

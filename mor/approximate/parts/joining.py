@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join, Tie
-from mor.approximate.parts.level_and_scale import make_upright
+from mor.approximate.parts.level_and_scale import forget_marks, make_upright
 from mor.approximate.parts.movement import PRECISION, Movement, Ties, Turn, movement
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.platform import tie_by_platform
@@ -81,7 +81,10 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
     _remember(target, source, found)
     target.handed |= source.handed
     moved = _as_it_is() if found is None else _likelier(found, source)
+    if target.scaled and not source.scaled:
+        forget_marks(source, scene)
     if source.scaled and not target.scaled:
+        forget_marks(target, scene)
         target.transform(_inverse_scale(moved.scale))
         moved = _times(moved, 1.0 / moved.scale)
         target.scaled = True

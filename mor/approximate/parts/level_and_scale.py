@@ -22,6 +22,8 @@ from mor.arrays import FloatArray
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
+ALIKE = 3.0
+"""Factor of the misfits up to which two verticals fit alike."""
 DISAGREEMENT = 0.05
 """Relative misfit beyond which height differences and points do not belong together."""
 
@@ -77,12 +79,32 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
     length = float(np.linalg.norm(g))
     if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
         return False
-    if part.scaled and abs(length - 1.0) > 0.2:
-        return False
-    if not part.scaled:
-        part.transform(_movement(length, np.eye(3)))
-        part.scaled = True
+    if part.scaled:
+        return _level_by_unit_vector(part, difference, dz)
+    part.transform(_movement(length, np.eye(3)))
+    part.scaled = True
     make_upright(part, np.asarray(g, dtype=np.float64))
+    return True
+
+
+def _level_by_unit_vector(part: Part, difference: FloatArray, dz: FloatArray) -> bool:
+    """The vertical of a part that has its scale: of unit length, so that points nearly in a plane leave two.
+
+    Where both fit alike it is the one with the cameras above what they see.
+    """
+    axes = np.linalg.svd(difference, full_matrices=False)[2]
+    in_plane = np.linalg.lstsq(difference @ axes[:2].T, dz, rcond=None)[0] @ axes[:2]
+    rest = float(np.sqrt(max(1.0 - in_plane @ in_plane, 0.0)))
+    both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
+    misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
+    best = int(np.argmin(misfits))
+    if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
+        return False
+    if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
+        seen = part.points[np.isfinite(part.points).all(axis=1)].mean(axis=0)
+        above = np.mean([centre for centre, _ in part.poses.values()], axis=0) - seen
+        best = int(np.argmax([above @ g for g in both]))
+    make_upright(part, both[best] / np.linalg.norm(both[best]))
     return True
 
 
@@ -174,7 +196,33 @@ def _scale(part: Part, scene: Scene) -> bool:
         return False
     part.transform(_movement(float(np.median(together)), np.eye(3)))
     part.scaled = True
+    forget_marks(part, scene)
     return True
+
+
+def forget_marks(part: Part, scene: Scene) -> None:
+    """Heights of marks below instruments, which without scale were those of the instruments, are not known any more."""
+    places = [sight.position for sight in scene.terrestrial.sights if sight.height != 0.0]
+    places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
+    marks = np.unique(np.array(places, dtype=np.int64))
+    part.points[marks[~part.fixed[marks]], 2] = np.nan
+
+
+def scale_roughly(part: Part, scene: Scene) -> None:
+    """The scale from instruments of different height over one position, where nothing else tells it."""
+    if part.scaled or not part.levelled:
+        return
+    over: dict[int, list[tuple[float, float]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
+    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
+    measured, present = spans[spans[:, 0] > 0.0].T
+    if present.sum() > 0.0:
+        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
+        part.scaled = True
+        forget_marks(part, scene)
 
 
 def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
