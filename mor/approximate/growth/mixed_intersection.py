@@ -77,7 +77,9 @@ def _meeting(
             [across @ (at - X) / r for (across, at, _), r in zip(planes, reach, strict=True)]
         )
         values = np.linalg.svd(rows[:, ~here], compute_uv=False)
-        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * values[0]:
+        # Beside the rows themselves: a vertical plane says nothing of a height that alone is not known.
+        largest = max(float(np.linalg.norm(rows, axis=1).max()), float(values[0]))
+        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * largest:
             return np.full(3, np.nan), False
         X[~here] += np.linalg.lstsq(rows[:, ~here], goal, rcond=None)[0]
         reach = np.array(

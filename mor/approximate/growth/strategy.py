@@ -24,7 +24,14 @@ from mor.approximate.growth.trilateration import grow_distances, place_by_few_di
 from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join
-from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
+from mor.approximate.parts.joining import (
+    carry,
+    join,
+    spread_positions,
+    stand_on_marks,
+    tie,
+    tied_by_positions,
+)
 from mor.approximate.parts.level_and_scale import (
     direct_roughly,
     level_and_scale,
@@ -132,6 +139,7 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
             _grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
+    stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
     if grow_mixed(parts[0], scene, contradicting=True):
         _grow(parts[0], scene, FEWEST)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -256,6 +257,17 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
         missing = np.isnan(part.points[frame.position])
         if missing.any() and frame.stands and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
             part.points[frame.position, missing] = _place(frame, centre, rotation)[missing]
+
+
+def stand_on_marks(part: Part, scene: Scene) -> None:
+    """Several frames over one mark stand exactly over it: short bases between them are as they were measured."""
+    over = Counter(scene.frames[n].position for n in part.poses if scene.frames[n].stands)
+    for number, (_, D) in list(part.poses.items()):
+        frame = scene.frames[number]
+        mark = part.points[frame.position]
+        if frame.stands and over[frame.position] > 1 and np.isfinite(mark).all():
+            lift = np.array([0.0, 0.0, frame.offset[0]])
+            part.poses[number] = (mark + lift - D.T @ frame.offset[1:], D)
 
 
 def _place(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:

@@ -30,7 +30,8 @@ DISAGREEMENT = 0.05
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
-    gained = False
+    # The scale first: with it the heights of points nearly in a plane tell the vertical, too.
+    gained = not part.scaled and _scale(part, scene)
     if not part.levelled:
         gained |= _level_by_frames(part, scene.frames) or _level_by_heights(part, scene.level_lines)
     if not part.scaled:
@@ -101,11 +102,17 @@ def _level_by_unit_vector(part: Part, difference: FloatArray, dz: FloatArray) ->
     if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
         return False
     if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
-        seen = part.points[np.isfinite(part.points).all(axis=1)].mean(axis=0)
-        above = np.mean([centre for centre, _ in part.poses.values()], axis=0) - seen
-        best = int(np.argmax([above @ g for g in both]))
+        best = int(np.argmax(np.array(both) @ _above(part)))
     make_upright(part, both[best] / np.linalg.norm(both[best]))
     return True
+
+
+def _above(part: Part) -> FloatArray:
+    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
+    seen = part.points[np.isfinite(part.points).all(axis=1)]
+    centres = np.array([centre for centre, _ in part.poses.values()])
+    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
+    return above
 
 
 def level_roughly(part: Part, scene: Scene) -> None:
@@ -123,7 +130,9 @@ def level_roughly(part: Part, scene: Scene) -> None:
     factor = np.ones(len(up))
     if not part.scaled:
         factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
-    best = up[int(np.argmin(np.sum((factor[:, None] * rise - dz) ** 2, axis=1)))]
+    cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
+    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
+    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
         best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
