@@ -184,12 +184,20 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     replaced = tuple(
         Mistake(f"start value of {words}; another one takes its place") for words in found.replaced
     )
-    network = replace(network, notes=(*network.notes, *replaced))
+    ambiguous = tuple(
+        Mistake(
+            f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
+            "the one with the cameras above is taken"
+        )
+        for join in found.parts
+        if join.tie is not None and join.tie.alternatives
+    )
+    network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
-        raise NoStartValuesError(missing, found.remarks)
+        raise NoStartValuesError(missing, map(str, found.remarks))
     if missing:
         network = without_unknown(network, start, missing)
         start = network.start
