@@ -100,7 +100,9 @@ class ImageFormat(Strict):
 
     width: Measure = Field(description="Image width in px")
     height: Measure = Field(description="Image height in px")
-    pixel: Measure = Field(description="Pixel size, e.g. 0.00414 mm")
+    pixel: Measure | None = Field(
+        default=None, description="Pixel size, e.g. 0.00414 mm; a camera in px does without"
+    )
 
 
 class Camera(Strict):

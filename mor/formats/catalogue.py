@@ -1,0 +1,57 @@
+"""The formats mor knows: their keys, what reads and writes them, and on what that was tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Code(NamedTuple):
+    """Where a reader or a writer stands; it is loaded when it is needed."""
+
+    module: str
+    function: str
+
+
+@dataclass(frozen=True)
+class Format:
+    """One foreign format."""
+
+    title: str
+    read: Code | None = None
+    write: Code | None = None
+    suffixes: tuple[str, ...] = ()
+    """Suffixes that mean this format and no other, where the content does not tell, and of files that are written."""
+    folder: bool = False
+    """True where a folder is a project."""
+    untried: str = ""
+    """What was not tried on files of the program itself, told on every conversion; empty where all was."""
+
+
+FORMATS: dict[str, Format] = {
+    "colmap": Format(
+        "COLMAP model (folder, text or binary; written as text)",
+        Code("mor.formats.colmap.reader", "read_colmap"),
+        Code("mor.formats.colmap.writer", "write_colmap"),
+        folder=True,
+    ),
+    "colmap-binary": Format(
+        "COLMAP model, written as binary", write=Code("mor.formats.colmap.writer", "write_colmap_binary")
+    ),
+    "gkf": Format("GNU Gama network", Code("mor.formats.gkf.reader", "read_gkf"), suffixes=(".gkf",)),
+    "textbook": Format(
+        "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
+    ),
+    "photomodeler": Format(
+        "PhotoModeler text export",
+        Code("mor.formats.photomodeler", "read_photomodeler"),
+        suffixes=(".txt",),
+    ),
+    "aicon": Format(
+        "AICON 3D Studio flat files",
+        Code("mor.formats.aicon.reader", "read_aicon"),
+        suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
+        folder=True,
+    ),
+}
+"""Formats by the key that ``--from`` and ``--to`` take."""
