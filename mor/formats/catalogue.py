@@ -38,6 +38,11 @@ FORMATS: dict[str, Format] = {
     "colmap-binary": Format(
         "COLMAP model, written as binary", write=Code("mor.formats.colmap.writer", "write_colmap_binary")
     ),
+    "opensfm": Format(
+        "OpenSfM or OpenDroneMap block (folder, reconstruction.json)",
+        Code("mor.formats.opensfm.reader", "read_opensfm"),
+        folder=True,
+    ),
     "gkf": Format("GNU Gama network", Code("mor.formats.gkf.reader", "read_gkf"), suffixes=(".gkf",)),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)

@@ -103,6 +103,16 @@ def _colmap(sample: Sample) -> bool:
     return any(all(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt"))
 
 
+def _opensfm(sample: Sample) -> bool:
+    if sample.names:
+        return "reconstruction.json" in sample.names or (
+            "opensfm" in sample.names and (sample.path / "opensfm" / "reconstruction.json").is_file()
+        )
+    return sample.text.lstrip()[:1] in ("[", "{") and '"shots"' in sample.text + '"shots"' * (
+        '"projection_type"' in sample.text
+    )
+
+
 def _photomodeler(sample: Sample) -> bool:
     """Tolerance and iterations, nine σ, then the camera: lines 2, 3 and 4."""
     counts = [_numbers(words) for words in sample.lines[1:4]]
@@ -119,6 +129,7 @@ def _aicon(sample: Sample) -> bool:
 
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
+    ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("photomodeler", _photomodeler),
