@@ -20,7 +20,7 @@ REAL = reference_folder("formats/opensfm")
 def _folder(folder: Path, **changes: Any) -> Path:
     whole = {
         "cameras": {
-            "v2 c 4000 3000": {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.9, "k1": -0.1}
+            "v2 c 4000 3000": {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.9}
         },
         "shots": {
             name: {"rotation": [3.0, 0.1 * k, 0.0], "translation": [k, 0.5, 9.0], "camera": "v2 c 4000 3000"}
