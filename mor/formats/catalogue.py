@@ -49,7 +49,7 @@ FORMATS: dict[str, Format] = {
     ),
     "photomodeler": Format(
         "PhotoModeler text export",
-        Code("mor.formats.photomodeler", "read_photomodeler"),
+        Code("mor.formats.photomodeler.reader", "read_photomodeler"),
         suffixes=(".txt",),
     ),
     "aicon": Format(
