@@ -28,6 +28,11 @@ class Format:
     """What was not tried on files of the program itself, told on every conversion; empty where all was."""
 
 
+def _book(module: str, function: str) -> Code:
+    """A reader of field books."""
+    return Code(f"mor.formats.fieldbook.{module}", function)
+
+
 FORMATS: dict[str, Format] = {
     "colmap": Format(
         "COLMAP model (folder, text or binary; written as text)",
@@ -44,6 +49,16 @@ FORMATS: dict[str, Format] = {
         folder=True,
     ),
     "gkf": Format("GNU Gama network", Code("mor.formats.gkf.reader", "read_gkf"), suffixes=(".gkf",)),
+    "gsi": Format("Leica GSI-8, GSI-16", _book("gsi", "read_gsi"), suffixes=(".gsi",)),
+    "idx": Format("Leica IDX", _book("idx", "read_idx"), suffixes=(".idx",)),
+    "sdr": Format("Sokkia SDR20, SDR33", _book("sdr", "read_sdr"), suffixes=(".sdr",)),
+    "sokkia-scr": Format("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
+    "nikon": Format("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
+    "topcon": Format("Topcon GTS-7", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
+    "m5": Format("Zeiss and Trimble M5", _book("m5", "read_m5"), suffixes=(".m5",)),
+    "geodimeter": Format(
+        "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
+    ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
     ),

@@ -123,6 +123,22 @@ def _sections(sample: Sample) -> bool:
     return any(len(words) > 0 and words[0].startswith("[") for words in sample.lines)
 
 
+def _beginning(pattern: str, least: int = 1) -> Callable[[Sample], bool]:
+    """True where so many of the first lines, comments and empty ones aside, look like a pattern."""
+    form = re.compile(pattern)
+
+    def holds(sample: Sample) -> bool:
+        lines = [line for line in sample.text.split("\n")[:40] if line.strip()]
+        return sum(form.match(line) is not None for line in lines) >= min(least, max(len(lines), 1))
+
+    return holds
+
+
+def _geodimeter(sample: Sample) -> bool:
+    lines = [line for line in sample.text.split("\n")[:40] if line.strip()]
+    return bool(lines) and all(re.match(r"\s*\d{1,3}=", line) for line in lines)
+
+
 def _aicon(sample: Sample) -> bool:
     return any(name.endswith((".ior", ".ior.gz")) for name in sample.names)
 
@@ -132,6 +148,14 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("gkf", lambda sample: sample.root == "gama-local"),
+    ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
+    ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
+    ("sdr", _beginning(r"00..SDR")),
+    ("m5", _beginning(r"For M5\|Adr")),
+    ("nikon", _beginning(r"CO,\s*Nikon RAW")),
+    ("sokkia-scr", _beginning(r"A,SET\d")),
+    ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),
+    ("geodimeter", _geodimeter),
     ("photomodeler", _photomodeler),
     ("textbook", _sections),
 )
