@@ -125,8 +125,11 @@ def _joined(parts: list[Things], size: int, texts: tuple[str, ...]) -> Things:
     return Things(ids, joined, statuses._replace(free=statuses.free.astype(bool)))
 
 
-def image_points(content: Content, cameras: dict[str, str]) -> ImagePoints:
-    """All image points; ``cameras`` has the camera of each image. Raises :class:`InputError` for those without size."""
+def image_points(content: Content, cameras: dict[str, str], corner: bool = True) -> ImagePoints:
+    """All image points; ``cameras`` has the camera of each image. Raises :class:`InputError` for those without size.
+
+    ``corner``: coordinates from the upper left corner, y down; else from the image centre, y up.
+    """
     scales = {
         name: image_scale(camera, content.project.units) for name, camera in content.project.cameras.items()
     }
@@ -138,7 +141,8 @@ def image_points(content: Content, cameras: dict[str, str]) -> ImagePoints:
         if entry.type == "image":
             entry = _plain_values(entry)
             rows = content.rows("observations", k, entry, columns)
-            parts.append(_image_points(entry, rows, cameras, scales, content.place("observations", k)))
+            place = content.place("observations", k)
+            parts.append(_image_points(entry, rows, cameras, scales, place, corner))
     return ImagePoints(
         [name for part in parts for name in part.images],
         [name for part in parts for name in part.points],
@@ -154,7 +158,12 @@ def _plain_values(entry: Observations) -> Observations:
 
 
 def _image_points(
-    entry: Observations, rows: Rows, cameras: dict[str, str], scales: dict[str, ImageScale], place: Place
+    entry: Observations,
+    rows: Rows,
+    cameras: dict[str, str],
+    scales: dict[str, ImageScale],
+    place: Place,
+    corner: bool,
 ) -> ImagePoints:
     image, point = rows.text("image"), rows.text("point")
     unknown = [name for name in dict.fromkeys(image) if name not in cameras]
@@ -167,13 +176,13 @@ def _image_points(
     used = np.array([cameras[name] for name in image])
     for name in set(used.tolist()):
         scale, mine = scales[name], used == name
-        if np.isnan(scale.pixel):
-            raise InputError(
-                [place.problem(f"camera {name!r} has no image: {{width, height}}, which this needs")]
-            )
+        pixel = 1.0 if scale.unit == "px" else scale.pixel
+        if np.isnan(pixel) or (corner and np.isnan(scale.centre[0])):
+            words = f"camera {name!r} has no image: {{width, height}}, which this needs"
+            raise InputError([place.problem(words)])
         units = [_unit(entry, column, scale) for column in ("x", "sigma")]
-        given[mine] = _pixels(given[mine] * scale.factor(units[0]) / scale.pixel, scale)
-        sigma[mine] *= scale.factor(units[1]) / scale.pixel
+        given[mine] = _pixels(given[mine] * scale.factor(units[0]) / pixel, scale, corner)
+        sigma[mine] *= scale.factor(units[1]) / pixel
     return ImagePoints(image, point, given, sigma)
 
 
@@ -182,10 +191,11 @@ def _unit(entry: Observations, name: str, scale: ImageScale) -> str:
     return given or scale.coordinate_unit
 
 
-def _pixels(xy: FloatArray, scale: ImageScale) -> FloatArray:
-    if scale.corner:
+def _pixels(xy: FloatArray, scale: ImageScale, corner: bool) -> FloatArray:
+    if scale.corner == corner:
         return xy
-    turned: FloatArray = xy * np.array([1.0, -1.0]) + np.array(scale.centre)
+    flip, centre = np.array([1.0, -1.0]), np.array(scale.centre)
+    turned: FloatArray = xy * flip + centre if corner else (xy - centre) * flip
     return turned
 
 

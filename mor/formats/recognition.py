@@ -123,6 +123,14 @@ def _sections(sample: Sample) -> bool:
     return any(len(words) > 0 and words[0].startswith("[") for words in sample.lines)
 
 
+def _bal(sample: Sample) -> bool:
+    """Three counts, then camera, point, x, y a line."""
+    lines = [words for words in sample.lines[:4] if words]
+    if len(lines) < 2 or len(lines[0]) != 3 or not all(word.isdecimal() for word in lines[0]):
+        return False
+    return all(len(words) == 4 and _numbers(words) == 4 for words in lines[1:2])
+
+
 def _beginning(pattern: str, least: int = 1) -> Callable[[Sample], bool]:
     """True where so many of the first lines, comments and empty ones aside, look like a pattern."""
     form = re.compile(pattern)
@@ -148,6 +156,8 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("gkf", lambda sample: sample.root == "gama-local"),
+    ("bundler", _beginning(r"# Bundle file")),
+    ("bal", _bal),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),
