@@ -33,6 +33,11 @@ def _book(module: str, function: str) -> Code:
     return Code(f"mor.formats.fieldbook.{module}", function)
 
 
+def _drawing(module: str, function: str) -> Code:
+    """A writer of results."""
+    return Code(f"mor.formats.drawing.{module}", function)
+
+
 FORMATS: dict[str, Format] = {
     "colmap": Format(
         "COLMAP model (folder, text or binary; written as text)",
@@ -86,5 +91,10 @@ FORMATS: dict[str, Format] = {
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),
+    "ply": Format("PLY points", write=_drawing("ply", "write_ply"), suffixes=(".ply",)),
+    "dxf": Format("DXF drawing", write=_drawing("dxf", "write_dxf"), suffixes=(".dxf",)),
+    "geojson": Format("GeoJSON", write=_drawing("geojson", "write_geojson"), suffixes=(".geojson",)),
+    "landxml": Format("LandXML points", write=_drawing("landxml", "write_landxml"), suffixes=(".landxml",)),
+    "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
 }
 """Formats by the key that ``--from`` and ``--to`` take."""
