@@ -77,6 +77,11 @@ FORMATS: dict[str, Format] = {
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
     ),
+    "starnet": Format(
+        "STAR*NET input data",
+        Code("mor.formats.starnet.reader", "read_starnet"),
+        untried="no file of STAR*NET users could be had: this reader was written from the manual",
+    ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
     ),

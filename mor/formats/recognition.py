@@ -131,6 +131,21 @@ def _bal(sample: Sample) -> bool:
     return all(len(words) == 4 and _numbers(words) == 4 for words in lines[1:2])
 
 
+_STARNET = re.compile(
+    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G0|G1|G2|G3|P)(?:\s|$))",
+    re.IGNORECASE,
+)
+_STARNET_NAMES = re.compile(
+    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
+)
+
+
+def _starnet(sample: Sample) -> bool:
+    lines = [line for line in sample.text.split("\n")[:60] if line.strip()]
+    fitting = sum(_STARNET.match(line) is not None for line in lines)
+    return fitting >= 0.8 * len(lines) and sum(_STARNET_NAMES.match(line) is not None for line in lines) >= 2
+
+
 def _beginning(pattern: str, least: int = 1) -> Callable[[Sample], bool]:
     """True where so many of the first lines, comments and empty ones aside, look like a pattern."""
     form = re.compile(pattern)
@@ -166,6 +181,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("sokkia-scr", _beginning(r"A,SET\d")),
     ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),
     ("geodimeter", _geodimeter),
+    ("starnet", _starnet),
     ("photomodeler", _photomodeler),
     ("textbook", _sections),
 )
