@@ -53,6 +53,12 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.opensfm.reader", "read_opensfm"),
         folder=True,
     ),
+    "metashape": Format(
+        "Metashape cameras.xml, markers.xml",
+        Code("mor.formats.metashape.reader", "read_metashape"),
+        Code("mor.formats.metashape.writer", "write_metashape"),
+        untried="no whole file of Metashape could be had: tried on files of its own writer, and on published excerpts",
+    ),
     "bal": Format(
         "BAL, bundle adjustment in the large",
         Code("mor.formats.bal", "read_bal"),

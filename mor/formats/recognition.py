@@ -170,6 +170,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
+    ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),

@@ -108,9 +108,9 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = Field(
-        default="mor", description="Camera model: how distortion is described"
-    )
+    model: Literal[
+        "mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye", "metashape"
+    ] = Field(default="mor", description="Camera model: how distortion is described")
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
