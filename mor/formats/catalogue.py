@@ -72,7 +72,12 @@ FORMATS: dict[str, Format] = {
         suffixes=(".out",),
         untried="no file of Bundler could be had: this reader was written from its manual",
     ),
-    "gkf": Format("GNU Gama network", Code("mor.formats.gkf.reader", "read_gkf"), suffixes=(".gkf",)),
+    "gkf": Format(
+        "GNU Gama network",
+        Code("mor.formats.gkf.reader", "read_gkf"),
+        Code("mor.formats.gkf.writer", "write_gkf"),
+        suffixes=(".gkf",),
+    ),
     "gsi": Format("Leica GSI-8, GSI-16", _book("gsi", "read_gsi"), suffixes=(".gsi",)),
     "idx": Format("Leica IDX", _book("idx", "read_idx"), suffixes=(".idx",)),
     "sdr": Format("Sokkia SDR20, SDR33", _book("sdr", "read_sdr"), suffixes=(".sdr",)),
