@@ -20,7 +20,7 @@ from mor.compilation import chosen_by_size
 from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
-from mor.input_files import read_text
+from mor.input_files import is_folder, read_text
 from mor.observations import without
 from mor.observations.sigma import with_sigma_model
 from mor.parameters.index import all_known, index_unknowns, with_shared_components
@@ -55,10 +55,13 @@ _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
 
 
-def read_document(path: Path) -> Document:
-    """Plain data of a project file, or of a file in a foreign format, with lines. Raises :class:`InputError`."""
-    if is_foreign(path):
-        return read_foreign(path)
+def read_document(path: Path, form: str = "") -> Document:
+    """Plain data of a project file, or of a file in a foreign format, with lines.
+
+    ``form`` names the foreign format; else the content of the file tells it. Raises :class:`InputError`.
+    """
+    if form or is_folder(path) or is_foreign(path):
+        return read_foreign(path, form)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])

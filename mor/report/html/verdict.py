@@ -279,7 +279,7 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
 
 
 def _insignificant(name: str, component: dict[str, Any]) -> bool:
-    return name not in ("c", "fx", "fy", "xh", "yh", "cx", "cy") and bool(
+    return name not in ("c", "fx", "fy", "f", "xh", "yh", "cx", "cy") and bool(
         component["sigma"] and abs(component["value"]) < 1.96 * component["sigma"]
     )
 
