@@ -151,7 +151,13 @@ def snooped(network: Network) -> Network:
 
 def levels(settings: ProjectSettings) -> Levels:
     """Levels of the tests of a project."""
-    return Levels(settings.snooping_level, settings.power, settings.global_level, settings.familywise_level)
+    return Levels(
+        settings.snooping_level,
+        settings.power,
+        settings.global_level,
+        settings.familywise_level,
+        settings.least_redundancy,
+    )
 
 
 def _wanted(settings: ProjectSettings) -> Wanted:
