@@ -45,6 +45,7 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
+from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
@@ -68,9 +69,11 @@ def read_document(path: Path) -> Document:
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
     """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`.
 
+    Its notes say what was assumed, and which observations cannot be right or contradict what is known.
     ``read`` is told each table of points, images and observations that has been read.
     """
-    return build_network(validate(document), document, folder, read)
+    network = build_network(validate(document), document, folder, read)
+    return replace(network, notes=(*network.notes, *implausible(network)))
 
 
 def solve_network(
