@@ -3,6 +3,7 @@
 from mor.observations._at_infinity import (
     AT_INFINITY,
     FREE_TURNS,
+    TURNED_AXIS,
     at_infinity,
     can_be_at_infinity,
     target_slot,
@@ -83,6 +84,7 @@ __all__ = [
     "PERFECT_SET_UP",
     "PLAIN_TYPES",
     "PROJECTION_CENTRE_TYPES",
+    "TURNED_AXIS",
     "Computed",
     "External",
     "ObservationGroup",
