@@ -45,6 +45,7 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
+from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
@@ -71,9 +72,11 @@ def read_document(path: Path, form: str = "") -> Document:
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
     """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`.
 
+    Its notes say what was assumed, and which observations cannot be right or contradict what is known.
     ``read`` is told each table of points, images and observations that has been read.
     """
-    return build_network(validate(document), document, folder, read)
+    network = build_network(validate(document), document, folder, read)
+    return replace(network, notes=(*network.notes, *implausible(network)))
 
 
 def solve_network(
@@ -154,7 +157,13 @@ def snooped(network: Network) -> Network:
 
 def levels(settings: ProjectSettings) -> Levels:
     """Levels of the tests of a project."""
-    return Levels(settings.snooping_level, settings.power, settings.global_level, settings.familywise_level)
+    return Levels(
+        settings.snooping_level,
+        settings.power,
+        settings.global_level,
+        settings.familywise_level,
+        settings.least_redundancy,
+    )
 
 
 def _wanted(settings: ProjectSettings) -> Wanted:
