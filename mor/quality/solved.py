@@ -8,6 +8,7 @@ from functools import cached_property
 from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.reliability.effects import Effect, effects
@@ -29,6 +30,8 @@ class Solved:
     @cached_property
     def movements(self) -> Movements | None:
         """What does not come to rest, where there is no solution; worked out once for all reports."""
+        if self.adjustment.reason == REDUNDANCY_LOST:
+            return None  # it did come to rest
         if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
             return last_movements(self.adjustment)
         return None
