@@ -11,6 +11,7 @@ from mor.quality.assess import Quality
 from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
+from mor.quality.hypotheses.hypothesis import Offered
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.treatment import Treatment
 
@@ -26,6 +27,8 @@ class Solved:
     """What was done about gross errors and weights; ``None`` where there was no solution."""
     suspects: Suspects | None = None
     """What was left out because all observations together have no solution."""
+    causes: tuple[Offered, ...] = ()
+    """What may be the cause where something is rejected, the best hypothesis first."""
 
     @cached_property
     def movements(self) -> Movements | None:

@@ -16,6 +16,7 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
+from mor.report.hypotheses.table import hypotheses
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
@@ -43,6 +44,7 @@ class View:
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
     suspects: dict[str, Any] | None
+    hypotheses: list[dict[str, Any]]
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -91,6 +93,7 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
         suspects=suspects(solved),
+        hypotheses=hypotheses(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -125,6 +128,7 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         checks=data["checks"],
         gross_errors=data["gross_errors"],
         suspects=data.get("suspects"),
+        hypotheses=data.get("hypotheses", []),
         residuals=_residuals(data, folder),
     )
 
