@@ -91,15 +91,15 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         network, start = determinable_start(network)
+        whole = network
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
     suspects = next((left for found, left in rescued if found is adjustment), None)
     plain = suspects.plain if suspects is not None else adjustment
 
     def possible_causes(quality: Quality | None) -> tuple[Offered, ...]:
         solution = adjustment if adjustment.outcome.is_solution else None
-        return causes(network_as_read, plain, solution, quality, make_problem, _start_or_nothing)
+        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing)
 
-    network_as_read = network
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
         return Solved(network, with_fitting_reason(adjustment), None, causes=possible_causes(None))

@@ -6,6 +6,7 @@ import argparse
 import warnings
 from collections import Counter
 
+from tests.planted_mistakes.error_free import rates
 from tests.planted_mistakes.trial import KINDS, Trial, trial
 
 
@@ -29,8 +30,18 @@ def main() -> None:
     parser.add_argument(
         "--show", action="store_true", help="tell what is offered where the right cause is not first"
     )
+    parser.add_argument(
+        "--error-free", type=int, default=0, help="in place of that, so many projects without a mistake"
+    )
+    parser.add_argument("--sample", default="bridge", help="sample project without a mistake")
     chosen = parser.parse_args()
     warnings.simplefilter("ignore")
+    if chosen.error_free:
+        count, rejected, offered = rates(chosen.sample, chosen.error_free)
+        print(
+            f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis"
+        )
+        return
     print("| mistake | cases | rejected | right cause first | among three | another one first | exit codes |")
     print("|---|---|---|---|---|---|---|")
     everything: list[Trial] = []

@@ -21,12 +21,14 @@ from mor.quality.hypotheses.changes import with_blocks, with_unknown
 from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
 from mor.quality.hypotheses.situation import Situation
 
-_TRIED = 4
+_TRIED = 8
 """Heights that are tried: those that promise most."""
 _PROMISED = 20.0
 """Reduction of vᵀPv that is worth an adjustment: less would not be offered."""
 _MOST = 400
 """Heights that are looked at."""
+_ENTRIES = 20_000_000
+"""Numbers that their test may take."""
 _INSTRUMENT = ("station", "from")
 
 
@@ -42,7 +44,8 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The heights that promise most."""
     if situation.solution is None or "height" not in situation.network.blocks:
         return []
-    sights = list(_sights(situation.network))[:_MOST]
+    most = min(_MOST, _ENTRIES // max(situation.solution.problem.index.count, 1))
+    sights = list(_sights(situation.network))[:most]
     if not sights:
         return []
     promised = _reductions(situation.solution, sights)
@@ -55,7 +58,7 @@ def _sights(network: Network) -> Iterator[Sights]:
     sets: dict[tuple[str, tuple[str, ...]], list[tuple[int, IntArray, int]]] = {}
     free = network.blocks["height"].free[:, 0]
     for number, group in enumerate(network.groups):
-        if not group.type.distances:
+        if not group.type.distances or group.type.between_marks:
             continue
         pairs = zip(group.type.references, group.references, strict=True)
         names = {reference.name: np.array(list(column)) for reference, column in pairs}

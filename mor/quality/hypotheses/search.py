@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import gammainc
 
+from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.parameters.index import Values
 from mor.project.network.build import Network
@@ -90,9 +91,11 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
     """Hypotheses for observations of which something is rejected, the best first; none where none is good enough."""
     most = int(np.clip(_MOST * _SMALL // max(situation.count, 1), _LEAST, _MOST))
     found: list[tuple[Hypothesis, Fit]] = []
+    count = 0
     families = (*FAMILIES, *OF_A_WHOLE) if situation.something_is_wrong_as_a_whole else FAMILIES
     for family in families:
-        candidates = family(situation)[: most - len(found)]
+        candidates = family(situation)[: most - count]
+        count += len(candidates)
         tried = [(hypothesis, situation.tried(hypothesis)) for hypothesis in candidates]
         found += [(hypothesis, fit) for hypothesis, fit in tried if fit is not None]
         if any(h.rows and nothing_is_left(fit) for h, fit in found):
@@ -101,6 +104,7 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
         return ()
     spread = min(fit.spread for _, fit in found)
     gains = [(situation.fit.length - fit.length) / spread for _, fit in found]
+    before = plain.normals.objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
     order = sorted(range(len(found)), key=lambda k: -gains[k])
     freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
     return tuple(
@@ -114,12 +118,13 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
             found[k][0].amount_at(found[k][1].values),
         )
         for k in order
-        if gains[k] > -2.0 * np.log(LEVEL)
+        if gains[k] > -2.0 * np.log(LEVEL) and found[k][1].omega < before
     )[:OFFERED]
 
 
 def causes(
     network: Network,
+    start: Values,
     plain: Adjustment,
     solution: Adjustment | None,
     quality: Quality | None,
@@ -128,14 +133,21 @@ def causes(
 ) -> tuple[Offered, ...]:
     """What may be wrong with a network whose ``plain`` adjustment did not end well; nothing where nothing is rejected.
 
-    ``solution`` is the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
+    ``start`` are the start values of the whole of it; things may have been left out of the adjustment. ``solution`` is
+    the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
     """
     if solution is plain and quality is not None and not is_rejected(quality):
         return ()
     if not plain.problem.index.count or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
         return ()
-    values = _where_most_fit(plain, solution)
-    return possible_causes(Situation(network, plain.start, values, solution, make, begin), plain)
+    if [group.count for group in plain.problem.groups[: len(network.groups)]] != [
+        g.count for g in network.groups
+    ]:
+        solution = None  # of a network without some of its things: what is wrong may be with them
+        values = _graduated(make(network, start, start), start)
+    else:
+        values = _where_most_fit(plain, solution)
+    return possible_causes(Situation(network, start, values, solution, make, begin), plain)
 
 
 def nothing_is_left(fit: Fit) -> bool:
@@ -144,13 +156,17 @@ def nothing_is_left(fit: Fit) -> bool:
     return bool(p[0] > np.log(LEVEL))
 
 
+def _graduated(problem: Problem, begin: Values) -> Values:
+    with np.errstate(all="ignore"):
+        return graduated_weights(problem, begin).values
+
+
 def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     """The solution, or where graduated weights lead from the start values or from it: what costs least."""
     problem = plain.problem
     known = [plain.values] if solution is None else [solution.values]
     begin = plain.start if solution is None else plain.values
     if solution is None or (solution is plain and problem.observations <= _SMALL):
-        with np.errstate(all="ignore"):
-            known.append(graduated_weights(problem, begin).values)
+        known.append(_graduated(problem, begin))
     costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
     return known[int(np.argmin(costs))]

@@ -82,7 +82,7 @@ class Situation:
         """True where half of a group, of an image or of a station does not fit: only then a change of all of it may."""
         for group, bad in zip(self.network.groups, self.misfitting, strict=True):
             rows = bad.any(axis=1)
-            if 2 * np.count_nonzero(rows) >= group.count:
+            if group.count >= _AT_LEAST and 2 * np.count_nonzero(rows) >= group.count:
                 return True
             whole = np.bincount(group.references[0].numbers)
             wrong = np.bincount(group.references[0].numbers, weights=rows, minlength=len(whole))
@@ -132,12 +132,22 @@ class Situation:
                     )
                     found = adjust(reduced, begin, Settings(_ITERATIONS), _impatient())
                 if found.outcome.is_solution:
-                    return found.values
+                    return self._with_all(problem, found.values)
             with np.errstate(all="ignore"):
                 found = adjust(problem, begin, Settings(_ITERATIONS), _impatient())
         except (InputError, NotFiniteError, HopelessError):
             return None
         return found.values if found.outcome.is_solution else None
+
+    def _with_all(self, problem: Problem, values: Values) -> Values:
+        """The adjustment of all observations from there, where it converges and does not go anywhere else."""
+        try:
+            with np.errstate(all="ignore"):
+                found = adjust(problem, values, Settings(_ITERATIONS), _impatient())
+        except (NotFiniteError, HopelessError):
+            return values
+        costs = [cost_of_residuals(sizes_of(problem.groups, v), self.count) for v in (found.values, values)]
+        return found.values if found.outcome.is_solution and costs[0] <= costs[1] + 1.0 else values
 
     def _fit(self, network: Network, values: Values, cost: float) -> Fit:
         problem = self.make(network, values, values)
