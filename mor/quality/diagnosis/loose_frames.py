@@ -1,12 +1,14 @@
-"""Why an image or a station is loose, told by the points it sees: none, one, two, or all on one line."""
+"""Why an image, a station or a system is loose, told by its points: none, one, two, or all on one line."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mor.arrays import IntArray
+from mor.parameters.kinds import KINDS
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 from mor.quality.solved import Solved
+from mor.units import LENGTH_UNITS
 
 _ON_LINE = 1e-6
 """Spread of points beside a line, as part of that along it, below which they are on it."""
@@ -56,6 +58,41 @@ def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list
             )
         ]
     return []
+
+
+def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
+    """A line for every system some of whose angles are fixed: these oppose a turn that its points may not know."""
+    systems = solved.network.things["system"]
+    rotations = solved.adjustment.problem.index.columns["rotation"]
+    length = solved.network.project.units.length
+    lines = []
+    for name in systems.ids:
+        rotation = systems.part(name, "rotation")
+        fixed = rotations[rotation] < 0
+        points = _points_seen(solved, rotation)
+        if fixed.all() or not fixed.any() or len(points) < 2:
+            continue
+        across = _across_a_line(solved, points) / LENGTH_UNITS[length]
+        lines.append(
+            say(
+                "The fixed {components} of system {id} opposes it; the points of this system lie within "
+                "{across} {unit} of one line. Where they are meant to lie on it, describe it as features: "
+                "type: line, which needs no angle.",
+                components=", ".join(np.array(KINDS["rotation"].names)[fixed]),
+                id=name,
+                across=f"{across:.2g}",
+                unit=length,
+            )
+        )
+    return lines
+
+
+def _across_a_line(solved: Solved, points: IntArray) -> float:
+    """Largest distance of points from the line that fits them best."""
+    places = solved.adjustment.values["point"][points]
+    beside = places - places.mean(axis=0)
+    along = np.linalg.svd(beside)[2][0]
+    return float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
 
 
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
