@@ -10,8 +10,8 @@ v̄ = observed − computed at the solution without it: the test of an additiona
 procedure for use in geodetic networks, 1968), which needs one solution of the normal equations for every point.
 
 A ρ that is significantly negative speaks against infinity as well: other points there have bent the network, for in
-cameras that are not calibrated nothing but such points tells where infinity is. By how much it is bent, the sizes of all
-that are significant tell; none of these points is put farther away than that.
+cameras that are not calibrated nothing but such points tells where infinity is. By how much it is bent, the sizes of
+all that are significant tell; none of these points is put farther away than that.
 """
 
 from __future__ import annotations

@@ -12,10 +12,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mor.quality.solved import Solved
+from mor.report.layout import fixed, short
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.text.head import verdict
-from mor.report.text.layout import fixed, short
 from mor.report.text.undetermined import section
 from mor.report.words.language import ENGLISH, Words
 

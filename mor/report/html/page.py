@@ -19,7 +19,7 @@ from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
 from mor.report.html.verdict import headline, statements
-from mor.report.text.layout import DIGITS
+from mor.report.layout import DIGITS
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 

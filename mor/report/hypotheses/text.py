@@ -6,7 +6,7 @@ from typing import Any
 
 from mor.quality.solved import Solved
 from mor.report.hypotheses.table import hypotheses
-from mor.report.text.layout import heading, short
+from mor.report.layout import heading, short
 from mor.report.words.language import ENGLISH, Words
 
 SENTENCES = {

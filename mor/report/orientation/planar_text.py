@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from mor.report.layout import fixed, short, table
 from mor.report.orientation.relative_text import correlation_table
-from mor.report.text.layout import fixed, short, table
 from mor.report.words.language import ENGLISH, Words
 
 OVER_CONSTANT = "flying height / c"

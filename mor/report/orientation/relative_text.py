@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mor.report.text.layout import fixed, heading, short, table
+from mor.report.layout import fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 6

@@ -9,8 +9,8 @@ import numpy as np
 from mor.approximate.growth.strategy import Approximation
 from mor.approximate.parts.history import Join
 from mor.approximate.parts.rule import Rule
+from mor.report.layout import heading, short, table
 from mor.report.start_values.data import StartValue, counts
-from mor.report.text.layout import heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 1000

@@ -6,8 +6,8 @@ from typing import Any
 
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
+from mor.report.layout import digits_worth, fixed, heading, short, table
 from mor.report.tables.estimates import interior_rows
-from mor.report.text.layout import digits_worth, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 

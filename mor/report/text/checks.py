@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
+from mor.report.layout import heading, short, table
 from mor.report.tables.checks import check_rows, largest_length_error
-from mor.report.text.layout import heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
+from mor.report.layout import DIGITS, fixed, heading, table
 from mor.report.tables.features import feature_table
-from mor.report.text.layout import DIGITS, fixed, heading, table
 from mor.report.words.language import ENGLISH, Words
 
 

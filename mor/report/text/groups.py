@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
+from mor.report.layout import fixed, heading, table
 from mor.report.tables.estimates import group_table, variance_components
-from mor.report.text.layout import fixed, heading, table
 from mor.report.words.language import ENGLISH, Words
 
 

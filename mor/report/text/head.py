@@ -6,10 +6,10 @@ from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
 from mor.report.hypotheses.table import hypotheses
 from mor.report.hypotheses.text import first_sentence
+from mor.report.layout import fixed, in_words, short
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.suspects import suspects
-from mor.report.text.layout import fixed, in_words, short
 from mor.report.text.suspects import sentences as sentences_on_suspects
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.verdict.group_tests import verdict_rows

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from mor.quality.solved import Solved
 from mor.report.edge import angle_unit
+from mor.report.layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
 from mor.report.tables.estimates import image_table
-from mor.report.text.layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
 from mor.report.words.language import ENGLISH, Words
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mor.quality.solved import Solved
+from mor.report.layout import DIGITS, fixed, heading, table
 from mor.report.tables.estimates import point_table
-from mor.report.text.layout import DIGITS, fixed, heading, table
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
+from mor.report.layout import DIGITS, fixed, heading, in_words, short, table
 from mor.report.results.summary import summary
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
-from mor.report.text.layout import DIGITS, fixed, heading, in_words, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40

@@ -5,8 +5,8 @@ from __future__ import annotations
 import polars as pl
 
 from mor.quality.solved import Solved
+from mor.report.layout import fixed, heading, short, table
 from mor.report.tables.worst import uncontrolled_residuals, worst_residuals
-from mor.report.text.layout import fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40

@@ -6,12 +6,12 @@ import numpy as np
 
 from mor.escapes import escaped
 from mor.quality.solved import Solved
+from mor.report.layout import fixed, in_words, short, table
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import group_table, interior_rows, point_table
 from mor.report.tables.reliability import place
 from mor.report.text.head import verdict
-from mor.report.text.layout import fixed, in_words, short, table
 from mor.report.text.undetermined import section as undetermined
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words

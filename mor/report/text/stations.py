@@ -6,8 +6,8 @@ import polars as pl
 
 from mor.quality.solved import Solved
 from mor.report.edge import angle_unit
+from mor.report.layout import ANGLE_DIGITS, DIGITS, fixed, heading, short, table
 from mor.report.tables.estimates import pair_table, station_table, system_table
-from mor.report.text.layout import ANGLE_DIGITS, DIGITS, fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 

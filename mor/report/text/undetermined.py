@@ -8,7 +8,7 @@ from mor.adjustment.state import Outcome
 from mor.errors import Undeterminable
 from mor.quality.diagnosis.singularities import explain_singularity, turned_about, weakness
 from mor.quality.solved import Solved
-from mor.report.text.layout import heading, table
+from mor.report.layout import heading, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 1000

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mor.quality.solved import Solved
+from mor.report.layout import fixed, heading, short, table
 from mor.report.results.failure import moving_rows, worst_misfits
-from mor.report.text.layout import fixed, heading, short, table
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 40

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.text.layout import fixed, heading, short, table
+from mor.report.layout import fixed, heading, short, table
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.words.language import ENGLISH, Words
 

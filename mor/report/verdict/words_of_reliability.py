@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.text.layout import heading, in_words, short, table
+from mor.report.layout import heading, in_words, short, table
 from mor.report.verdict.reliability_map import reliability_rows
 from mor.report.words.language import ENGLISH, Words
 

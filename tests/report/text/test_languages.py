@@ -15,7 +15,7 @@ from mor.adjustment.datum.defect import MOVEMENTS
 from mor.parameters.kinds import KINDS
 from mor.project.network.entities import FRAMES
 from mor.quality.diagnosis import connected_components, singularities
-from mor.report.text.layout import table
+from mor.report.layout import table
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, words_of, words_of_page
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mor.report.text.layout import fixed, table
+from mor.report.layout import fixed, table
 
 
 def test_columns_are_as_wide_as_their_widest_cell_and_two_wider_than_their_header() -> None:
