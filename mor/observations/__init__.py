@@ -27,7 +27,7 @@ from mor.observations.coordinates import COORDINATES
 from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
 from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
-from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
@@ -94,6 +94,7 @@ __all__ = [
     "Slot",
     "at_infinity",
     "can_be_at_infinity",
+    "is_image_point",
     "some_rows",
     "target_slot",
     "without",

@@ -100,15 +100,17 @@ class ImageFormat(Strict):
 
     width: Measure = Field(description="Image width in px")
     height: Measure = Field(description="Image height in px")
-    pixel: Measure = Field(description="Pixel size, e.g. 0.00414 mm")
+    pixel: Measure | None = Field(
+        default=None, description="Pixel size, e.g. 0.00414 mm; a camera in px does without"
+    )
 
 
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal["mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye"] = Field(
-        default="mor", description="Camera model: how distortion is described"
-    )
+    model: Literal[
+        "mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye", "metashape"
+    ] = Field(default="mor", description="Camera model: how distortion is described")
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
