@@ -167,7 +167,7 @@ class Result:
 
     def report(self, language: Literal["en", "de"] = "en") -> str:
         """The text report."""
-        from mor.report.text import text_report
+        from mor.report.text_report import text_report
         from mor.report.words.language import words_of
 
         return text_report(self.solved, words_of(language))

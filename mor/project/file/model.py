@@ -312,9 +312,7 @@ class Settings(Strict):
     )
     power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
     global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of global and group tests")
-    least_redundancy: float = Field(
-        default=0.01, gt=0.0, lt=1.0, description="r below which an observation is called uncontrolled"
-    )
+    least_redundancy: float = Field(default=0.01, gt=0.0, lt=1.0, description="Least r that is a control")
     sigma: Literal["aposteriori", "apriori"] = Field(
         default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
     )

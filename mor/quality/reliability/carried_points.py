@@ -13,7 +13,7 @@ from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, movements
 
 _HALF = 0.5
-_NUMBERS = 20_000_000
+_NUMBERS = 2_000_000
 _FLAT = 1e-10
 """Part of the largest variance of a point below which it has none in a direction."""
 

@@ -24,6 +24,7 @@ from mor.parameters.index import Values
 from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_position import OF_IMAGES
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
+from mor.quality.reliability.local_system import LocalSystem, local_system
 
 _AT_A_TIME = 8
 _MOST = 64
@@ -63,9 +64,6 @@ def best_further(quality: Quality, entry: Entry, targets: list[int]) -> Further:
     columns, values = gradient(adjustment, entry)
     group = adjustment.problem.groups[entry.group]
     sigma = float(group.sigma[entry.row, entry.component])
-    right = np.zeros((adjustment.problem.index.count, 1))
-    np.add.at(right[:, 0], columns, values * sigma)
-    answer = adjustment.inverse.solve(right)[:, 0]
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     again = (1.0 - r) ** 2 / (2.0 - r)
     repeated = Further(entry.group, entry.row, -1, r + again)
@@ -73,7 +71,12 @@ def best_further(quality: Quality, entry: Entry, targets: list[int]) -> Further:
     found = [one for target in targets for one in _candidates(quality, target)]
     if not found:
         return repeated
-    h = [_image(one, answer) for one in found]
+    used = np.concatenate([columns, *(one.columns.ravel() for one in found)])
+    system = local_system(adjustment, used)
+    right = np.zeros((len(system.columns), 1))
+    np.add.at(right[:, 0], np.searchsorted(system.columns, columns), values * sigma)
+    answer = system.solve(right)[:, 0]
+    h = [_image(one, system, answer) for one in found]
     bound = np.concatenate([np.sum(part**2, axis=1) for part in h])
     which = np.concatenate([np.full(len(one.rows), k) for k, one in enumerate(found)])
     place = np.concatenate([np.arange(len(one.rows)) for one in found])
@@ -83,40 +86,45 @@ def best_further(quality: Quality, entry: Entry, targets: list[int]) -> Further:
         some = some[bound[some] + r > best.r]
         if not len(some):
             break
-        for k, gain in zip(some, _gains(quality, found, h, which[some], place[some]), strict=True):
+        for k, gain in zip(some, _gains(system, found, h, which[some], place[some]), strict=True):
             if r + gain > best.r:
                 one = found[which[k]]
                 best = Further(one.group, int(one.rows[place[k]]), one.target, float(r + gain))
     return best if best.target >= 0 else repeated
 
 
-def _image(one: _Candidates, x: FloatArray) -> FloatArray:
+def _image(one: _Candidates, system: LocalSystem, x: FloatArray) -> FloatArray:
     """(k, m) A_j x."""
-    moved = np.where(one.columns >= 0, x[one.columns], 0.0)
+    moved = np.where(one.columns >= 0, x[_places(system, one.columns)], 0.0)
     image: FloatArray = np.einsum("kmc,kc->km", one.jacobian, moved)
     return image
 
 
 def _gains(
-    quality: Quality, found: list[_Candidates], h: list[FloatArray], which: IntArray, place: IntArray
+    system: LocalSystem, found: list[_Candidates], h: list[FloatArray], which: IntArray, place: IntArray
 ) -> list[float]:
     """hᵀ R_jj⁻¹ h of some candidates, all solved for together."""
     rows = [(found[w].jacobian[p], found[w].columns[p]) for w, p in zip(which, place, strict=True)]
-    right = np.zeros((quality.adjustment.problem.index.count, sum(len(jacobian) for jacobian, _ in rows)))
+    right = np.zeros((len(system.columns), sum(len(jacobian) for jacobian, _ in rows)))
     at = 0
     for jacobian, columns in rows:
         free = columns >= 0
         for component in jacobian:
-            np.add.at(right[:, at], columns[free], component[free])
+            np.add.at(right[:, at], _places(system, columns[free]), component[free])
             at += 1
-    answer, at, gains = quality.adjustment.inverse.solve(right), 0, []
+    answer, at, gains = system.solve(right), 0, []
     for (jacobian, columns), w, p in zip(rows, which, place, strict=True):
         m, free = len(jacobian), columns >= 0
-        q = jacobian[:, free] @ answer[columns[free], at : at + m]
+        q = jacobian[:, free] @ answer[_places(system, columns[free]), at : at + m]
         at += m
         own = h[w][p]
         gains.append(float(own @ np.linalg.solve(np.eye(m) + 0.5 * (q + q.T), own)))
     return gains
+
+
+def _places(system: LocalSystem, columns: IntArray) -> IntArray:
+    """Places of columns among the unknowns of the system; anything where fixed."""
+    return np.minimum(np.searchsorted(system.columns, columns), len(system.columns) - 1)
 
 
 def _candidates(quality: Quality, target: int) -> Iterator[_Candidates]:

@@ -21,7 +21,7 @@ from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
 
 
-class _Point(NamedTuple):
+class EliminatedPoint(NamedTuple):
     """The rays of one eliminated point."""
 
     columns: IntArray
@@ -39,7 +39,7 @@ def point_movements(
 ) -> list[FloatArray]:
     """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
     adjustment, plan = quality.adjustment, quality.adjustment.plan
-    eliminated = _eliminated(adjustment, {p for some in points for p in some})
+    eliminated = eliminated_points(adjustment, {p for some in points for p in some})
     right = np.zeros((len(plan.kept), len(entries)))
     sparse: list[tuple[IntArray, FloatArray]] = []
     for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
@@ -75,7 +75,7 @@ def point_movements(
 def _solution(
     numbers: IntArray,
     own: IntArray,
-    rays: _Point | None,
+    rays: EliminatedPoint | None,
     reduced: FloatArray,
     columns: IntArray,
     values: FloatArray,
@@ -92,7 +92,7 @@ def _at(columns: IntArray, values: FloatArray, wanted: IntArray) -> FloatArray:
     return np.array([float(values[columns == column].sum()) for column in wanted])
 
 
-def _eliminated(adjustment: Adjustment, points: set[int]) -> dict[int, _Point]:
+def eliminated_points(adjustment: Adjustment, points: set[int]) -> dict[int, EliminatedPoint]:
     """Rays of those of the points that are eliminated on the fly."""
     problem, plan = adjustment.problem, adjustment.plan
     own = problem.index.columns["point"]
@@ -118,11 +118,11 @@ def _eliminated(adjustment: Adjustment, points: set[int]) -> dict[int, _Point]:
     return {p: _gathered(own[p], parts[k]) for k, p in enumerate(chosen)}
 
 
-def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]) -> _Point:
+def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]) -> EliminatedPoint:
     others = np.unique(np.concatenate([columns[columns >= 0] for _, _, columns in rays]))
     normals, coupling = np.zeros((3, 3)), np.zeros((len(others), 3))
     for by_point, by_others, columns in rays:
         normals += by_point.T @ by_point
         free = columns >= 0
         np.add.at(coupling, np.searchsorted(others, columns[free]), by_others[:, free].T @ by_point)
-    return _Point(own, normals, others, coupling)
+    return EliminatedPoint(own, normals, others, coupling)

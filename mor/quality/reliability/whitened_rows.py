@@ -15,6 +15,7 @@ from mor.adjustment.normals import cluster_rows
 from mor.adjustment.plan import ClusterRows
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
+from mor.quality.reliability.local_system import LocalSystem, local_system
 
 
 class _Part(NamedTuple):
@@ -36,7 +37,8 @@ class _Part(NamedTuple):
 class WhitenedRows(NamedTuple):
     """N chosen observations; arrays over them come in one order, that of the parts."""
 
-    quality: Quality
+    system: LocalSystem
+    """The unknowns they refer to, of which there are c."""
     parts: tuple[_Part, ...]
 
     @property
@@ -57,16 +59,16 @@ class WhitenedRows(NamedTuple):
         return np.concatenate(found)
 
     def of_rows(self, x: FloatArray) -> FloatArray:
-        """(N, k) W A x for changes x (u, k) of the unknowns."""
+        """(N, k) W A x for changes x (c, k) of the unknowns."""
         found = [np.zeros((0, x.shape[1]))]
         for part in self.parts:
-            moved = np.where((part.columns >= 0)[:, :, None], x[part.columns], 0.0)
+            moved = np.where((part.columns >= 0)[:, :, None], x[self._places(part)], 0.0)
             found.append((part.jacobian @ moved)[part.use])
         return np.concatenate(found)
 
     def of_unknowns(self, z: FloatArray) -> FloatArray:
-        """(u, k) (W A)ᵀ z for z (N, k)."""
-        count = self.quality.adjustment.problem.index.count
+        """(c, k) (W A)ᵀ z for z (N, k)."""
+        count = len(self.system.columns)
         result, first = np.zeros((count + 1, z.shape[1])), 0
         for part in self.parts:
             own = np.zeros((*part.use.shape, z.shape[1]))
@@ -74,13 +76,18 @@ class WhitenedRows(NamedTuple):
             own[part.use] = z[first : first + size]
             first += size
             products = np.einsum("nmc,nmk->nck", part.jacobian, own)
-            np.add.at(result, part.columns.ravel(), products.reshape(-1, z.shape[1]))
+            place = np.where(part.columns >= 0, self._places(part), count)
+            np.add.at(result, place.ravel(), products.reshape(-1, z.shape[1]))
         return result[:count]  # what is fixed has gathered in the last row
 
-    def residuals_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """R z (N, k) for the chosen rows of R and z (N, k) there, 0 elsewhere; and Q (W A)ᵀ z (u, k)."""
-        moved = self.quality.adjustment.inverse.solve(self.of_unknowns(z))
-        return z - self.of_rows(moved), moved
+    def residuals_of(self, z: FloatArray) -> FloatArray:
+        """R z (N, k) for the chosen rows of R and z (N, k) there, 0 elsewhere."""
+        return z - self.of_rows(self.system.solve(self.of_unknowns(z)))
+
+    def _places(self, part: _Part) -> IntArray:
+        """(n, K) places of the columns among the unknowns; anything where fixed."""
+        places = np.searchsorted(self.system.columns, part.columns)
+        return np.minimum(places, max(len(self.system.columns) - 1, 0))
 
 
 def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows:
@@ -100,7 +107,10 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
         rows = np.flatnonzero(mask.any(axis=1))
         if len(rows):
             parts.append(_uncorrelated(quality, number, rows, mask[rows], tangent))
-    return WhitenedRows(quality, tuple(parts))
+    columns = [part.columns.ravel() for part in parts]
+    return WhitenedRows(
+        local_system(adjustment, np.concatenate([np.zeros(0, dtype=np.int64), *columns])), tuple(parts)
+    )
 
 
 def _entries(cluster: ClusterRows, chosen: Sequence[BoolArray]) -> BoolArray:

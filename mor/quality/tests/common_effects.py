@@ -68,7 +68,7 @@ def common_effects(
         ],
         axis=1,
     )
-    answer = rows.residuals_of(white)[0]
+    answer = rows.residuals_of(white)
     q = np.sum(white * answer, axis=0)
     found = []
     for k, (kind, number, component, _) in enumerate(forms):

@@ -191,7 +191,7 @@ def _decided(
     level: float,
 ) -> list[GroupTest]:
     omega, redundancy, count, _ = np.stack([one.sums for one, _ in tests], axis=1)
-    limit, both = float(np.log(level)), bounds(redundancy, count)
+    limit, both = float(np.log(level)), bounds(redundancy, count, float(quality.redundancy))
     rejects = [log_tail(omega, some) < limit for some in both]
     decided = []
     for k, (one, also) in enumerate(tests):

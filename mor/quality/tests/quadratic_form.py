@@ -26,8 +26,10 @@ from mor.arrays import FloatArray
 from mor.quality.reliability.whitened_rows import WhitenedRows
 from mor.quality.tests.p_values import log_p_chi2
 
-PROBES = 96
-"""Observations up to which moments are exact, and vectors of signs for more: Σλ² is off by 2/√(96 ν) of itself then."""
+MOST_PROBES = 64
+"""Observations up to which moments are exact, and vectors of signs for more."""
+_OF_REDUNDANCY = 10_000.0
+"""Vectors of signs times redundancy: as Σλ² is off by about 2/√(k ν) of itself with k of them, by 2 %."""
 
 
 class Moments(NamedTuple):
@@ -43,9 +45,13 @@ class Moments(NamedTuple):
         return np.asarray(self.second**3 / self.third**2)
 
 
-def bounds(redundancy: FloatArray, count: FloatArray) -> tuple[Moments, Moments]:
-    """Moments (k,) of least and largest variance that Σr (k,) of so many observations (k,) allows."""
+def bounds(redundancy: FloatArray, count: FloatArray, whole: float) -> tuple[Moments, Moments]:
+    """Moments (k,) of least and largest variance that Σr (k,) of so many observations (k,) allows.
+
+    R is a projection of the rank ``whole``, so that Σr − Σλ² = ‖R_gh‖² ≤ whole − Σr, h all other observations.
+    """
     each = redundancy / np.maximum(count, 1.0)
+    each = np.maximum(each, (2.0 * redundancy - whole) / redundancy)
     largest = np.minimum(redundancy, 1.0)  # all in eigenvalues of 1, or in one below 1
     return tuple(  # type: ignore[return-value]
         Moments(redundancy, redundancy * one, redundancy * one**2)
@@ -56,13 +62,14 @@ def bounds(redundancy: FloatArray, count: FloatArray) -> tuple[Moments, Moments]
 def moments(rows: WhitenedRows, redundancy: float) -> Moments:
     """Moments (1,) of the part of vᵀPv of the chosen observations; ``redundancy`` is their Σr."""
     count = rows.size
-    probes = np.eye(count)
-    if count > PROBES:
-        signs = np.random.default_rng(1989).integers(0, 2, (count, PROBES))
-        probes = (2.0 * signs - 1.0) / np.sqrt(PROBES)
-    once = rows.residuals_of(probes)[0]
-    second, third = float(np.sum(once**2)), float(np.sum(once * rows.residuals_of(once)[0]))
-    least, largest = bounds(np.array([redundancy]), np.array([float(count)]))
+    probes = np.eye(count if count <= MOST_PROBES else 0)
+    if count > MOST_PROBES:
+        several = int(np.clip(np.ceil(_OF_REDUNDANCY / redundancy), 2, MOST_PROBES))
+        signs = np.random.default_rng(1989).integers(0, 2, (count, several))
+        probes = (2.0 * signs - 1.0) / np.sqrt(several)
+    once = rows.residuals_of(probes)
+    second, third = float(np.sum(once**2)), float(np.sum(once * rows.residuals_of(once)))
+    least, largest = bounds(np.array([redundancy]), np.array([float(count)]), np.inf)
     second = float(np.clip(second, least.second[0], largest.second[0]))
     third = float(np.clip(third, second**2 / redundancy, second * largest.third[0] / largest.second[0]))
     return Moments(np.array([redundancy]), np.array([second]), np.array([third]))

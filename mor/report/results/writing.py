@@ -25,7 +25,7 @@ from mor.report.tables.observations import SHOWN, observation_table
 from mor.report.tables.shared import forget
 from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table
 from mor.report.tables.worst import worst_residuals
-from mor.report.text import text_report
+from mor.report.text_report import text_report
 from mor.report.words.language import words_of, words_of_page
 
 PROJECT = "project.yaml"

@@ -15,7 +15,7 @@ import pytest
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
-from mor.report.text import text_report
+from mor.report.text_report import text_report
 from mor.report.words.language import LANGUAGES, words_of
 
 GOLDEN = Path(__file__).parent / "golden"
