@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
-from mor.report.hypotheses.table import hypotheses
-from mor.report.hypotheses.text import first_sentence
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
-from mor.report.tables.suspects import suspects
+from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.worst import between, uncontrolled_residuals
+from mor.report.text.gross_errors.hypotheses import first_sentence
+from mor.report.text.gross_errors.suspects import sentences as sentences_on_suspects
 from mor.report.text.layout import fixed, short
-from mor.report.text.suspects import sentences as sentences_on_suspects
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words

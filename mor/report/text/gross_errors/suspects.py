@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.tables.suspects import suspects
+from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.worst import component_of
 from mor.report.text.layout import heading, short, table
 from mor.report.words.language import ENGLISH, Words
