@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from mor.report.results.model_parts import Number, Part
 
@@ -12,8 +12,13 @@ from mor.report.results.model_parts import Number, Part
 class Place(Part):
     """Which observation."""
 
+    model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
+
     type: str = Field(description="Type of the observation as a project names it")
     group: str = Field(description="Table it comes from")
+    at: str = Field(description="Station of an angle; empty otherwise")
+    from_: str = Field(alias="from", description="Station, or image, or the first end")
+    to: str = Field(description="Target, or point, or the second end")
     names: dict[str, str] = Field(description="Names by the references of its type")
     component: str = Field(description="Component of the type")
     unit: str = Field(description="Unit of the observation")

@@ -20,6 +20,7 @@ from mor.report.text import (
     unsettled,
 )
 from mor.report.text.gross_errors import hypotheses, suspects
+from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
 
@@ -33,6 +34,8 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         suspects.section(solved, words),
         hypotheses.section(solved, words),
         checks.section(solved, words),
+        sentences.section(solved, words),
+        words_of_reliability.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),
         cameras.section(solved, words),
