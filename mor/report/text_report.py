@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mor.escapes import escaped
 from mor.quality.solved import Solved
-from mor.report.hypotheses.text import section as section_of_hypotheses
 from mor.report.text import (
     cameras,
     checks,
@@ -17,10 +16,10 @@ from mor.report.text import (
     reliability,
     residuals,
     stations,
-    suspects,
     undetermined,
     unsettled,
 )
+from mor.report.text.gross_errors import hypotheses, suspects
 from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
@@ -33,7 +32,7 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         undetermined.listed(solved, words),
         unsettled.section(solved, words),
         suspects.section(solved, words),
-        section_of_hypotheses(solved, words),
+        hypotheses.section(solved, words),
         checks.section(solved, words),
         sentences.section(solved, words),
         words_of_reliability.section(solved, words),

@@ -16,7 +16,6 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
-from mor.report.hypotheses.table import hypotheses
 from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
@@ -26,9 +25,10 @@ from mor.report.tables.estimates import (
     point_table,
     station_table,
 )
+from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
-from mor.report.tables.suspects import suspects
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
 

@@ -17,6 +17,8 @@ from mor.units import ANGLE_UNITS
 
 _BAD = 0.5
 """Part of the rows of a station that do not fit, from which on its circle is looked at."""
+_STATIONS = 3
+"""Stations of a group that are looked at, the worst first."""
 _UNITS = ("gon", "deg", "rad")
 _ZENITH = ("zenith", "zenith_angle")
 
@@ -47,10 +49,10 @@ def _sets(
         yield (group.name,), np.arange(group.count)
     stations = np.array(list(group.references[0]))
     names = list(dict.fromkeys(stations.tolist()))
-    for name in names:
-        rows = np.flatnonzero(stations == name)
-        if len(names) > 1 and len(rows) > 1 and bad[rows].mean() >= _BAD:
-            yield (name, group.name), rows
+    shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
+    worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
+    for name in worst[:_STATIONS] if len(names) > 1 else []:
+        yield (name, group.name), np.flatnonzero(stations == name)
 
 
 def _of_rows(
@@ -120,6 +122,7 @@ def _hypothesis(
         line,
         len(_UNITS),
         stretch=stretch,
+        afresh=True,
     )
 
 

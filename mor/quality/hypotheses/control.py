@@ -89,6 +89,7 @@ def _units(control: Control) -> list[Hypothesis]:
             partial(with_points, points=control.points, change=partial(np.multiply, factor)),
             f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
             len(_UNITS),
+            afresh=True,
             stretch=control.given.size * float(np.log(factor)),
             anew={"point": control.points},
         )
@@ -105,6 +106,7 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
             (control.label,),
             lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
             f"points, {control.label}: columns: {{x: y, y: x}}",
+            afresh=True,
             anew={"point": control.points},
         )
     ]

@@ -41,6 +41,8 @@ class Hypothesis:
     """(group, row) of the few observations it changes; none where it changes many."""
     anew: Mapping[str, IntArray] = field(default_factory=dict)
     """Blocks of each kind that begin from the given start values again."""
+    afresh: bool = False
+    """True where missing start values are worth being worked out anew."""
     amount: Callable[[Values], Amount] | None = None
     """What its additional unknown is at a solution."""
 

@@ -94,7 +94,10 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
     count = 0
     families = (*FAMILIES, *OF_A_WHOLE) if situation.something_is_wrong_as_a_whole else FAMILIES
     for family in families:
-        candidates = family(situation)[: most - count]
+        different: dict[tuple[str, tuple[str, ...]], Hypothesis] = {}
+        for hypothesis in family(situation):
+            different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
+        candidates = list(different.values())[: most - count]
         count += len(candidates)
         tried = [(hypothesis, situation.tried(hypothesis)) for hypothesis in candidates]
         found += [(hypothesis, fit) for hypothesis, fit in tried if fit is not None]
@@ -118,7 +121,7 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
             found[k][0].amount_at(found[k][1].values),
         )
         for k in order
-        if gains[k] > -2.0 * np.log(LEVEL) and found[k][1].omega < before
+        if gains[k] > -2.0 * np.log(LEVEL) and _nearer(found[k][1], before, freedom)
     )[:OFFERED]
 
 
@@ -148,6 +151,15 @@ def causes(
     else:
         values = _where_most_fit(plain, solution)
     return possible_causes(Situation(network, start, values, solution, make, begin), plain)
+
+
+def _nearer(fit: Fit, before: float, freedom: int) -> bool:
+    """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
+    if fit.omega <= before:
+        return bool(before - fit.omega > -2.0 * np.log(LEVEL))
+    ratios = np.array([fit.omega / max(fit.freedom, 1), before / max(freedom, 1)])
+    after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
+    return bool(after < now)
 
 
 def nothing_is_left(fit: Fit) -> bool:

@@ -16,7 +16,7 @@ from mor.adjustment.state import Adjustment, Iteration, Watcher
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import InputError
 from mor.observations import ObservationGroup
-from mor.parameters.index import Values, with_shared_components
+from mor.parameters.index import Values, all_known, with_shared_components
 from mor.project.network.build import Network
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
@@ -113,8 +113,10 @@ class Situation:
         here = with_shared_components(network.blocks, here)
         if hypothesis.rows:
             return here
-        begin = self.begin(network)
-        known: list[Values] = [here] if begin is None else [here, begin]
+        known: list[Values] = [here]
+        if hypothesis.afresh or all_known(network.start):
+            begin = self.begin(network)
+            known += [begin] if begin is not None else []
         costs = [cost_of_residuals(sizes_of(network.groups, values), self.count) for values in known]
         return known[int(np.argmin(costs))]
 

@@ -12,10 +12,10 @@ from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
-from mor.report.hypotheses.text import sentence
 from mor.report.tables.worst import component_of
+from mor.report.text.gross_errors.hypotheses import sentence
+from mor.report.text.gross_errors.suspects import sentences
 from mor.report.text.reliability import mostly_out_in_words
-from mor.report.text.suspects import sentences
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.verdict.sentences import contradictions, said_conventions
 from mor.report.verdict.words_of_reliability import uncontrolled_in_words, uncontrolled_sentence

@@ -10,7 +10,6 @@ import polars as pl
 
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
-from mor.report.hypotheses.table import hypotheses
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -27,9 +26,10 @@ from mor.report.tables.estimates import (
     variance_components,
 )
 from mor.report.tables.features import feature_table
+from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
-from mor.report.tables.suspects import suspects
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
-from mor.report.hypotheses.table import hypotheses
-from mor.report.hypotheses.text import first_sentence
 from mor.report.layout import fixed, in_words, short
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
-from mor.report.tables.suspects import suspects
-from mor.report.text.suspects import sentences as sentences_on_suspects
+from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.suspects import suspects
+from mor.report.text.gross_errors.hypotheses import first_sentence
+from mor.report.text.gross_errors.suspects import sentences as sentences_on_suspects
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from mor.quality.solved import Solved
-from mor.report.hypotheses.table import hypotheses
 from mor.report.layout import heading, short
+from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.words.language import ENGLISH, Words
 
 SENTENCES = {

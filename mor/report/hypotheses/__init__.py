@@ -1,1 +1,0 @@
-"""Possible causes in reports: as data, and in words."""
