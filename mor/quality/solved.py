@@ -11,7 +11,9 @@ from mor.quality.assess import Quality
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.reliability.effects import Effect, effects
+from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.treatment import Treatment
+from mor.quality.verdict import Verdict, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,3 +39,19 @@ class Solved:
     def effects(self) -> tuple[Effect, ...]:
         """What the suspicious observations do, worked out once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """The tests of the groups and what would explain those that reject, worked out once for all reports."""
+        return verdict(self.quality, self.network) if self.quality is not None else None
+
+    @cached_property
+    def reliability_map(self) -> tuple[Controlled, ...]:
+        """How well points, images, stations and sets are controlled, worked out once for all reports."""
+        return tuple(reliability_map(self.quality, self.network)) if self.quality is not None else ()
+
+    @property
+    def accepted(self) -> bool:
+        """True where the global test and the tests of all groups accept, or where there is no redundancy to test."""
+        quality, judged = self.quality, self.verdict
+        return quality is not None and quality.global_test.accepted and not (judged and judged.contradicted)

@@ -28,6 +28,8 @@ from mor.report.tables.estimates import (
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
 from mor.report.tables.suspects import suspects
+from mor.report.verdict.group_tests import verdict_rows
+from mor.report.verdict.reliability_map import reliability_rows
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class View:
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
     suspects: dict[str, Any] | None
+    verdict: dict[str, Any] | None
+    reliability: dict[str, Any] | None
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -91,6 +95,8 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
         suspects=suspects(solved),
+        verdict=verdict_rows(solved),
+        reliability=reliability_rows(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -131,6 +137,8 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         checks=data["checks"],
         gross_errors=data["gross_errors"],
         suspects=data.get("suspects"),
+        verdict=data.get("verdict"),
+        reliability=data.get("reliability"),
         residuals=_residuals(data, folder),
     )
 

@@ -48,6 +48,21 @@ class Frame:
     up: FloatArray
     """(3,) the vertical in the axes of the frame, NaN where it is not known."""
 
+    @property
+    def stands(self) -> bool:
+        """True where ``position`` is its own; that of a stereo follower is the position of its leader."""
+        return self.relative is None
+
+
+def given_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
+    """Projection centre O = X0 + h e_Z − Dᵀ r0* and D that the project gives; of a follower those of its leader."""
+    start = network.start
+    D, position = start["rotation"][frame.rotation], start["point"][frame.position]
+    if not (np.isfinite(D).all() and np.isfinite(position).all()):
+        return None
+    lift = np.array([0.0, 0.0, float(start["height"][frame.height, 0])])
+    return position + lift - D.T @ start["eccentricity"][frame.eccentricity], D
+
 
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     """σ of rays that may be off by a slack besides."""

@@ -16,7 +16,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.errors import Undeterminable
+from mor.errors import NoStartValuesError, Undeterminable
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
@@ -152,6 +152,7 @@ def _adjusted(
     named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
     if loose and not leave and len(loose) <= EXPLAINED:
         return replace(whole, undeterminable=named), means.solve(whole, begun)
+    _check_something_left(reduced)
     adjustment = means.solve(reduced, begun)
     if loose and not leave:
         reduced = replace(reduced, undeterminable=named)
@@ -161,8 +162,15 @@ def _adjusted(
         if further is None:
             break
         reduced = without_loose(further, begun, means.make)
+        _check_something_left(reduced)
         adjustment = means.solve(reduced, begun)
     return reduced, adjustment
+
+
+def _check_something_left(network: Network) -> None:
+    """Raise :class:`NoStartValuesError` where nothing of the network is determined."""
+    if not any(group.count for group in network.groups):
+        raise NoStartValuesError(network.undeterminable, ["nothing is left that could be adjusted"])
 
 
 def _without_far(

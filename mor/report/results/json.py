@@ -29,6 +29,8 @@ from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.tables.suspects import suspects
+from mor.report.verdict.group_tests import verdict_rows
+from mor.report.verdict.reliability_map import reliability_rows
 
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
@@ -42,6 +44,8 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
     points, images = point_table(solved), image_table(solved)
     return {
         **summary(solved),
+        "verdict": verdict_rows(solved),
+        "reliability": reliability_rows(solved),
         "points": _rows(points, beside),
         "images": _with_interiors(_rows(images, beside), solved),
         "cameras": interior_rows(solved),

@@ -20,6 +20,7 @@ from mor.report.text import (
     undetermined,
     unsettled,
 )
+from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
 
@@ -32,6 +33,8 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         unsettled.section(solved, words),
         suspects.section(solved, words),
         checks.section(solved, words),
+        sentences.section(solved, words),
+        words_of_reliability.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),
         cameras.section(solved, words),

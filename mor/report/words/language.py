@@ -55,6 +55,7 @@ ENGLISH = Words("en")
 
 _SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
 _ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
+_START_VALUES = (*_ORIENTATION, "{language}_start_values.yaml")
 _PAGE = (*_SENTENCES, "{language}_page.yaml")
 _DECIMALS = {"de": ","}
 
@@ -67,6 +68,11 @@ def words_of(language: str) -> Words:
 def words_of_orientation(language: str) -> Words:
     """Words of ``mor orient``, whose short terms are its own. Raises ``KeyError`` for another language."""
     return _of_text(language, _ORIENTATION)
+
+
+def words_of_start_values(language: str) -> Words:
+    """Words of ``mor approximate``. Raises ``KeyError`` for another language."""
+    return _of_text(language, _START_VALUES)
 
 
 def _of_text(language: str, names: tuple[str, ...]) -> Words:
