@@ -8,8 +8,10 @@ from functools import cached_property
 from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
+from mor.quality.hypotheses.hypothesis import Offered
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.treatment import Treatment
@@ -27,10 +29,14 @@ class Solved:
     """What was done about gross errors and weights; ``None`` where there was no solution."""
     suspects: Suspects | None = None
     """What was left out because all observations together have no solution."""
+    causes: tuple[Offered, ...] = ()
+    """What may be the cause where something is rejected, the best hypothesis first."""
 
     @cached_property
     def movements(self) -> Movements | None:
         """What does not come to rest, where there is no solution; worked out once for all reports."""
+        if self.adjustment.reason == REDUNDANCY_LOST:
+            return None  # it did come to rest
         if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
             return last_movements(self.adjustment)
         return None

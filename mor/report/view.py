@@ -16,6 +16,7 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
+from mor.report.hypotheses.table import hypotheses
 from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
@@ -47,6 +48,7 @@ class View:
     suspects: dict[str, Any] | None
     verdict: dict[str, Any] | None
     reliability: dict[str, Any] | None
+    hypotheses: list[dict[str, Any]]
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -97,6 +99,7 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         suspects=suspects(solved),
         verdict=verdict_rows(solved),
         reliability=reliability_rows(solved),
+        hypotheses=hypotheses(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -139,6 +142,7 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         suspects=data.get("suspects"),
         verdict=data.get("verdict"),
         reliability=data.get("reliability"),
+        hypotheses=data.get("hypotheses", []),
         residuals=_residuals(data, folder),
     )
 

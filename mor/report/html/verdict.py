@@ -12,6 +12,7 @@ from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
+from mor.report.hypotheses.text import sentence
 from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.suspects import sentences
@@ -41,6 +42,7 @@ class Statement(NamedTuple):
 def statements(data: PageData) -> list[Statement]:
     """The statements, the most important first."""
     parts = [
+        *_causes(data),
         _global(data),
         _groups(data),
         _worst(data),
@@ -95,6 +97,24 @@ def headline(data: PageData) -> Statement:
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _causes(data: PageData) -> list[Statement]:
+    """What may be the cause where something is rejected; never more than that."""
+    return [
+        Statement(
+            DOUBT,
+            data.words("What may be the cause"),
+            data.words(
+                "{cause}. With that vᵀPv falls from {before} to {after}. Not applied; to try it: {line}",
+                cause=sentence(row, data.words),
+                before="–" if row["vtpv_before"] is None else f"{row['vtpv_before']:.5g}",
+                after=f"{row['vtpv_after']:.5g}",
+                line=row["line"],
+            ),
+        )
+        for row in data.view.hypotheses
+    ]
 
 
 def _thing(row: dict[str, Any]) -> Undeterminable:

@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
+from mor.report.hypotheses.table import hypotheses
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -58,6 +59,7 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
         "suspects": suspects(solved),
+        "hypotheses": hypotheses(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),

@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field
 
 from mor.report.results.model_failure import Failure, Undeterminable
-from mor.report.results.model_gross_errors import GrossErrors, Suspects
+from mor.report.results.model_gross_errors import GrossErrors, Hypothesis, Suspects
 from mor.report.results.model_parts import (
     Axes,
     Camera,
@@ -97,6 +97,10 @@ class Results(Part):
     gross_errors: GrossErrors = Field(description="Tests of single observations")
     suspects: Suspects | None = Field(
         default=None, description="What was left out because all observations together have no solution"
+    )
+    hypotheses: list[Hypothesis] = Field(
+        default=[],
+        description="What may be the cause where something is rejected, the best first; none is applied",
     )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     checks: list[Check] = Field(description="Observations kept out to check by")

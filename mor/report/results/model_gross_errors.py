@@ -112,3 +112,26 @@ class Suspects(Part):
     sigma0_ratio: Number = Field(description="Its σ0 a posteriori / a priori, where it came to an end")
     count: int = Field(description="Number of observations left out")
     observations: list[Suspect] = Field(description="The worst first, at most 10 000")
+
+
+class Amount(Part):
+    """What an additional unknown came out as."""
+
+    name: str = Field(description="offset, scale, height, c")
+    value: float = Field(description="Its estimate")
+    unit: str = Field(description="Its unit")
+
+
+class Hypothesis(Part):
+    """A mistake that may have been made, tried in an adjustment of its own."""
+
+    cause: str = Field(description="Key of the cause")
+    things: list[str] = Field(description="Names of what it is about: points, images, stations, tables")
+    line: str = Field(description="What to change in the project to try it")
+    candidates: int = Field(description="How many of its kind were looked through")
+    amount: Amount | None = Field(description="Its additional unknown, where it has one")
+    vtpv_before: Number = Field(description="vᵀPv without it, or of the last iteration")
+    freedom_before: int = Field(description="Degrees of freedom without it")
+    vtpv_after: float = Field(description="vᵀPv with it")
+    freedom_after: int = Field(description="Degrees of freedom with it")
+    gain: float = Field(description="By how much it describes the observations shorter, in units of χ²")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mor.escapes import escaped
 from mor.quality.solved import Solved
+from mor.report.hypotheses.text import section as section_of_hypotheses
 from mor.report.text import (
     cameras,
     checks,
@@ -32,6 +33,7 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         undetermined.listed(solved, words),
         unsettled.section(solved, words),
         suspects.section(solved, words),
+        section_of_hypotheses(solved, words),
         checks.section(solved, words),
         sentences.section(solved, words),
         words_of_reliability.section(solved, words),

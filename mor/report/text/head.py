@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
+from mor.report.hypotheses.table import hypotheses
+from mor.report.hypotheses.text import first_sentence
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.suspects import suspects
@@ -66,7 +68,8 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     if quality is None:
         reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
-        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
+        cause = first_sentence(hypotheses(solved), words)
+        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]
     lines = sentences_on_suspects(suspects(solved), words)
     lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
@@ -96,6 +99,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
+    lines += first_sentence(hypotheses(solved), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
