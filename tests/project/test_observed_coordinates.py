@@ -101,5 +101,5 @@ def test_what_is_fixed_cannot_be_observed_by_itself(axes, level, tmp_path):
     with pytest.raises(InputError) as found:
         network_of_yaml(FIXED.replace("AXES", axes).replace("LEVEL", level), tmp_path)
     told = [problem.message.partition(":")[0] for problem in found.value.problems]
-    tilts = ["tilt_x, tilt_y of frame 'S'"] if level == "fixed" else []
-    assert told == ["x of point 'A'", "y of point 'E'", *tilts]
+    tilts = ["tilt_x, tilt_y of frame 'S' are fixed"] if level == "fixed" else []
+    assert told == ["x of point 'A' is fixed", "y of point 'E' is fixed", *tilts]

@@ -32,8 +32,8 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
             names = ", ".join(group.type.components[k].name for k in said)
             of = f"{group.type.references[0].name} {group.references[0][row]!r}"
             words = (
-                f"{names} of {of}: fixed there, to observe it says nothing; make it free where it is declared, "
-                "or give it its value and σ there"
+                f"{names} of {of} {'is' if len(said) == 1 else 'are'} fixed: to observe it says nothing; make it "
+                "free where it is declared, or give it its value and σ there"
             )
             line = int(group.lines[row]) if len(group.lines) > row else 0
             reading.problems.append(Problem(words, group.file or reading.document.file, line))

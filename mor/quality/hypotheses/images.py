@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup
+from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values
 from mor.project.edge import ImageScale
 from mor.project.network.build import Network
@@ -33,7 +33,7 @@ _CONSTANTS = ("c", "fx", "fy")
 def image_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Other axes or units, of images that do not fit and of cameras."""
     groups = enumerate(situation.network.groups)
-    numbers = [k for k, group in groups if group.type.key.startswith(("image/", "follower/"))]
+    numbers = [k for k, group in groups if is_image_point(group.type)]
     return [*_of_images(situation, numbers), *_of_cameras(situation, numbers)]
 
 
