@@ -17,7 +17,7 @@ from mor.approximate.terrestrial.polar import polar_rays
 from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
-from mor.observations import ObservationGroup
+from mor.observations import ObservationGroup, is_image_point
 from mor.project.network.build import Network
 
 SLACKS = (0.0, 5e-4, 2e-3, 8e-3)
@@ -83,7 +83,7 @@ class _Rays(NamedTuple):
 
 def image_frames(network: Network) -> list[Frame]:
     """Frames of all images that have measured points; their arrays are parts of common ones."""
-    groups = [group for group in network.groups if group.type.key.partition("/")[0] in ("image", "follower")]
+    groups = [group for group in network.groups if is_image_point(group.type)]
     if not groups:
         return []
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 
 import yaml
 
@@ -89,6 +88,8 @@ def words_of_page(language: str) -> Words:
 
 def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
     """Catalogues one after the other; a later one has the last word."""
+    from importlib.resources import files  # English, which has none, does without loading it
+
     catalogue: dict[str, str] = {}
     for name in names:
         text = files("mor.report.words").joinpath(name.format(language=language)).read_text(encoding="utf-8")
