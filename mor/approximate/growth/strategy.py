@@ -21,7 +21,13 @@ from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_pol
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
 from mor.approximate.growth.trilateration import grow_distances, place_by_few_distances, seed_distances
-from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
+from mor.approximate.parts.contradictions import (
+    Contradiction,
+    contradicting_frames,
+    contradicting_points,
+    put_back,
+    without,
+)
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join
 from mor.approximate.parts.joining import (
@@ -96,30 +102,34 @@ class _Assembly:
 def approximate(network: Network) -> Approximation:
     """Start values of a network; nothing is done where all are given.
 
-    Given poses that are start values and no more are tested against the rays; those that contradict are replaced where
-    the rest can be worked out without them.
+    Given poses and points that are start values and no more are tested against the rays; those that contradict are
+    replaced where the rest can be worked out without them.
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
     network = to_places(replace(network, start=with_observed(network)))
     scene = scene_of(network)
     assembly = _assembled(network, scene)
-    found = contradicting_frames(network, assembly.parts[0], scene)
+    found = _contradicting(network, assembly.parts[0], scene)
     better = _with_others(network, scene, found) if found else None
     return _approximation(network, assembly) if better is None else better
 
 
-def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> Approximation | None:
-    """Start values without the poses that contradict; ``None`` where not everything starts without them.
+def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
+    return contradicting_frames(network, system, scene) + contradicting_points(network, system, scene)
 
-    A pose that contradicts only because another one had spoiled its points stays as it was given.
+
+def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> Approximation | None:
+    """Start values without the poses and points that contradict; ``None`` where not everything starts without them.
+
+    One that contradicts only because another one had spoiled what it is tied to stays as it was given.
     """
-    without = replace(network, start=without_poses(network, scene, found))
-    assembly = _assembled(without, scene)
-    approximation = _approximation(without, assembly)
+    reduced = replace(network, start=without(network, scene, found))
+    assembly = _assembled(reduced, scene)
+    approximation = _approximation(reduced, assembly)
     if approximation.missing:
         return None
-    wrong = contradicting_frames(network, assembly.parts[0], scene)
+    wrong = _contradicting(network, assembly.parts[0], scene)
     names = {one.name for one in wrong}
     start = {kind: values.copy() for kind, values in approximation.start.items()}
     put_back(network, scene, start, [one for one in found if one.name not in names])

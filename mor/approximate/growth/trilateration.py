@@ -26,6 +26,8 @@ FLAT = 0.02
 
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
     """A part of points of which one at least is not ``known`` (points,) in any part; ``tried`` remembers all tries."""
+    if known[list(scene.distances[1].neighbours)].all():
+        return None
     for dimension, lengths in ((2, _in_plan(scene, system)), (3, _in_space(scene))):
         for links, most in (*((dimension + 1, size) for size in SIZES), (dimension, dimension + 1)):
             core = core_of(lengths, links, most)

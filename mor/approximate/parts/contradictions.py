@@ -1,4 +1,4 @@
-"""Start values that the observations contradict: frames whose rays pass by what they see."""
+"""Start values that the observations contradict: frames whose rays pass by what they see, points that rays pass by."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.approximate.growth.forward_intersection import posed_frames
 from mor.approximate.parts.frames import SLACKS, Frame
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
@@ -20,13 +21,18 @@ AGREES = 3.0 * SLACKS[-1]
 """Radians within which a ray agrees with a start value."""
 
 
-class Contradiction(NamedTuple):
-    """A frame whose given pose does not agree with its rays."""
+FEWEST_OF_POINT = 2
 
-    frame: int
+
+class Contradiction(NamedTuple):
+    """A frame or a point whose given values do not agree with the rays."""
+
+    number: int
+    """Of the frame, or the block of the point."""
     name: str
     off: float
-    """Median angle (radians) by which its rays pass by."""
+    """Median angle (radians) by which the rays pass by."""
+    is_point: bool = False
 
     def __str__(self) -> str:
         return f"{self.name}: the observations contradict it by {1e3 * self.off:.3g} mrad"
@@ -54,6 +60,30 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
     return found
 
 
+def contradicting_points(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
+    """Points given as start values and no more that most rays from posed frames pass by."""
+    seen, given = scene.seen, network.start["point"]
+    loose = network.blocks["point"].free & np.isnan(network.sigma["point"])
+    tested = np.asarray(loose.all(axis=1) & np.isfinite(given).all(axis=1))
+    rays = np.flatnonzero(tested[seen.point])
+    if len(rays) == 0 or not system.poses:
+        return []
+    posed = posed_frames(system.poses, seen.frames)
+    rays = rays[np.isfinite(posed.centres[seen.frame[rays], 0])]
+    frame, point = seen.frame[rays], seen.point[rays]
+    away = given[point] + _lifted(seen.height[rays]) - posed.centres[frame]
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+    off = np.linalg.norm(np.einsum("nij,nj->ni", posed.turns[frame], away) - seen.rays[rays], axis=1)
+    count = np.bincount(point, minlength=scene.points)
+    agreeing = np.bincount(point[off < AGREES], minlength=scene.points)
+    doubtful = np.flatnonzero((count >= FEWEST_OF_POINT) & (agreeing < MOST * count))
+    ids = network.blocks["point"].ids
+    return [
+        Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True)
+        for p in doubtful.tolist()
+    ]
+
+
 def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:
     """Angles (n,) by which the rays of a frame pass by the known points they go to."""
     known = system.known(frame.points)
@@ -79,20 +109,26 @@ def _loose(network: Network, kind: str, block: int) -> BoolArray:
 
 
 def put_back(
-    network: Network, scene: Scene, start: dict[str, FloatArray], frames: list[Contradiction]
+    network: Network, scene: Scene, start: dict[str, FloatArray], found: list[Contradiction]
 ) -> None:
-    """Give some frames the poses of the project again."""
-    for one in frames:
-        frame = scene.frames[one.frame]
+    """Give some frames the poses, and some points the coordinates, of the project again."""
+    for one in found:
+        if one.is_point:
+            start["point"][one.number] = network.start["point"][one.number]
+            continue
+        frame = scene.frames[one.number]
         start["rotation"][frame.rotation] = network.start["rotation"][frame.rotation]
         start["point"][frame.position] = network.start["point"][frame.position]
 
 
-def without_poses(network: Network, scene: Scene, frames: list[Contradiction]) -> dict[str, FloatArray]:
-    """Start values without those of the poses of some frames; what is fixed or observed stays."""
+def without(network: Network, scene: Scene, found: list[Contradiction]) -> dict[str, FloatArray]:
+    """Start values without those of some poses and points; what is fixed or observed stays."""
     start = {kind: values.copy() for kind, values in network.start.items()}
-    for one in frames:
-        frame = scene.frames[one.frame]
+    for one in found:
+        if one.is_point:
+            start["point"][one.number] = np.nan
+            continue
+        frame = scene.frames[one.number]
         if np.isnan(network.sigma["rotation"][frame.rotation]).all():
             start["rotation"][frame.rotation] = np.nan
         start["point"][frame.position, _loose(network, "point", frame.position)] = np.nan

@@ -133,11 +133,16 @@ def _row(
         status = "replaced"
     elif changed.any():
         status = "found"
-    space, _, name = said_thing(kind, network.blocks[kind].ids[number]).partition(" ")
+    block = network.blocks[kind].ids[number]
+    space, _, name = said_thing(kind, block).partition(" ")
+    if space in ("rotation", "eccentricity") and " " in block:
+        # Planes, lines and right angles: what stands there is replaced by what their points tell.
+        space, _, name = block.partition(" ")
+        status = "found" if status == "replaced" else status
     components, values, units = _outwards(network, kind, number, after)
     how = None
     if status in ("found", "replaced"):
-        how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, rule("as it was observed"))
+        how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, _BY_DEFAULT["system"])
     factor = np.fmax(local.misfit[number], 1.0)
     per_unit = ANGLE_UNITS[_angle(network)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit

@@ -63,5 +63,19 @@ def test_start_values_that_the_rays_contradict_are_named_and_replaced(tmp_path):
     np.testing.assert_array_equal(found.start["rotation"][others], start["rotation"][others])
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_points_given_at_wrong_places_are_named_and_replaced(seed, tmp_path):
+    world = situation("gross coordinates", seed)
+    wrong = {f"point {p}" for p, one in world.points.items() if one.rough is not None and _far(world, one)}
+    nothing, _ = write_project(world, tmp_path)
+    found = approximate(read_network(read_document(nothing), tmp_path))
+    assert {words.partition(":")[0] for words in found.replaced} == wrong
+    assert len(wrong) == 3
+
+
+def _far(world, point):
+    return np.linalg.norm(point.rough - point.xyz) > 0.1 * world.size
+
+
 def _names(network):
     return [name if " " in name else f"point {name}" for name in network.blocks["point"].ids]
