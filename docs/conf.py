@@ -41,6 +41,11 @@ CHAPTERS = {
         "start-values",
         "orientation",
     ),
+    "Formats": (
+        "formats/index",
+        *(f"formats/{page}" for page in ("colmap", "opensfm", "metashape", "photomodeler", "bal", "aicon")),
+        *(f"formats/{page}" for page in ("gkf", "textbook", "starnet", "field-books", "drawings")),
+    ),
     "Results": ("reports", "results", "statistics", "reliability"),
     "Scripts and developers": (
         "python",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,6 @@ from mor.project.file.nodes import Document, Path
 class BuiltDocument(Document):
     """Plain data without a file: a place in it is said by its keys, ``observations[0].sigma``."""
 
-    frames: Mapping[str, pl.DataFrame] = field(default_factory=dict)
-
     def line(self, path: Path) -> int:
         """There are no lines."""
         return 0
@@ -26,10 +24,6 @@ class BuiltDocument(Document):
     def file_of(self, path: Path) -> str:
         """The keys that lead to a value."""
         return said_path(path) or self.file
-
-    def frame(self, name: str) -> pl.DataFrame | None:
-        """The data frame that was given in place of the name of a file."""
-        return self.frames.get(name)
 
 
 def said_path(path: Path) -> str:

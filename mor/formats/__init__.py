@@ -3,55 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 from mor.errors import InputError, Problem, nearest
 from mor.formats.aicon.files import is_stem
+from mor.formats.catalogue import FORMATS
+from mor.formats.recognition import format_of
+from mor.formats.written import Writer, Written
 from mor.project.file.nodes import Document
 
 Reader = Callable[[Path], Document]
 
-_AICON = ("mor.formats.aicon.reader", "read_aicon")
-READERS: dict[str, tuple[str, str]] = {
-    ".gkf": ("mor.formats.gkf.reader", "read_gkf"),
-    ".dat": ("mor.formats.textbook.reader", "read_krumm"),
-    **dict.fromkeys((".ior", ".eor", ".obc", ".phc", ".scale"), _AICON),
-    ".txt": ("mor.formats.photomodeler", "read_photomodeler"),
-}
-"""Module and name of the reader of each suffix, loaded when it is needed.
-
-A folder, and the stem of the flat files, is read as a project of AICON.
-"""
-
 
 def is_foreign(path: Path) -> bool:
     """True for a path that one of the readers takes."""
-    return _place_of_reader(path) is not None
+    key = format_of(path)
+    return key is not None and FORMATS[key].read is not None
 
 
-def read_foreign(path: Path) -> Document:
-    """The project that a foreign file or folder describes. Raises :class:`InputError` with every mistake found."""
-    place = _place_of_reader(path)
-    if place is None and not path.suffix and not path.exists():
-        raise InputError([Problem("this file does not exist", str(path))])
-    if place is None and path.suffix in (".yaml", ".yml"):
-        raise InputError([Problem("this is a project file already; mor adjust takes it as it is", str(path))])
-    if place is None:
-        words = f"unknown format {path.suffix!r}{nearest(path.suffix, READERS)} (known: {', '.join(READERS)})"
-        raise InputError([Problem(words, str(path))])
+def read_foreign(path: Path, key: str = "") -> Document:
+    """The project that a foreign file or folder describes; ``key`` names its format, else its content tells it.
+
+    Raises :class:`InputError` with every mistake found.
+    """
     if not path.exists() and not is_stem(path):
-        raise InputError([Problem("this file does not exist", str(path))])
-    module, name = place
-    read: Reader = getattr(import_module(module), name)
-    return read(path)
+        raise InputError([Problem(f"this file does not exist{_suffix_hint(path)}", str(path))])
+    key = key or format_of(path) or ""
+    form = FORMATS.get(key)
+    if form is None or form.read is None:
+        raise InputError([Problem(_unknown(path, key), str(path))])
+    read: Reader = getattr(import_module(form.read.module), form.read.function)
+    document = read(path)
+    if not form.untried:
+        return document
+    return replace(document, notes=(Problem(form.untried, str(path)), *document.notes))
 
 
-def _place_of_reader(path: Path) -> tuple[str, str] | None:
-    if path.is_dir() or is_stem(path):
-        return _AICON
-    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
-    return READERS.get(suffixes[-1]) if suffixes else None
+def write_foreign(document: Document, folder: Path, target: Path, key: str) -> Written:
+    """Files of a project in a foreign format. Raises :class:`InputError` for what the format cannot say."""
+    form = FORMATS.get(key)
+    if form is None or form.write is None:
+        writable = {name: form for name, form in FORMATS.items() if form.write is not None}
+        words = f"{key!r} is no format that is written{nearest(key, writable)} (known: {', '.join(writable)})"
+        raise InputError([Problem(words)])
+    write: Writer = getattr(import_module(form.write.module), form.write.function)
+    return write(document, folder, target)
 
 
-__all__ = ["READERS", "is_foreign", "read_foreign"]
+def format_to_write(target: Path) -> str:
+    """Key of the format that the suffix of a target means; empty where it means none."""
+    last = target.suffix.lower()
+    return next((k for k, f in FORMATS.items() if f.write is not None and last and last in f.suffixes), "")
+
+
+def _suffix_hint(path: Path) -> str:
+    known = [suffix for form in FORMATS.values() for suffix in form.suffixes]
+    return nearest(path.suffix, known) if path.suffix and path.suffix not in known else ""
+
+
+def _unknown(path: Path, key: str) -> str:
+    readable = ", ".join(name for name, form in FORMATS.items() if form.read is not None)
+    if key:
+        return f"unknown format {key!r}{nearest(key, FORMATS)} (known: {readable})"
+    if path.suffix in (".yaml", ".yml"):
+        return "this is a project file already; mor adjust takes it as it is"
+    if path.is_dir():
+        projects = sorted(file.name for file in path.glob("*.yaml"))
+        hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
+        folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
+        words = "this is a folder, expected a project file, or a folder in one of the formats"
+        return f"{words} {folders}{hint}"
+    return f"nothing in this file tells its format; --from says it (known: {readable})"
+
+
+__all__ = ["FORMATS", "format_of", "format_to_write", "is_foreign", "read_foreign", "write_foreign"]

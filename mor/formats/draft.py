@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mor.errors import InputError, Problem
 from mor.project.file.nodes import Document, Path
+
+if TYPE_CHECKING:
+    import polars as pl
 
 
 class Row(NamedTuple):
@@ -27,6 +30,8 @@ class Draft:
     lines: dict[Path, int] = field(default_factory=dict)
     files: dict[Path, str] = field(default_factory=dict)
     """Files of the tables that do not come from ``file``."""
+    frames: dict[str, pl.DataFrame] = field(default_factory=dict)
+    """Tables with many rows, by the names that stand for them."""
     problems: list[Problem] = field(default_factory=list)
     notes: list[Problem] = field(default_factory=list)
     """What was left out, and why."""
@@ -62,11 +67,16 @@ class Draft:
             self.files[path] = file
         return path
 
+    def frame(self, section: str, name: str, frame: pl.DataFrame, **keys: Any) -> None:
+        """Add a table with many rows to a section; ``name`` is what stands for it."""
+        self.frames[name] = frame
+        self.data.setdefault(section, []).append({"file": name, **keys})
+
     def finish(self) -> Document:
         """The finished document. Raises :class:`InputError` with every mistake found."""
         if self.problems:
             raise InputError(sorted(self.problems, key=lambda problem: (problem.file, problem.line)))
-        return Document(self.data, self.lines, self.file, self.files, tuple(self.notes))
+        return Document(self.data, self.lines, self.file, self.files, tuple(self.notes), frames=self.frames)
 
 
 def number(text: str) -> float:

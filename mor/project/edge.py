@@ -36,6 +36,8 @@ class ImageScale:
     unit: str
     pixel: float
     """Camera units per pixel; NaN where the camera says nothing of pixels."""
+    size: float
+    """Millimetres per pixel; NaN where the camera says nothing of them."""
     centre: tuple[float, float]
     """Origin of the coordinates inside, px from the upper left corner: the image centre, or the corner itself."""
     corner: bool
@@ -51,8 +53,8 @@ class ImageScale:
             return self.pixel
         if unit in LENGTH_UNITS and self.unit in LENGTH_UNITS:
             return LENGTH_UNITS[unit] / LENGTH_UNITS[self.unit]
-        if unit in LENGTH_UNITS and self.unit == PIXEL and not np.isnan(self.pixel):
-            return LENGTH_UNITS[unit] / (LENGTH_UNITS["mm"] * self.pixel)
+        if unit in LENGTH_UNITS and self.unit == PIXEL and not np.isnan(self.size):
+            return LENGTH_UNITS[unit] / (LENGTH_UNITS["mm"] * self.size)
         raise UnitError(f"unit {unit!r} does not fit image coordinates")
 
     @property
@@ -74,20 +76,30 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
     if camera.image is None:
         if camera.coordinates == "corner":
             raise UnitError("coordinates: corner needs image: {width, height, pixel}")
-        return ImageScale(camera.unit, float("nan"), (float("nan"), float("nan")), False)
+        nan = float("nan")
+        return ImageScale(camera.unit, nan, nan, (nan, nan), False)
     width, height = (_plain(text, PIXEL) for text in (camera.image.width, camera.image.height))
-    number, unit = split(camera.image.pixel)
-    for name, value in (("width", width), ("height", height), ("pixel", number)):
+    for name, value in (("width", width), ("height", height)):
         if value <= 0.0:
             raise UnitError(f"{name}: found {value:g}, expected a number above 0")
-    unit = unit or "mm"
-    if unit not in LENGTH_UNITS:
-        raise UnitError(f"unit {unit!r} does not fit a pixel size")
-    target = "mm" if camera.unit == PIXEL else camera.unit
-    size = number * LENGTH_UNITS[unit] / LENGTH_UNITS[target]
-    pixel = 1.0 if camera.unit == PIXEL else size
+    size = _pixel_size(camera.image.pixel, camera.unit)
+    pixel = 1.0 if camera.unit == PIXEL else size / (LENGTH_UNITS[camera.unit] / LENGTH_UNITS["mm"])
     centre = (0.0, 0.0) if camera.model in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
-    return ImageScale(camera.unit, pixel, centre, camera.coordinates == "corner")
+    return ImageScale(camera.unit, pixel, size, centre, camera.coordinates == "corner")
+
+
+def _pixel_size(text: str | None, unit: str) -> float:
+    """Millimetres per pixel, NaN where a camera in pixels does not say. Raises :class:`UnitError`."""
+    if text is None:
+        if unit == PIXEL:
+            return float("nan")
+        raise UnitError(f"pixel: the size of a pixel is required where the unit of the camera is {unit}")
+    number, own = split(text)
+    if number <= 0.0:
+        raise UnitError(f"pixel: found {number:g}, expected a number above 0")
+    if (own or "mm") not in LENGTH_UNITS:
+        raise UnitError(f"unit {own!r} does not fit a pixel size")
+    return number * LENGTH_UNITS[own or "mm"] / LENGTH_UNITS["mm"]
 
 
 def split(text: str) -> tuple[float, str]:

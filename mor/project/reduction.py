@@ -131,7 +131,7 @@ def with_points_at_infinity(
         correlations=_remaining(network.correlations, kept),
         undeterminable=(*network.undeterminable, *things),
         original=network.original or network,
-        absent=_absent(network, {"point": number >= 0}),
+        absent=_with_rotations_there(_absent(network, {"point": number >= 0}), len(points)),
         directions={int(p): first + k for k, p in enumerate(points)},
         observed=_with_rotations(network.observed, empty),
         sigma=_with_rotations(network.sigma, empty),
@@ -141,6 +141,13 @@ def with_points_at_infinity(
 
 def _with_rotations(values: Values, more: FloatArray) -> dict[str, FloatArray]:
     return {**values, "rotation": np.concatenate([values["rotation"], more])}
+
+
+def _with_rotations_there(absent: Mapping[str, BoolArray], more: int) -> dict[str, BoolArray]:
+    """Marks of what is absent, with those of so many rotations more, which are not."""
+    if "rotation" not in absent:
+        return dict(absent)
+    return {**absent, "rotation": np.concatenate([absent["rotation"], np.zeros(more, dtype=bool)])}
 
 
 def _absent(network: Network, marked: Marked) -> dict[str, BoolArray]:

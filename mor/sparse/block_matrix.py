@@ -72,7 +72,7 @@ class BlockStructure:
         keys = rows * base + columns
         order = np.argsort(keys, kind="stable")
         distinct, starts = np.unique(keys[order], return_index=True)
-        for key, members in zip(distinct, np.split(order, starts[1:]), strict=True):
+        for key, members in zip(distinct, np.split(order, starts)[1:], strict=True):
             yield int(key) // base, int(key) % base, members
 
 

@@ -34,7 +34,7 @@ MISTAKES = [
     ("adjst project.yaml", "there is no command 'adjst'; did you mean 'adjust'?"),
     (
         "adjust sub",
-        "sub: this is a folder, expected a project file, or one .ior file in it; did you mean sub/project.yaml?",
+        "sub: this is a folder, expected a project file, or a folder in one of the formats",
     ),
     (
         "check pairs.csv",

@@ -9,6 +9,7 @@ import pytest
 from reference_data import network_of, observations, point_results
 
 from mor.formats import read_foreign
+from mor.formats.gkf.grammar import carried
 from mor.pipeline import solve_network
 
 COMPASS = {"e": (1.0, 0.0), "n": (0.0, 1.0), "w": (-1.0, 0.0), "s": (0.0, -1.0)}
@@ -251,3 +252,17 @@ def test_a_gross_direction_does_not_spoil_its_set(tmp_path):
     assert [note.line for note in document.notes] == [7]
     (table,) = document.data["observations"]
     assert [row[1] for row in table["rows"]] == ["B", "D", "E"]
+
+
+@pytest.mark.parametrize(
+    ("text", "carried_"),
+    [
+        ("12-34-60", "12-35-0"),
+        ("12-59-60.00", "13-0-0"),
+        ("-0-59-60", "-1-0-0"),
+        ("12-34-56.7", "12-34-56.7"),
+        ("12-61-0", "12-61-0"),
+    ],
+)
+def test_seconds_rounded_up_to_sixty(text, carried_):
+    assert carried(text) == carried_

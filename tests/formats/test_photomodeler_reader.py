@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from reference_data import network_of
+from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
 from mor.formats import read_foreign
@@ -81,8 +81,8 @@ def test_control_points_are_observed_and_fix_the_datum(tmp_path):
 
 def test_photos_with_different_values_have_different_cameras(tmp_path):
     data = _read(tmp_path, cameras=("25.5", "35.5", "25.5")).data
-    assert [row[1] for row in data["images"][0]["rows"]] == ["1", "2", "1"]
-    assert data["cameras"]["2"]["interior"]["c"] == {"free": "35.5"}
+    assert [row[1] for row in data["images"][0]["rows"]] == ["1", "2"]  # the third has no image points
+    assert data["cameras"]["2"]["interior"]["c"] == {"fixed": "35.5"}
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,8 @@ def test_photos_with_different_values_have_different_cameras(tmp_path):
             " 4000 3000",
             "",
             2,
-            "found 2 numbers, expected tolerance, iterations, image width and height in px",
+            "found no image width and height (px) here, and the solution in the file does not give them; "
+            "put them behind tolerance and iterations",
         ),
         ("1.5 2 3 10", "1.5 2 x 10", 13, "found 'x', expected a number"),
         ("101.5 201.5 0.1 0.2", "101.5", 24, "found 3 columns, expected photo id x y sx sy"),
@@ -111,7 +112,54 @@ def test_other_texts_are_refused(tmp_path):
     path.write_text("one\ntwo\nthree\nfour\nfive\nsix\n")
     with pytest.raises(InputError) as error:
         read_foreign(path)
-    assert {problem.line for problem in error.value.problems} == {2, 4, 6}
+    assert {problem.line for problem in error.value.problems} == {2, 3, 4, 6}
     path.write_text("short")
     with pytest.raises(InputError, match="no PhotoModeler text export"):
         read_foreign(path)
+
+
+def test_a_calibration_project_has_its_camera_free(tmp_path):
+    data = _read(tmp_path, old="A wall", new="Bundle Soln PhotoModeler Calibration Project").data
+    assert data["cameras"]["1"]["interior"]["c"] == {"free": "25.5"}
+    assert data["cameras"]["1"]["interior"]["b1"] == {"fixed": "0.125"}
+
+
+def test_marks_without_a_point_and_without_a_sigma(tmp_path):
+    """Marks of no point are left out, marks by hand and smart points (σ 0) have the default of the file."""
+    document = _read(
+        tmp_path, old="1 2 300 400 0.1 0.1", new="1 2 300 400 0.0 0.0\n  1 77 10 10 0.1 0.1\n 5 2 1 1 1 1"
+    )
+    rows = document.data["observations"][0]["rows"]
+    assert rows[-1] == ["1", "2", "300", "400", "1.0", "1.0"]
+    assert len(rows) == 3
+    notes = " ".join(note.message for note in document.notes)
+    assert "1 image point of no point in the file not used: the first is 77" in notes
+    assert "1 image point of no photo in the file not used: the first is in 5" in notes
+    assert "1 image point without σ: σ = 1 px" in notes
+
+
+def test_fixed_control_has_a_negative_sigma_and_stands_among_the_points_again(tmp_path):
+    document = _read(
+        tmp_path,
+        control="  2 1.1 0.2 0.3 -49.45 -49.45 -49.45\n  2 1.1 0.2 0.3 -49.45 -49.45 -49.45\n",
+        old="  1 0.1 0.2 0.3 0 0 0\n",
+        new="  1 0.1 0.2 0.3\n  1 0.1 0.2 0.4 0 0 0\n",
+    )
+    control, objects = document.data["points"]
+    assert control["rows"] == [["2", "1.1", "0.2", "0.3", "0", "0", "0"]]
+    assert objects["rows"] == [["1", "0.1", "0.2", "0.3"]]
+    notes = " ".join(note.message for note in document.notes)
+    assert "control point '2' is there already (line 19) and says the same" in notes
+    assert "point '1' is there already (line 22) with other coordinates, which are not taken" in notes
+
+
+@pytest.mark.skipif(reference_folder("camcal") is None, reason=missing("camcal"))
+def test_a_missing_image_size_is_worked_out(tmp_path):
+    """The size was appended by hand to this file (README of the set): without it the solution gives it back."""
+    text = (reference_folder("camcal") / "camcal-pmexport.txt").read_text()
+    path = tmp_path / "export.txt"
+    path.write_text(text.replace(" 0.000500 20 2272 1704", " 0.000500 20", 1))
+    document = read_foreign(path)
+    image = document.data["cameras"]["1"]["image"]
+    assert (image["width"], image["height"]) == ("2272", "1704")
+    assert "2272 x 1704 px is worked out" in " ".join(note.message for note in document.notes)

@@ -188,3 +188,22 @@ def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
         InputError, match="found rows of 3, 1 numbers, expected of 2 observed coordinates a σ each"
     ):
         read_foreign(path)
+
+
+def test_sections_that_few_networks_have(tmp_path):
+    """Trigonometric heights, position angles, azimuths, σ as 30", a name with #, a bare name in the datum."""
+    path = tmp_path / "net.dat"
+    path.write_text(
+        "[Coordinates]\nSix#Mile 0 0 0\nB 100 0 1\nC 50 80 2 # comment\n[Datum]\nfix Six#Mile xB\n"
+        "[ApproximateScale]\n1\n"
+        '[HorizontalDistances]\nSix#Mile B 100 0.01\n[Azimuth,dms]\nSix#Mile B 90°0\'0" 30"\n'
+        "[TrigonometricHeightDifferences]\nB C 1.0 0.005\n[PositionAngles]\nB Six#Mile C 64.4 0.001\n"
+        "[SpatialDistances]\nB C 94.34 0.01\n"
+    )
+    document = read_foreign(path)
+    types = [table["type"] for table in document.data["observations"]]
+    assert types == ["horizontal_distance", "bearing", "height_difference", "spatial_angle", "distance"]
+    assert document.data["observations"][1]["rows"] == [["Six#Mile", "B", "90°0'0\"", "30 arcsec"]]
+    assert document.data["points"][0]["fixed"] == ["x", "y", "z"]
+    assert "[ApproximateScale] is not read" in " ".join(map(str, document.notes))
+    network_of(document, tmp_path)

@@ -14,6 +14,9 @@ _USUAL = 5_000.0
 """Bytes of a project that is taken as often as any smaller one; longer ones are taken more rarely."""
 
 
+_CASES = Path(__file__).parents[1] / "cases"
+
+
 @dataclass(frozen=True)
 class Material:
     """A project: its files by name, and the one the command line is called with."""
@@ -30,7 +33,13 @@ class Material:
 
 def all_material() -> list[Material]:
     """Everything there is; reference networks only where the reference data are found."""
-    return [*_kinds(), *_one_file("gama", "*.gkf"), *_one_file("textbook", "**/*.dat"), *_folders()]
+    return [
+        *_kinds(),
+        *_cases(),
+        *_one_file("gama", "*.gkf"),
+        *_one_file("textbook", "**/*.dat"),
+        *_folders(),
+    ]
 
 
 def _kinds() -> Iterator[Material]:
@@ -40,6 +49,16 @@ def _kinds() -> Iterator[Material]:
             named = {path.name: path for path in project.parent.iterdir() if path.is_file()}
             files = {name: path.read_bytes() for name, path in named.items() if _is_read(path)}
             yield Material(name, project.name, files)
+
+
+def _cases() -> Iterator[Material]:
+    """Small projects on which the program once went wrong."""
+    for place in sorted(_CASES.iterdir()):
+        if place.is_file():
+            yield Material(f"case {place.stem}", place.name, {place.name: place.read_bytes()})
+        elif (place / "project.yaml").is_file():
+            files = {path.name: path.read_bytes() for path in sorted(place.iterdir()) if _is_read(path)}
+            yield Material(f"case {place.name}", "project.yaml", files)
 
 
 def _is_read(path: Path) -> bool:

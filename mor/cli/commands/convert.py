@@ -2,61 +2,118 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from mor.errors import Problem
+    from mor.project.file.nodes import Document
+
+_OWN = (".yaml", ".yml")
+
 
 @click.command(name="convert")
-@click.argument("foreign", type=click.Path(path_type=Path))
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", required=False, type=click.Path(path_type=Path))
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    required=True,
-    help="Project file to write (.yaml); its tables are written beside it.",
+    help="The same as TARGET.",
+)
+@click.option(
+    "--from", "source_format", metavar="FORMAT", help="Format of SOURCE, where its content shall not tell."
+)
+@click.option(
+    "--to", "target_format", metavar="FORMAT", help="Format of TARGET, where its suffix does not tell."
 )
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-def command(foreign: Path, output: Path, force: bool, quiet: bool) -> None:
-    """Write the project that a FOREIGN file or folder describes as a project file.
+def command(
+    source: Path,
+    target: Path | None,
+    output: Path | None,
+    source_format: str | None,
+    target_format: str | None,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Write the project in SOURCE in another format: from a foreign one as a project file, or the other way round.
 
     \b
     Examples:
-      mor convert network.gkf -o network.yaml
+      mor convert network.gkf network.yaml
       mor convert aicon/project -o project.yaml
-      mor convert network.gkf -o network.yaml && mor adjust network.yaml
+      mor convert sparse/0 block.yaml && mor adjust block.yaml
+      mor convert block.results/adjusted.yaml model --to colmap
 
-    Known: .gkf (GNU Gama), .dat (Krumm), .ior .eor .obc .phc .scale (AICON), .txt (PhotoModeler). What a reader leaves
-    out is noted. mor adjust and mor check read these files directly, too.
+    The content of a file or folder tells its format. TARGET is a project file (.yaml) whose long tables are written
+    beside it, or what its suffix or --to says. What a reader leaves out, and what a format has no place for, is noted.
+    mor adjust and mor check read foreign files directly, too. The manual has a page for each format.
 
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.counting import counted
-    from mor.formats import read_foreign
+    from mor.errors import InputError, Problem
+    from mor.formats import format_to_write, read_foreign
+    from mor.pipeline import read_document
+
+    place = output or target
+    if place is None or (output and target):
+        raise InputError([Problem("give one TARGET, the file or folder to write")])
+    own = source.suffix.lower() in _OWN
+    key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
+    plain = own and not source_format and key
+    document = read_document(source) if plain else read_foreign(source, source_format or "")
+    if not key and place.suffix.lower() not in _OWN:
+        words = (
+            "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
+        )
+        raise InputError([Problem(words, str(place))])
+    files, notes = (
+        _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
+    )
+    write_new(files, force)
+    if not quiet:
+        for note in [*document.notes, *notes]:
+            click.echo(f"note: {note}", err=True)
+        click.echo(_said(place, files, key), err=True)
+
+
+def _own_files(document: Document, source: Path, target: Path) -> tuple[dict[Path, bytes], list[Problem]]:
     from mor.project.file.writing import project_files
 
-    document = read_foreign(foreign)
-    texts = project_files(document.data, foreign.parent, output)
-    write_new(texts, force)
-    if not quiet:
-        for note in document.notes:
-            click.echo(f"note: {note}", err=True)
-        click.echo(
-            f"{output}, and {counted(len(texts) - 1, 'table')} beside it" if len(texts) > 1 else str(output),
-            err=True,
-        )
+    texts = project_files(document.data, source.parent, target, document.frames)
+    return {path: text.encode() for path, text in texts.items()}, []
 
 
-def write_new(texts: dict[Path, str], force: bool) -> None:
-    """Write texts. Raises :class:`mor.errors.InputError` before anything is written if a file is there already."""
+def _foreign_files(
+    document: Document, source: Path, target: Path, key: str
+) -> tuple[dict[Path, bytes], list[Problem]]:
+    from mor.formats import write_foreign
+
+    return write_foreign(document, source.parent, target, key)
+
+
+def _said(target: Path, files: Mapping[Path, bytes], key: str) -> str:
+    from mor.counting import counted
+
+    if key:
+        return f"{target}: {counted(len(files), 'file')}, {key}"
+    return f"{target}, and {counted(len(files) - 1, 'table')} beside it" if len(files) > 1 else str(target)
+
+
+def write_new(files: Mapping[Path, bytes | str], force: bool) -> None:
+    """Write files. Raises :class:`mor.errors.InputError` before anything is written if one is there already."""
     from mor.errors import InputError, Problem
 
-    there = [path for path in texts if path.exists()]
+    there = [path for path in files if path.exists()]
     if there and not force:
         raise InputError([Problem("this file exists; --force replaces it", str(path)) for path in there])
-    for path, text in texts.items():
+    for path, content in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))

@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.arrays import FloatArray
 from mor.formats.draft import Draft, number
-from mor.formats.gkf.grammar import is_dms
+from mor.formats.gkf.grammar import carried, is_dms
 from mor.formats.gkf.points import GamaPoint
 from mor.formats.xml import Element
 
@@ -136,7 +136,7 @@ def _observation(
             f"<{element.name}>: {names[0]!r} is given twice; different points are needed", element.line
         )
         return None
-    values = tuple(given[a].strip() if a in given else None for a, _ in kind.components)
+    values = tuple(carried(given[a].strip()) if a in given else None for a, _ in kind.components)
     heights = (given.get("from_dh"), given.get("to_dh")) if kind.heights else (None, None)
     observation = GamaObservation(element.name, names, values, None, heights, element.line)
     if cluster.all("cov-mat"):

@@ -13,6 +13,7 @@ from mor.units import parse_dms
 
 Check = Callable[[str], object]
 _DMS = re.compile(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$")
+_SIXTY = re.compile(r"^\s*(?P<sign>[-+]?)(?P<d>\d+)-(?P<m>\d+)-(?P<s>\d+(?:\.\d*)?)\s*$")
 _COMPONENTS = ("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")
 
 
@@ -21,9 +22,24 @@ def is_dms(text: str) -> bool:
     return _DMS.match(text) is not None
 
 
+def carried(text: str) -> str:
+    """An angle; d-m-s whose minutes or seconds were rounded up to 60 as degrees."""
+    match = _SIXTY.match(text)
+    if match is None:
+        return text
+    minutes, seconds = float(match["m"]), float(match["s"])
+    if minutes > 60.0 or seconds > 60.0 or (minutes < 60.0 and seconds < 60.0):
+        return text
+    value = float(match["d"]) + minutes / 60.0 + seconds / 3600.0
+    degrees = int(value)
+    rest = round((value - degrees) * 60.0, 9)
+    sign = "-" if match["sign"] == "-" else ""
+    return f"{sign}{degrees + int(rest // 60)}-{int(rest % 60)}-0"
+
+
 def _angle(text: str) -> None:
     if is_dms(text):
-        parse_dms(text)
+        parse_dms(carried(text))
         return
     try:
         number(text)
@@ -126,9 +142,14 @@ RULES = {
             **dict.fromkeys("xyz", number),
             "fix": _one_of(*_COMPONENTS),
             "adj": _one_of(*_COMPONENTS),
+            "extern": _anything,
         },
     ),
-    "obs": Rule((*_MEASURED, "cov-mat"), {}, {"from": _identifier, "orientation": _angle, "from_dh": number}),
+    "obs": Rule(
+        (*_MEASURED, "cov-mat"),
+        {},
+        {"from": _identifier, "orientation": _angle, "from_dh": number, "extern": _anything},
+    ),
     "direction": _ANGULAR,
     "azimuth": _ANGULAR,
     "z-angle": _ANGULAR,
@@ -144,14 +165,14 @@ RULES = {
             "extern": _anything,
         },
     ),
-    "height-differences": Rule(("dh", "cov-mat")),
+    "height-differences": Rule(("dh", "cov-mat"), {}, {"extern": _anything}),
     "dh": Rule(
         (),
         {"from": _identifier, "to": _identifier, "val": number},
         {"stdev": _positive, "dist": _positive, "extern": _anything},
     ),
-    "coordinates": Rule(("point", "cov-mat")),
-    "vectors": Rule(("vec", "cov-mat")),
+    "coordinates": Rule(("point", "cov-mat"), {}, {"extern": _anything}),
+    "vectors": Rule(("vec", "cov-mat"), {}, {"extern": _anything}),
     "vec": Rule(
         (),
         {"from": _identifier, "to": _identifier, **dict.fromkeys(("dx", "dy", "dz"), number)},

@@ -81,11 +81,10 @@ def _read_datum(section: Section, coordinates: Coordinates, draft: Draft) -> Non
                 coordinates.observed.append(component)
                 coordinates.covariance.append(words[1:])
             continue
-        for word in words:
-            component = _component(word, coordinates, line, draft)
-            if component is not None and kind == "fix":
+        for component in (c for word in words for c in _components(word, coordinates, line, draft)):
+            if kind == "fix":
                 coordinates.fixed.add(component)
-            elif component is not None and coordinates.free is not None:
+            elif coordinates.free is not None:
                 coordinates.free.append(component)
     coordinates.covariance[:] = _complete(coordinates.covariance, section.number, draft)
 
@@ -107,6 +106,15 @@ def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]
     words = f"expected of {size} observed coordinates a σ each, a covariance matrix {size} × {size} or a triangle of it"
     draft.problem(f"found rows of {', '.join(map(str, lengths))} numbers, {words}", line)
     return []
+
+
+def _components(word: str, coordinates: Coordinates, line: Line, draft: Draft) -> list[tuple[str, str]]:
+    """Point and component behind ``xA``; all components of the point behind a bare name."""
+    means_one = word[:1].lower() in coordinates.estimated and word[1:] in coordinates.texts
+    if word in coordinates.texts and not means_one:
+        return [(word, component) for component in coordinates.estimated]
+    component = _component(word, coordinates, line, draft)
+    return [] if component is None else [component]
 
 
 def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) -> tuple[str, str] | None:

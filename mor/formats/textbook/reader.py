@@ -34,6 +34,8 @@ KINDS = {
     "Angles": KrummKind("angle", ("at", "from", "to"), "angle", angular=True),
     "GridBearings": KrummKind("bearing", ("from", "to"), "bearing", angular=True),
     "ZenithAngles": KrummKind("zenith_angle", ("from", "to"), "zenith_angle", angular=True, heights=True),
+    "TrigonometricHeightDifferences": KrummKind("height_difference", ("from", "to"), "dz"),
+    "PositionAngles": KrummKind("spatial_angle", ("at", "from", "to"), "angle", angular=True),
     "VerticalAngles": KrummKind(
         "vertical_direction", ("from", "to"), "vertical_direction", angular=True, heights=True
     ),
@@ -72,7 +74,7 @@ def read_krumm(path: Path) -> Document:
 
 
 def _estimated(names: set[str]) -> str:
-    if names and names <= {"LevelledHeightDifferences"}:
+    if names and names <= {"LevelledHeightDifferences", "TrigonometricHeightDifferences"}:
         return "z"
     return "xy" if names <= set(_PLANE) else "xyz"
 
@@ -113,7 +115,7 @@ def _put_plain(section: Section, kind: KrummKind, draft: Draft) -> None:
             continue
         good = _is_value(rest[0], unit, line, draft) and all(_is_value(h, "m", line, draft) for h in heights)
         if len(rest) > 1:
-            sigma = rest[1] if _is_positive(rest[1], line, draft) else "1"
+            sigma = _sigma(rest[1], kind, line, draft)
         if sigma is None:
             draft.problem("no σ here, and none in the lines before", line.number)
         elif good:
@@ -124,6 +126,20 @@ def _put_plain(section: Section, kind: KrummKind, draft: Draft) -> None:
         draft.table(
             "observations", columns, rows, type=kind.type, units={kind.value: unit, "sigma": sigma_unit}
         )
+
+
+def _sigma(word: str, kind: KrummKind, line: Line, draft: Draft) -> str:
+    """A σ as written, with the unit that a sign behind it means: 30" are seconds of arc."""
+    sign = word[-1:]
+    unit = (
+        {'"': "arcsec", "″": "arcsec", "'": "arcmin", "′": "arcmin", "°": "deg"}.get(sign)
+        if kind.angular
+        else None
+    )
+    number_ = word[:-1] if unit else word
+    if not _is_positive(number_, line, draft):
+        return "1"
+    return f"{number_} {unit}" if unit else number_
 
 
 def _form(kind: KrummKind) -> str:

@@ -12,7 +12,18 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
 _HEADER = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
 _SHORT_UNITS = {"s": "arcsec", '"': "arcsec", "°": "deg"}
-_OTHER_NAMES = {"quelle": "Source", "winkel": "Angles", "direction": "Directions"}
+_OTHER_NAMES = {
+    "quelle": "Source",
+    "winkel": "Angles",
+    "direction": "Directions",
+    "horizontaldistances": "Distances",
+    "azimuth": "GridBearings",
+    "3dbasislinie": "3DBaseline",
+}
+NOT_READ = ("ApproximateScale", "ApproximateAdditiveConstant")
+"""Start values of unknowns that no textbook network of this form has: left out with a note."""
+_COMMENT = re.compile(r"(?:^|(?<=\s))[%#]|%")
+"""A comment; a name may contain #."""
 
 FREE_TEXT = ("Project", "Source", "Graphics")
 OBSERVED = (
@@ -24,9 +35,11 @@ OBSERVED = (
     "GridBearings",
     "ZenithAngles",
     "VerticalAngles",
+    "TrigonometricHeightDifferences",
+    "PositionAngles",
     "3DBaseline",
 )
-KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation")
+KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
 
 
 class Line(NamedTuple):
@@ -55,7 +68,7 @@ def read_sections(text: str, draft: Draft) -> list[Section]:
             sections.append(_section(whole, number, draft))
             continue
         free = bool(sections) and sections[-1].name in FREE_TEXT
-        words = (whole.split("%")[0] if free else re.split("[%#]", whole, maxsplit=1)[0]).split()
+        words = (whole.split("%")[0] if free else _COMMENT.split(whole, maxsplit=1)[0]).split()
         if not words:
             continue
         if not sections:
@@ -66,7 +79,7 @@ def read_sections(text: str, draft: Draft) -> list[Section]:
 
 
 def _section(whole: str, number: int, draft: Draft) -> Section:
-    match = _HEADER.match(re.split("[%#]", whole, maxsplit=1)[0])
+    match = _HEADER.match(_COMMENT.split(whole, maxsplit=1)[0])
     if match is None:
         draft.problem(
             f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number
@@ -79,6 +92,8 @@ def _section(whole: str, number: int, draft: Draft) -> Section:
         words = f"unknown section [{given}]{nearest(given, KNOWN)} (known: {', '.join(KNOWN)})"
         draft.problem(words, number)
         return Section("Graphics", "", "", number)
+    if name in NOT_READ:
+        draft.note(f"[{name}] is not read", number)
     units = [_unit(text or "", number, draft) for text in (match[2], match[3])]
     return Section(name, units[0], units[1], number)
 

@@ -7,11 +7,12 @@ from mor.geometry.cameras.brown import BROWN
 from mor.geometry.cameras.brown_affine_after import BROWN_4, BROWN_5
 from mor.geometry.cameras.brown_forward import BROWN_FORWARD
 from mor.geometry.cameras.fisheye import FISHEYE
+from mor.geometry.cameras.metashape import METASHAPE
 from mor.geometry.cameras.mor import MOR
 from mor.geometry.cameras.opencv import OPENCV
 
 CAMERA_MODELS: dict[str, CameraModel] = {
-    model.key: model for model in (MOR, BROWN, BROWN_4, BROWN_5, BROWN_FORWARD, OPENCV, FISHEYE)
+    model.key: model for model in (MOR, BROWN, BROWN_4, BROWN_5, BROWN_FORWARD, OPENCV, FISHEYE, METASHAPE)
 }
 """Every camera model, by its key; the first component of each is its camera constant (``c`` or ``fx``)."""
 

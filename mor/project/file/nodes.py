@@ -41,6 +41,9 @@ class Document:
     problems: tuple[Problem, ...] = ()
     """Mistakes that leave something to go on with (a key given twice): told together with those of the content."""
 
+    frames: Mapping[str, pl.DataFrame] = field(default_factory=dict)
+    """Data frames by the names that stand for them where a file of a table is named."""
+
     def line(self, path: Path) -> int:
         """Line of the value at a path, or of the nearest value above it."""
         while path and path not in self.lines:
@@ -54,8 +57,8 @@ class Document:
         return [name for name in named if isinstance(name, str) and "\0" not in name]
 
     def frame(self, name: str) -> pl.DataFrame | None:
-        """A data frame that stands in place of the file of this name; a document of a file has none."""
-        return None
+        """A data frame that stands in place of the file of this name, where there is one."""
+        return self.frames.get(name)
 
     def file_of(self, path: Path) -> str:
         """File that the value at a path comes from."""

@@ -5,18 +5,30 @@ from __future__ import annotations
 import csv
 import io
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import polars as pl
+
 from mor.project.file.yaml_text import yaml_text
-from mor.project.tables.guarded import any_unsafe, guarded
+from mor.project.tables.guarded import any_unsafe, csv_lines, guarded
 
 LONGEST = 20
 """Rows that stay in the project file."""
 
 
-def project_files(data: dict[str, Any], source: Path, target: Path) -> dict[Path, str]:
-    """Texts by path: the project file ``target``, and its tables. ``source`` is the folder its files are found from."""
+def project_files(
+    data: dict[str, Any],
+    source: Path,
+    target: Path,
+    frames: Mapping[str, pl.DataFrame] = MappingProxyType({}),
+) -> dict[Path, str]:
+    """Texts by path: the project file ``target``, and its tables.
+
+    ``source`` is the folder its files are found from; ``frames`` stand in place of files of these names.
+    """
     texts: dict[Path, str] = {}
     written: dict[str, Any] = {}
     for section, content in data.items():
@@ -26,7 +38,12 @@ def project_files(data: dict[str, Any], source: Path, target: Path) -> dict[Path
         entries = []
         for number, entry in enumerate(content, start=1):
             table = target.with_name(f"{target.stem}_{section}_{number}.csv")
-            entries.append(_entry(dict(entry), source, target, table, texts))
+            frame = frames.get(str(entry.get("file")))
+            if frame is not None:
+                texts[table] = bytes(csv_lines(frame)).decode()
+                entries.append({**entry, "file": table.name})
+            else:
+                entries.append(_entry(dict(entry), source, target, table, texts))
         written[section] = entries
     return {target: yaml_text(written, width=120), **texts}
 

@@ -80,7 +80,7 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
 
 def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
     """Free camera constant (fx and fy alike) from EXIF-like entries or the image size, where interior gives none."""
-    names = [c.name for c in CAMERA_MODELS[camera.model].components if c.name in ("c", "fx", "fy")]
+    names = [c.name for c in CAMERA_MODELS[camera.model].components if c.name in ("c", "fx", "fy", "f")]
     if any(constant in camera.interior for constant in names):
         return {}
     at = reading.at("cameras", name)

@@ -11,7 +11,7 @@ from mor.parameters.kinds import KINDS
 from mor.project.network.entities import thing_of
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts
-from mor.quality.diagnosis.loose_frames import why_loose
+from mor.quality.diagnosis.loose_frames import held_by_an_angle, why_loose
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 from mor.quality.diagnosis.weak_directions import weak_directions
 from mor.quality.solved import Solved
@@ -88,6 +88,7 @@ def turned_about(solved: Solved, say: Say = english) -> list[str]:
                 angle=angle,
             )
         )
+    lines += held_by_an_angle(solved, say) if lines else []
     if not _tilts_as_angles(solved):
         advice = say("Observe a bearing or a direction beside this axis, or fix a second point.")
         return [*lines, advice] if lines else []

@@ -27,7 +27,7 @@ SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "multip
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
 _MEANINGS = {
-    **dict.fromkeys(("c", "fx", "fy"), "camera constant"),
+    **dict.fromkeys(("c", "fx", "fy", "f"), "camera constant"),
     **dict.fromkeys(("xh", "yh", "cx", "cy"), "principal point"),
     **dict.fromkeys(("A", "K", "k"), "radial distortion"),
     **dict.fromkeys(("B", "P", "p"), "tangential distortion"),

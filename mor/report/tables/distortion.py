@@ -14,7 +14,7 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 
-_NOT_DISTORTION = {"c", "xh", "yh", "fx", "fy", "cx", "cy"}
+_NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
 _AZIMUTHS = 16
 
 

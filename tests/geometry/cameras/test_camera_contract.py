@@ -18,6 +18,7 @@ def test_the_models_are_found_under_their_own_keys() -> None:
         "brown-forward",
         "opencv",
         "fisheye",
+        "metashape",
     }
     assert all(key == model.key for key, model in CAMERA_MODELS.items())
 

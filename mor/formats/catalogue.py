@@ -1,0 +1,116 @@
+"""The formats mor knows: their keys, what reads and writes them, and on what that was tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Code(NamedTuple):
+    """Where a reader or a writer stands; it is loaded when it is needed."""
+
+    module: str
+    function: str
+
+
+@dataclass(frozen=True)
+class Format:
+    """One foreign format."""
+
+    title: str
+    read: Code | None = None
+    write: Code | None = None
+    suffixes: tuple[str, ...] = ()
+    """Suffixes that mean this format and no other, where the content does not tell, and of files that are written."""
+    folder: bool = False
+    """True where a folder is a project."""
+    untried: str = ""
+    """What was not tried on files of the program itself, told on every conversion; empty where all was."""
+
+
+def _book(module: str, function: str) -> Code:
+    """A reader of field books."""
+    return Code(f"mor.formats.fieldbook.{module}", function)
+
+
+def _drawing(module: str, function: str) -> Code:
+    """A writer of results."""
+    return Code(f"mor.formats.drawing.{module}", function)
+
+
+FORMATS: dict[str, Format] = {
+    "colmap": Format(
+        "COLMAP model (folder, text or binary; written as text)",
+        Code("mor.formats.colmap.reader", "read_colmap"),
+        Code("mor.formats.colmap.writer", "write_colmap"),
+        folder=True,
+    ),
+    "colmap-binary": Format(
+        "COLMAP model, written as binary", write=Code("mor.formats.colmap.writer", "write_colmap_binary")
+    ),
+    "opensfm": Format(
+        "OpenSfM or OpenDroneMap block (folder, reconstruction.json)",
+        Code("mor.formats.opensfm.reader", "read_opensfm"),
+        folder=True,
+    ),
+    "metashape": Format(
+        "Metashape cameras.xml, markers.xml",
+        Code("mor.formats.metashape.reader", "read_metashape"),
+        Code("mor.formats.metashape.writer", "write_metashape"),
+        untried="no whole file of Metashape could be had: tried on files of its own writer, and on published excerpts",
+    ),
+    "bal": Format(
+        "BAL, bundle adjustment in the large",
+        Code("mor.formats.bal", "read_bal"),
+        Code("mor.formats.bal", "write_bal"),
+        suffixes=(".bal",),
+        untried="no file of the BAL collection could be had: this reader was tried on files of its own writer",
+    ),
+    "bundler": Format(
+        "Bundler (bundle.out)",
+        Code("mor.formats.bal", "read_bundler"),
+        suffixes=(".out",),
+        untried="no file of Bundler could be had: this reader was written from its manual",
+    ),
+    "gkf": Format(
+        "GNU Gama network",
+        Code("mor.formats.gkf.reader", "read_gkf"),
+        Code("mor.formats.gkf.writer", "write_gkf"),
+        suffixes=(".gkf",),
+    ),
+    "gsi": Format("Leica GSI-8, GSI-16", _book("gsi", "read_gsi"), suffixes=(".gsi",)),
+    "idx": Format("Leica IDX", _book("idx", "read_idx"), suffixes=(".idx",)),
+    "sdr": Format("Sokkia SDR20, SDR33", _book("sdr", "read_sdr"), suffixes=(".sdr",)),
+    "sokkia-scr": Format("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
+    "nikon": Format("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
+    "topcon": Format("Topcon GTS-7", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
+    "m5": Format("Zeiss and Trimble M5", _book("m5", "read_m5"), suffixes=(".m5",)),
+    "geodimeter": Format(
+        "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
+    ),
+    "starnet": Format(
+        "STAR*NET input data",
+        Code("mor.formats.starnet.reader", "read_starnet"),
+        untried="no file of STAR*NET users could be had: this reader was written from the manual",
+    ),
+    "textbook": Format(
+        "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
+    ),
+    "photomodeler": Format(
+        "PhotoModeler text export",
+        Code("mor.formats.photomodeler.reader", "read_photomodeler"),
+        suffixes=(".txt",),
+    ),
+    "aicon": Format(
+        "AICON 3D Studio flat files",
+        Code("mor.formats.aicon.reader", "read_aicon"),
+        suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
+        folder=True,
+    ),
+    "ply": Format("PLY points", write=_drawing("ply", "write_ply"), suffixes=(".ply",)),
+    "dxf": Format("DXF drawing", write=_drawing("dxf", "write_dxf"), suffixes=(".dxf",)),
+    "geojson": Format("GeoJSON", write=_drawing("geojson", "write_geojson"), suffixes=(".geojson",)),
+    "landxml": Format("LandXML points", write=_drawing("landxml", "write_landxml"), suffixes=(".landxml",)),
+    "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
+}
+"""Formats by the key that ``--from`` and ``--to`` take."""

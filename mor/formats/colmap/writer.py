@@ -1,0 +1,188 @@
+"""An image block as a COLMAP model: cameras, images and points3D, as text or binary."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mor.arrays import FloatArray
+from mor.errors import InputError, Problem
+from mor.formats.colmap.cameras import MODELS, camera_from
+from mor.formats.colmap.model import ColmapCamera
+from mor.formats.colmap.poses import theirs
+from mor.formats.content import Content, Things, content_of, image_points, images, not_carried, points
+from mor.formats.written import Written
+from mor.geometry.rotations import rotation_from_angles
+from mor.project.file.nodes import Document
+
+_TRACK = "<II"
+
+
+class Block:
+    """What is written: everything by the number that COLMAP knows it by."""
+
+    def __init__(self, content: Content):
+        self.images, self.points = images(content), points(content)
+        self.problems: list[Problem] = []
+        self.cameras = _cameras(content, self.problems)
+        numbers = {name: camera.id for name, camera in self.cameras.items()}
+        self.camera_of = [numbers.get(name, 0) for name in self.images.texts["camera"]]
+        self.poses = _poses(content, self.images, self.problems)
+        used = dict(zip(self.images.ids, self.images.texts["camera"], strict=True))
+        if self.problems:
+            raise InputError(self.problems)
+        self.rays = image_points(content, used)
+        self.point_numbers = numbered(self.points.ids)
+        self.of_image = _grouped(self.rays.images, self.images.ids)
+        self.point_of_ray = np.array([self.point_numbers[name] for name in self.rays.points], dtype=np.int64)
+
+
+def write_colmap(document: Document, folder: Path, target: Path) -> Written:
+    """Text files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
+    content = content_of(document, folder)
+    block = Block(content)
+    files = {
+        "cameras.txt": "".join(_camera_line(camera) for camera in block.cameras.values()),
+        "images.txt": "".join(_image_lines(block)),
+        "points3D.txt": "".join(_point_lines(block)),
+    }
+    return _written({target / name: text.encode() for name, text in files.items()}, content, block, target)
+
+
+def write_colmap_binary(document: Document, folder: Path, target: Path) -> Written:
+    """Binary files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
+    content = content_of(document, folder)
+    block = Block(content)
+    cameras = [_camera_bytes(camera) for camera in block.cameras.values()]
+    files = {
+        "cameras.bin": cameras,
+        "images.bin": _image_bytes(block),
+        "points3D.bin": _point_bytes(block),
+    }
+    packed = {target / name: struct.pack("<Q", len(parts)) + b"".join(parts) for name, parts in files.items()}
+    return _written(packed, content, block, target)
+
+
+def _written(files: dict[Path, bytes], content: Content, block: Block, target: Path) -> Written:
+    notes = not_carried(content, ("image",), ("pairs",), "a COLMAP model")
+    if content.project.pairs:
+        notes.append(Problem("stereo pairs are written as single images with their poses", str(target)))
+    statuses = block.points.statuses
+    if np.isfinite(statuses.sigma).any() or not statuses.free.all():
+        notes.append(
+            Problem("that points are fixed or observed, and their σ, has no place in COLMAP", str(target))
+        )
+    if not np.all(block.rays.sigma == 1.0):
+        notes.append(Problem("σ of image points have no place in COLMAP", str(target)))
+    if list(block.point_numbers) != [str(number) for number in block.point_numbers.values()]:
+        lines = [f"{number},{name}\n" for name, number in block.point_numbers.items()]
+        files[target / "point_names.csv"] = ("point3D,name\n" + "".join(lines)).encode()
+        notes.append(Problem("points are numbered; point_names.csv has their names", str(target)))
+    return Written(files, notes)
+
+
+def _cameras(content: Content, problems: list[Problem]) -> dict[str, ColmapCamera]:
+    numbers = numbered(list(content.project.cameras))
+    result = {}
+    for name, camera in content.project.cameras.items():
+        try:
+            result[name] = camera_from(numbers[name], camera, content.edge)
+        except ValueError as error:
+            problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
+    return result
+
+
+def numbered(names: Sequence[str]) -> dict[str, int]:
+    """A number for each name: the name itself where all are different numbers from 1, or else from 1 on."""
+    plain = [
+        name
+        for name in names
+        if name.isascii() and name.isdecimal() and name == str(int(name)) and len(name) < 10
+    ]
+    if len(plain) == len(names) and "0" not in names:
+        return {name: int(name) for name in names}
+    return {name: k for k, name in enumerate(names, start=1)}
+
+
+def _poses(content: Content, found: Things, problems: list[Problem]) -> FloatArray:
+    """(n, 7) quaternion and translation of every image; followers get theirs from their leader."""
+    values = found.values
+    D = rotation_from_angles(values[:, 3:])
+    centre = values[:, :3]
+    for row in np.flatnonzero(np.isnan(values).any(axis=1)).tolist():
+        name = found.ids[row]
+        words = f"image {name!r} has no pose of its own; convert an adjusted project (adjusted.yaml)"
+        problems.append(Problem(words, content.document.file))
+    return np.zeros((len(found), 7)) if problems else theirs(D, centre)
+
+
+def _grouped(names: Sequence[str], of: Sequence[str]) -> list[list[int]]:
+    """Rows of each of the things ``of``."""
+    at = {name: k for k, name in enumerate(of)}
+    result: list[list[int]] = [[] for _ in of]
+    for row, name in enumerate(names):
+        result[at[name]].append(row)
+    return result
+
+
+def _tracks(block: Block) -> dict[int, list[tuple[int, int]]]:
+    """Image number and place in it of the rays of each point."""
+    tracks: dict[int, list[tuple[int, int]]] = {number: [] for number in block.point_numbers.values()}
+    for image, rows in enumerate(block.of_image, start=1):
+        for place, row in enumerate(rows):
+            tracks[int(block.point_of_ray[row])].append((image, place))
+    return tracks
+
+
+def _words(numbers: Sequence[float] | FloatArray) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def _camera_line(camera: ColmapCamera) -> str:
+    return f"{camera.id} {camera.model} {camera.width} {camera.height} {_words(camera.parameters)}\n"
+
+
+def _image_lines(block: Block) -> list[str]:
+    lines = []
+    for k, name in enumerate(block.images.ids):
+        lines.append(f"{k + 1} {_words(block.poses[k])} {block.camera_of[k]} {name}\n")
+        rays = (f"{_words(block.rays.xy[row])} {block.point_of_ray[row]}" for row in block.of_image[k])
+        lines.append(" ".join(rays) + "\n")
+    return lines
+
+
+def _point_lines(block: Block) -> list[str]:
+    tracks = _tracks(block)
+    return [
+        f"{number} {_words(xyz)} 0 0 0 -1 {' '.join(f'{i} {p}' for i, p in tracks[number])}\n"
+        for number, xyz in zip(block.point_numbers.values(), block.points.values, strict=True)
+    ]
+
+
+def _camera_bytes(camera: ColmapCamera) -> bytes:
+    head = struct.pack("<IiQQ", camera.id, MODELS[camera.model].number, camera.width, camera.height)
+    return head + struct.pack(f"<{len(camera.parameters)}d", *camera.parameters)
+
+
+def _image_bytes(block: Block) -> list[bytes]:
+    form = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
+    parts = []
+    for k, name in enumerate(block.images.ids):
+        rows = block.of_image[k]
+        rays = np.empty(len(rows), dtype=form)
+        rays["xy"], rays["point"] = block.rays.xy[rows], block.point_of_ray[rows]
+        head = struct.pack("<I7dI", k + 1, *block.poses[k], block.camera_of[k])
+        parts.append(head + name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rays.tobytes())
+    return parts
+
+
+def _point_bytes(block: Block) -> list[bytes]:
+    tracks = _tracks(block)
+    parts = []
+    for number, xyz in zip(block.point_numbers.values(), block.points.values, strict=True):
+        head = struct.pack("<Q3d3BdQ", number, *xyz, 0, 0, 0, -1.0, len(tracks[number]))
+        parts.append(head + b"".join(struct.pack(_TRACK, *element) for element in tracks[number]))
+    return parts

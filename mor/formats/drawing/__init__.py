@@ -1,0 +1,1 @@
+"""Results for other programs: point clouds, drawings, maps."""

@@ -1,0 +1,47 @@
+"""GeoJSON: points and projection centres as points, observed lines as lines, in the coordinates of the project."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor.errors import Problem
+from mor.formats.drawing.results import Drawing, drawing
+from mor.formats.written import Written
+from mor.project.file.nodes import Document
+
+
+def write_geojson(document: Document, folder: Path, target: Path) -> Written:
+    """A feature collection in metres. Raises :class:`InputError`."""
+    shown = drawing(document, folder)
+    at = dict(zip(shown.ids, shown.xyz.tolist(), strict=True))
+    features = [_point(shown, k) for k in range(len(shown.ids))]
+    features += [
+        _feature("Point", centre, {"id": name, "kind": "image"})
+        for name, centre in zip(shown.images, shown.centres.tolist(), strict=True)
+    ]
+    features += [
+        _feature("LineString", [at[a], at[b]], {"from": a, "to": b, "kind": "observed"})
+        for a, b in shown.lines
+    ]
+    text = json.dumps({"type": "FeatureCollection", "features": features}, ensure_ascii=False, indent=1)
+    words = "coordinates are those of the project, in metres: GeoJSON's own, longitude and latitude, are not known"
+    return Written({target: (text + "\n").encode()}, [Problem(words, str(target))])
+
+
+def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": properties,
+    }
+
+
+def _point(shown: Drawing, k: int) -> dict[str, Any]:
+    properties: dict[str, Any] = {"id": shown.ids[k], "kind": "point"}
+    if np.isfinite(shown.sigma[k]).all():
+        properties.update(zip(("sx", "sy", "sz"), shown.sigma[k].tolist(), strict=True))
+    return _feature("Point", shown.xyz[k].tolist(), properties)

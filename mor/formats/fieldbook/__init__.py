@@ -1,0 +1,1 @@
+"""Field books of total stations."""

@@ -1,0 +1,1 @@
+"""Metashape: cameras and markers as XML."""

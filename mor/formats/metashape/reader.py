@@ -1,0 +1,250 @@
+"""Metashape's ``cameras.xml`` and ``markers.xml`` as a project: frame cameras, poses, markers with their projections.
+
+Camera axes are right, down, forward; a transform takes them to the chunk, that of the chunk to its coordinate system.
+Pixels count from the upper left corner of the upper left pixel (Agisoft, *Metashape User Manual*, appendices).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor.arrays import FloatArray
+from mor.counting import counted
+from mor.errors import InputError, Problem
+from mor.formats.draft import Draft, Row, number
+from mor.formats.metashape.sensors import SensorError, camera_of
+from mor.formats.xml import Element, parse_xml
+from mor.geometry.rotations import angles_from_rotation
+from mor.input_files import PROJECT, read_bytes
+from mor.project.file.nodes import Document
+
+_FLIP = np.diag([1.0, -1.0, -1.0])
+SIGMA_MARKER, SIGMA_PROJECTION = 0.005, 0.5
+"""σ of markers (m) and of their projections (px) where the file has no accuracies: Metashape's defaults."""
+
+
+@dataclass
+class Chunk:
+    """What is read of a chunk."""
+
+    cameras: dict[str, str] = field(default_factory=dict)
+    """Name of each image by the number of its camera element."""
+    markers: dict[str, str] = field(default_factory=dict)
+    markers_placed: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
+
+
+def read_metashape(path: Path) -> Document:
+    """The project of a cameras.xml or markers.xml. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    root = parse_xml(read_bytes(path, PROJECT), draft.file)
+    chunks = [root] if root.name == "chunk" else list(_inside(root, "chunk"))
+    if not chunks:
+        raise InputError(
+            [Problem(f"found <{root.name}> without a <chunk>, expected Metashape's XML", draft.file, 1)]
+        )
+    if len(chunks) > 1:
+        draft.note(f"{len(chunks)} chunks: only the first one is read", chunks[1].line)
+    chunk = chunks[0]
+    draft.put("title", chunk.attributes.get("label", path.stem))
+    draft.put("units", {"length": "m", "angle": "rad"})
+    draft.put("axes", {"xy": "en"})
+    found = Chunk()
+    try:
+        _put_cameras(chunk, draft)
+        control = _read_markers(chunk, found, draft)
+        _put_images(chunk, found, control, draft)
+        _put_markers(found, draft)
+        _put_projections(chunk, found, draft)
+    except ValueError as error:
+        draft.problem(str(error), chunk.line)
+    if not control:
+        draft.put("datum", "free")
+    return draft.finish()
+
+
+def _inside(element: Element, name: str) -> Iterator[Element]:
+    """Elements of a name at any depth, those in groups as well."""
+    for child in element.children:
+        if child.name == name:
+            yield child
+        else:
+            yield from _inside(child, name)
+
+
+def _section(chunk: Element, section: str, name: str) -> list[Element]:
+    return [found for part in chunk.all(section) for found in _inside(part, name)]
+
+
+def _put_cameras(chunk: Element, draft: Draft) -> None:
+    cameras: dict[str, Any] = {}
+    for sensor in _section(chunk, "sensors", "sensor"):
+        name = sensor.attributes.get("id", str(len(cameras)))
+        try:
+            cameras[name], fixed = camera_of(sensor)
+        except SensorError as error:
+            draft.problem(f"sensor {name}: {error}", sensor.line)
+            continue
+        draft.lines["cameras", name] = sensor.line
+        if fixed:
+            draft.note(f"camera {name} is fixed, as the file says", sensor.line)
+    if not cameras and not draft.problems:
+        draft.problem("found no sensors", chunk.line)
+    draft.put("cameras", cameras)
+
+
+def _numbers(text: str, count: int, what: str) -> FloatArray:
+    values = [number(word) for word in text.split()]
+    if len(values) != count:
+        raise ValueError(f"{what}: found {len(values)} numbers, expected {count}")
+    return np.array(values)
+
+
+def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
+    """Rotation, translation and scale from the chunk to its coordinate system."""
+    R, t, s = np.eye(3), np.zeros(3), 1.0
+    for part in _transforms(chunk):
+        for child in part.children:
+            if child.name == "rotation":
+                R = _numbers(child.text, 9, "rotation").reshape(3, 3)
+            elif child.name == "translation":
+                t = _numbers(child.text, 3, "translation")
+            elif child.name == "scale":
+                s = float(_numbers(child.text, 1, "scale")[0])
+    return R, t, s
+
+
+def _transforms(chunk: Element) -> list[Element]:
+    return (
+        chunk.all("transform")
+        or [t for c in _section(chunk, "components", "component") for t in c.all("transform")][:1]
+    )
+
+
+def _system(chunk: Element) -> str:
+    """Kind of the coordinate system: local, projected or geographic."""
+    text = " ".join(part.text for part in chunk.all("reference")).strip()
+    if text.startswith("GEOGCS"):
+        return "geographic"
+    return "projected" if text.startswith(("PROJCS", "COMPD_CS", "GEOCCS")) else "local"
+
+
+def _read_markers(chunk: Element, found: Chunk, draft: Draft) -> bool:
+    """Markers with their reference coordinates (start values where switched off); true where some are control."""
+    system = _system(chunk)
+    control = 0
+    for marker in _section(chunk, "markers", "marker"):
+        if "id" not in marker.attributes:
+            continue
+        number_ = marker.attributes["id"]
+        name = marker.attributes.get("label", "").strip() or f"marker {number_}"
+        name = name if name not in found.markers.values() else f"{name} ({number_})"
+        found.markers[number_] = name
+        place: list[str | None] = [None] * 3
+        sigma: list[str | None] = [None] * 3
+        for given in marker.all("reference"):
+            if system != "geographic":
+                place, sigma = _reference(given, chunk)
+                known = given.attributes.get("enabled", "true") in ("true", "1")
+                sigma = sigma if known else [None] * 3
+        control += any(text is not None for text in sigma)
+        found.markers_placed[name] = place, sigma, marker.line
+    if system == "geographic" and found.markers:
+        draft.note(
+            "coordinates of markers are longitude and latitude: not read; the network is free", chunk.line
+        )
+    if control:
+        draft.note(f"{counted(control, 'marker')} with coordinates: observed, σ as the file says", chunk.line)
+    return control >= 3
+
+
+def _reference(given: Element, chunk: Element) -> tuple[list[str | None], list[str | None]]:
+    place = [given.attributes.get(axis) for axis in "xyz"]
+    for text in place:
+        if text is not None:
+            number(text)
+    common = _accuracy(chunk, "accuracy_markers", SIGMA_MARKER)
+    sigma = [given.attributes.get(f"s{axis}") or common for axis in "xyz"]
+    for text in sigma:
+        if number(text) < 0.0:
+            raise ValueError(f"found the accuracy {text}, expected 0 or more")
+    return place, [s if p is not None else None for s, p in zip(sigma, place, strict=True)]
+
+
+def _accuracy(chunk: Element, name: str, default: float) -> str:
+    for settings in chunk.all("settings"):
+        for given in settings.all("property"):
+            if given.attributes.get("name") == name and number(given.attributes.get("value", "")) > 0.0:
+                return given.attributes["value"]
+    return repr(default)
+
+
+def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> None:
+    """Poses in the chunk, or in its coordinate system where that is local."""
+    R, t, s = _similarity(chunk)
+    system = _system(chunk)
+    other = control and system != "local"
+    rows, left = [], 0
+    for camera in _section(chunk, "cameras", "camera"):
+        if "id" not in camera.attributes or "sensor_id" not in camera.attributes:
+            continue
+        number_, sensor = camera.attributes["id"], camera.attributes["sensor_id"]
+        if sensor not in draft.data["cameras"] or camera.attributes.get("enabled", "true") in ("false", "0"):
+            left += 1
+            continue
+        name = camera.attributes.get("label", "").strip() or f"camera {number_}"
+        name = name if name not in found.cameras.values() else f"{name} ({number_})"
+        found.cameras[number_] = name
+        pose: list[str | None] = [None] * 6
+        given = next(iter(camera.all("transform")), None)
+        if given is not None and not other:
+            T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
+            scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
+            world, centre = (R @ scaled, s * R @ T[:3, 3] + t) if system == "local" else (scaled, T[:3, 3])
+            numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
+            pose = [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else pose
+        rows.append(Row([name, sensor, *pose], camera.line))
+    if left:
+        draft.note(f"{counted(left, 'image')} switched off or without a sensor: not read", chunk.line)
+    if other:
+        draft.note("poses are geocentric, markers are not: the poses are not read", chunk.line)
+    if rows:
+        draft.table("images", ("id", "camera", "x", "y", "z", "omega", "phi", "kappa"), rows)
+
+
+def _put_markers(found: Chunk, draft: Draft) -> None:
+    rows = [Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()]
+    if rows:
+        draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
+
+
+def _put_projections(chunk: Element, found: Chunk, draft: Draft) -> None:
+    rows, lost = [], 0
+    for frame in _section(chunk, "frames", "frame"):
+        for marker in _section(frame, "markers", "marker"):
+            name = found.markers.get(marker.attributes.get("marker_id", ""))
+            for location in marker.all("location"):
+                image = found.cameras.get(location.attributes.get("camera_id", ""))
+                if name is None or image is None:
+                    lost += 1
+                    continue
+                xy = [location.attributes.get(axis, "") for axis in "xy"]
+                for text in xy:
+                    number(text)
+                rows.append(Row([image, name, *xy], location.line))
+    if lost:
+        draft.note(
+            f"{counted(lost, 'projection')} of markers or images that are not there: not read", chunk.line
+        )
+    sigma = _accuracy(chunk, "accuracy_projections", SIGMA_PROJECTION)
+    if rows:
+        columns = ("image", "point", "x", "y")
+        draft.table("observations", columns, rows, type="image", units="px", values={"sigma": sigma})
+    else:
+        draft.note(
+            "the file has no projections of markers: export the markers, too; tie points are in neither"
+        )

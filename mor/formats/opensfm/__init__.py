@@ -1,0 +1,1 @@
+"""OpenSfM and OpenDroneMap: reconstruction, tracks, ground control."""

@@ -1,0 +1,186 @@
+"""Ground control of OpenSfM and OpenDroneMap: ``gcp_list.txt`` and ``ground_control_points.json``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor.arrays import FloatArray
+from mor.formats.draft import Draft, number
+from mor.formats.json_text import JsonFile, Wrong, mapping
+from mor.formats.json_text import number as json_number
+from mor.formats.text import read_lines
+
+SIGMA = "0.02"
+"""σ of control, m: the files say none."""
+_AXIS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
+"""WGS84."""
+
+
+@dataclass
+class Control:
+    """Control points, their image points, and whether they are in a system that is not the block's."""
+
+    ids: dict[str, tuple[float, float, float | None]] = field(default_factory=dict)
+    rays: list[tuple[str, str, float, float]] = field(default_factory=list)
+    """Image, point, px from the upper left corner."""
+    own_system: bool = False
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Points observed with :data:`SIGMA`."""
+        rows = [
+            [
+                name,
+                repr(x),
+                repr(y),
+                None if z is None else repr(z),
+                SIGMA,
+                SIGMA,
+                None if z is None else SIGMA,
+            ]
+            for name, (x, y, z) in self.ids.items()
+        ]
+        return {
+            "columns": ["id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"],
+            "rows": rows,
+            "group": "control",
+        }
+
+
+def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft) -> Control:
+    """The control of a block, empty where it has none."""
+    places = [folder / "gcp_list.txt", folder.parent / "gcp_list.txt"]
+    listed = next(
+        (p for p in places if p.is_file() and (p.parent == folder or folder.name == "opensfm")), None
+    )
+    described = folder / "ground_control_points.json"
+    control = Control()
+    if described.is_file():
+        _read_json(described, whole, draft, control)
+    elif listed is not None:
+        _read_list(listed, whole, shots, draft, control)
+    if control.ids:
+        draft.note(f"control points are observed with σ = {SIGMA} m: the files say none")
+    return control
+
+
+def _read_list(
+    path: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft, control: Control
+) -> None:
+    """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one."""
+    lines = read_lines(path, draft)
+    system = lines[0].strip() if lines else ""
+    geographic = system.upper() in ("WGS84", "EPSG:4326") or "+proj=latlong" in system
+    names: dict[tuple[float, ...], str] = {}
+    lost = 0
+    for line, text in enumerate(lines[1:], start=2):
+        words = text.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            if len(words) < 6:
+                raise ValueError(f"found {len(words)} words, expected x y z u v image [name]")
+            x, y, z, u, v = (number(word) for word in words[:5])
+            z_or_none = z if words[2].lower() != "nan" else None
+        except ValueError as error:
+            draft.problem(str(error), line, str(path))
+            continue
+        name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
+        place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
+        if place is None:
+            draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
+            continue
+        control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
+        lost += words[5] not in shots
+        if words[5] in shots:
+            control.rays.append((words[5], name, u + 0.5, v + 0.5))
+    if lost:
+        draft.note(
+            f"{lost} image points of control not read: their images are not reconstructed", file=str(path)
+        )
+    if control.ids and not geographic:
+        control.own_system = True
+        said = f"coordinates are those of {system!r}, taken as plane"
+        draft.note(f"{said}; the poses of the block, in another system, are not read", 1, str(path))
+
+
+def _read_json(path: Path, whole: dict[str, Any], draft: Draft, control: Control) -> None:
+    file = JsonFile(path)
+    sizes = {
+        name: (float(shot["width"]), float(shot["height"]))
+        for name, shot in (whole.get("cameras") or {}).items()
+        if isinstance(shot, dict)
+        and isinstance(shot.get("width"), (int, float))
+        and isinstance(shot.get("height"), (int, float))
+    }
+    shots = whole.get("shots") or {}
+    points = file.data.get("points") if isinstance(file.data, dict) else None
+    for point in points if isinstance(points, list) else []:
+        try:
+            _json_point(mapping(point, "points"), whole, sizes, shots, control)
+        except Wrong as error:
+            name = point.get("id") if isinstance(point, dict) else ""
+            draft.problem(str(error), file.line(name), str(path))
+
+
+def _json_point(
+    point: dict[str, Any],
+    whole: dict[str, Any],
+    sizes: dict[str, tuple[float, float]],
+    shots: dict[str, Any],
+    control: Control,
+) -> None:
+    name = str(point.get("id", "")).strip()
+    if not name:
+        raise Wrong("a control point has no id")
+    position = mapping(point.get("position"), f"point {name!r}: position")
+    lat, lon = (json_number(position.get(key), f"point {name!r}: {key}") for key in ("latitude", "longitude"))
+    has_height = bool(position.get("has_altitude", "altitude" in position))
+    height = json_number(position.get("altitude", 0.0), f"point {name!r}: altitude")
+    place = _local(lat, lon, height, whole)
+    if place is None:
+        raise Wrong(f"point {name!r}: latitude, longitude need reference_lla in the reconstruction")
+    control.ids[name] = (float(place[0]), float(place[1]), float(place[2]) if has_height else None)
+    seen = point.get("observations")
+    for one in seen if isinstance(seen, list) else []:
+        shot = str(mapping(one, f"point {name!r}: observations").get("shot_id"))
+        if isinstance(shots.get(shot), dict) and shots[shot].get("camera") in sizes:
+            width, height = sizes[shots[shot]["camera"]]
+            at = one.get("projection")
+            if not isinstance(at, list) or len(at) != 2:
+                raise Wrong(f"point {name!r}: found no projection of two numbers in {shot!r}")
+            x, y = (json_number(value, f"point {name!r}: projection") for value in at)
+            side = max(width, height)
+            control.rays.append((shot, name, x * side + width / 2.0, y * side + height / 2.0))
+
+
+def _local(latitude: float, longitude: float, height: float, whole: dict[str, Any]) -> FloatArray | None:
+    """East, north, up about the reference point of a block, of degrees on WGS84; ``None`` where it has none."""
+    reference = whole.get("reference_lla")
+    if not isinstance(reference, dict):
+        return None
+    lat0, lon0, h0 = (json_number(reference.get(k, 0.0), k) for k in ("latitude", "longitude", "altitude"))
+    lat, lon = np.radians([lat0, lon0])
+    turn = np.array(
+        [
+            [-np.sin(lon), np.cos(lon), 0.0],
+            [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
+            [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
+        ]
+    )
+    local: FloatArray = turn @ (_geocentric(latitude, longitude, height) - _geocentric(lat0, lon0, h0))
+    return local
+
+
+def _geocentric(latitude: float, longitude: float, height: float) -> FloatArray:
+    lat, lon = np.radians([latitude, longitude])
+    e2 = _FLATTENING * (2.0 - _FLATTENING)
+    normal = _AXIS / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
+    across = (normal + height) * np.cos(lat)
+    return np.array(
+        [across * np.cos(lon), across * np.sin(lon), (normal * (1.0 - e2) + height) * np.sin(lat)]
+    )

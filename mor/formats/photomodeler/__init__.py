@@ -1,0 +1,1 @@
+"""PhotoModeler text exports."""

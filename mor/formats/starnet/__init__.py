@@ -1,0 +1,1 @@
+"""STAR*NET input data."""

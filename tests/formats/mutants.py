@@ -1,0 +1,243 @@
+"""Foreign files with mistakes in them: ``python -m tests.formats.mutants --count 10000`` reads so many of each format.
+
+A mutant is read, and its network built, or it is refused with its file; anything else is a fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import resource
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from mor.errors import InputError
+from mor.formats import read_foreign, write_foreign
+from mor.pipeline import read_document
+from mor.project.file.validation import validate
+from mor.project.network.build import build_network
+
+Files = dict[str, bytes]
+_WORDS = (
+    *(
+        "",
+        "0",
+        "-1",
+        "1e999",
+        "nan",
+        "inf",
+        "1e-320",
+        "x",
+        "1,5",
+        "1_0",
+        "9" * 30,
+        "-",
+        "!",
+        "*",
+        "&",
+        "'",
+        '"',
+        "#",
+    ),
+    *(
+        "ä",
+        "\x00",
+        "\t",
+        "NaN",
+        "[",
+        "]",
+        "{}",
+        "<a>",
+        "&amp;",
+        "=",
+        "1e308",
+        "0x10",
+        "\ufeff",
+        "--",
+        "1.2.3",
+    ),
+)
+_BYTES = (0, 1, 255, 128, 127, 10)
+
+
+def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
+    """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
+    from .test_bal import _bal
+    from .test_colmap import RIG
+    from .test_field_books import BOOKS
+    from .test_metashape import XML
+    from .test_opensfm import _folder
+    from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_starnet import _space
+
+    def written_by(key: str, name: str) -> Files:
+        source = Path(tempfile.mkdtemp(dir=folder))
+        made = write_foreign(read_document(_bal(source)[0]), source, source / name, key)
+        return {path.name: content for path, content in made.files.items()}
+
+    opensfm = Path(tempfile.mkdtemp(dir=folder))
+    _folder(opensfm)
+    (opensfm / "gcp_list.txt").write_text("WGS84\n8.0 50.0 103.0 1999.5 1499.5 c.jpg P1\n")
+    export = (
+        HEAD
+        + "".join(PHOTO.format(n=n, c="25.5") for n in (0, 1))
+        + POINTS.format(control="  9 5 5 5 0 0 0\n")
+    )
+    books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
+    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5"}
+    return {
+        "colmap text": ("colmap", "", {name: text.encode() for name, text in RIG.items()}),
+        "colmap binary": ("colmap", "", written_by("colmap-binary", "m")),
+        "opensfm": ("opensfm", "", {path.name: path.read_bytes() for path in opensfm.iterdir()}),
+        "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
+        "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
+        "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
+        "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
+        **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
+        "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
+        "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
+        "topcon": ("topcon", "a.gts7", {"a.gts7": _TOPCON.encode()}),
+        "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
+        "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
+    }
+
+
+_IDX = (
+    "HEADER\n\tUNITS\n\t\tANGULAR DMS\n\t\tLINEAR  METRE\n\tEND UNITS\nEND HEADER\nDATABASE\n"
+    "\tPOINTS(PointNo, PointID, East, North, Elevation, Code, Date, CLASS)\n"
+    '\t\t1,\t"A",\t10,\t20,\t1,\t"",\t,\tFIX;\n\t\t2,\t"B",\t30,\t20,\t1,\t"",\t,\tFIX;\n\tEND POINTS\nEND DATABASE\n'
+    'THEODOLITE\n\tSETUP\n\t\tSTN_NO\t1\n\t\tSTN_ID\t"A"\n\t\tINST_HT\t1.5;\n\tEND SETUP\n'
+    "\tSLOPE(TgtNo, TgtID, CfgNo, Hz, Vz, SDist, RefHt, Date, Ppm, ApplType, Flags)\n"
+    '\t\t2,\t"B",\t1,\t90.0000,\t90.0000,\t20.0,\t1.5,\t,\t0,\t107,\t0;\n'
+    '\t\t3,\t"C",\t1,\t17.573160,\t91.032780,\t12.5,\t1.5,\t,\t0,\t107,\t0;\n\tEND SLOPE\nEND THEODOLITE\n'
+)
+_NIKON = (
+    "CO,Nikon RAW data format V2.00\nCO,Dist Units: Metres\nCO,Angle Units: DDDMMSS\nCO,Coord Order: NEZ\n"
+    "MC,1,,100.000,200.000,10.000,\nST,1,,,,1.400,55.4500,55.4500\nF1,2,1.2,30.1,0.0000,90.0000,8:27:58\n"
+    "SS,3,1.2,20.0,45.3000,91.1530,8:30:00,TREE\n"
+)
+_TOPCON = (
+    "TopSURV v6.04\nJOB     G,\nUNITS   M,D\nSTN     1,1.5,\nXYZ     4000.0,2000.0,100.0\nBS      2,0.000\n"
+    "HV      45.00000,87.46350\nSS      3,0.0,c\nSD      74.39010,87.47000,2.1650\n"
+)
+_SOKKIA = (
+    "A,SET4C,13194,5802,5406,E0\nM,6.2.16,1,?,1.680,15,760,0.0,0.0,0.0,0,1,0\n"
+    "2,Ea,0000,?,0.085,0,7.244,102.3045,288.0705,4A\n16,Ee,0000,?,0.000,0,71.4030,191.2515,0.0020,-0.0000,BC\n"
+)
+_GEODIMETER = (
+    "2=GP1\n3=1.5\n5=3\n6=1.3\n17=174.0749\n7=354.0755\n8=89.1805\n5=P3\n7=223.1343\n9=85.921\n11=85.9\n"
+)
+
+
+def mutant(rng: np.random.Generator, files: Files) -> Files:
+    """One of the files with one to three changes."""
+    changed = dict(files)
+    for _ in range(int(rng.integers(1, 4))):
+        name = sorted(changed)[int(rng.integers(len(changed)))]
+        content = changed[name]
+        binary = b"\0" in content[:200] or rng.random() < 0.1
+        changed[name] = _bytes(rng, content) if binary else _text(rng, content)
+    return changed
+
+
+def _bytes(rng: np.random.Generator, content: bytes) -> bytes:
+    if not content:
+        return b"\xff"
+    at, kind = int(rng.integers(len(content))), int(rng.integers(4))
+    if kind == 0:
+        return content[:at]
+    if kind == 1:
+        return content[:at] + bytes([_BYTES[int(rng.integers(len(_BYTES)))]]) + content[at + 1 :]
+    if kind == 2:
+        return content[:at] + content[at + int(rng.integers(1, 9)) :]
+    return content[:at] + rng.bytes(int(rng.integers(1, 9))) + content[at:]
+
+
+def _text(rng: np.random.Generator, content: bytes) -> bytes:
+    lines = content.decode("utf-8", "replace").split("\n")
+    at, kind = int(rng.integers(len(lines))), int(rng.integers(6))
+    if kind == 0:
+        del lines[at]
+    elif kind == 1:
+        lines.insert(at, lines[int(rng.integers(len(lines)))])
+    elif kind == 2:
+        lines = lines[:at]
+    else:
+        words = lines[at].split(" ")
+        place = int(rng.integers(len(words)))
+        word = _WORDS[int(rng.integers(len(_WORDS)))]
+        words[place] = word if kind < 5 else words[place] + word
+        lines[at] = " ".join(words)
+    return "\n".join(lines).encode("utf-8", "replace")
+
+
+def fault(key: str, path: Path) -> str:
+    """What is wrong with the reading of a file, empty for nothing."""
+    began = time.process_time()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            document = read_foreign(path, key)
+            build_network(validate(document), document, path.parent)
+    except InputError as error:
+        if not error.problems or not all(problem.file for problem in error.problems):
+            return f"refused without a file: {error}"
+    except Exception as error:  # noqa: BLE001 - that is what is looked for
+        return f"{type(error).__name__}: {error}"
+    seconds = time.process_time() - began
+    return f"took {seconds:.1f} s" if seconds > 10.0 else ""
+
+
+def faults(name: str, seed: int, count: int, folder: Path) -> Iterator[tuple[int, str]]:
+    """Numbers of the mutants of a material that are read wrongly, and what is wrong."""
+    key, main, files = materials(folder)[name]
+    order = list(materials(folder)).index(name)
+    for number in range(count):
+        rng = np.random.default_rng([seed, order, number])
+        place = Path(tempfile.mkdtemp(dir=folder))
+        for file, content in mutant(rng, files).items():
+            (place / file).write_bytes(content)
+        found = fault(key, place / main if main else place)
+        if found:
+            yield number, found
+        else:
+            for file in place.iterdir():
+                file.unlink()
+            with contextlib.suppress(OSError):
+                place.rmdir()
+
+
+def main() -> None:
+    """Read mutants of every format, and say what went wrong."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="")
+    given = parser.parse_args()
+    total = 0
+    with tempfile.TemporaryDirectory(prefix="mutants") as temporary:
+        for name in materials(Path(temporary)):
+            if given.only and name != given.only:
+                continue
+            found = list(faults(name, given.seed, given.count, Path(temporary)))
+            total += len(found)
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+            print(
+                f"{name}: {given.count} mutants, {len(found)} faults, peak so far {peak:.2f} GB", flush=True
+            )
+            for number, words in found[:5]:
+                print(f"  {number}: {words}")
+    sys.exit(1 if total else 0)
+
+
+if __name__ == "__main__":
+    main()

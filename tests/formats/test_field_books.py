@@ -1,0 +1,211 @@
+"""Field books: sets, faces and heights of every format, a network measured twice, real files, what is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference_data import missing, network_of, reference_folder
+
+import mor
+from mor.errors import InputError
+from mor.formats import format_of, read_foreign
+from mor.formats.fieldbook.book import Sight, rounds, sexagesimal
+from mor.project.file.nodes import Document
+
+REAL = reference_folder("formats/total-stations")
+PLACES = {"1": (0.0, 0.0, 10.0), "2": (60.0, 10.0, 12.0), "3": (25.0, 50.0, 9.0), "4": (70.0, 60.0, 14.0)}
+HEIGHTS = {"1": 1.55, "2": 1.62, "3": 1.48}
+TARGET = 1.3
+
+
+def _readings(face: int = 1) -> list[tuple[str, str, float, float, float]]:
+    """Station, target, circle and zenith angle (gon), slope distance (m) of a small network, in one face."""
+    rows = []
+    for number, (station, height) in enumerate(HEIGHTS.items()):
+        for target, place in PLACES.items():
+            if target == station:
+                continue
+            dx, dy, dz = np.array(place) - PLACES[station] + [0, 0, TARGET - height]
+            circle = np.arctan2(dx, dy) * 200 / np.pi + 31.0 * number + (200 if face == 2 else 0)
+            zenith = np.arctan2(np.hypot(dx, dy), dz) * 200 / np.pi
+            slope = float(np.sqrt(dx * dx + dy * dy + dz * dz))
+            rows.append((station, target, circle % 400, 400 - zenith if face == 2 else zenith, slope))
+    return rows
+
+
+def _gsi(width: int = 16) -> str:
+    star = "*" if width == 16 else ""
+
+    def word(index: str, unit: str, value: int) -> str:
+        return f"{index}..1{unit}{'-' if value < 0 else '+'}{abs(value):0{width}d}"
+
+    lines = []
+    for station, height in HEIGHTS.items():
+        lines.append(f"{star}110001+{station:>0{width}} {word('88', '0', round(height * 1e3))} ")
+        for face in (1, 2):
+            for at, target, circle, zenith, slope in _readings(face):
+                if at == station:
+                    words = [word("21", "2", round(circle * 1e5)), word("22", "2", round(zenith * 1e5))]
+                    words += [word("31", "6", round(slope * 1e4)), word("87", "0", round(TARGET * 1e3))]
+                    lines.append(f"{star}110002+{target:>0{width}} {' '.join(words)} 51....+0000+000 ")
+    return "\r\n".join(lines)
+
+
+def _sdr() -> str:
+    lines = ["00NMSDR33  V04-04.34    25-Nov-15 12:33 211111"]
+    for station, height in HEIGHTS.items():
+        lines.append(f"02TP{station:>16}{'':16}{'':16}{'':16}{height:<16}")
+        lines.append(f"03NM{TARGET:<16}")
+        for face in (1, 2):
+            for at, target, circle, zenith, slope in _readings(face):
+                if at == station:
+                    lines.append(f"09F{face}{at:>16}{target:>16}{slope:<16.5f}{zenith:<16.6f}{circle:<16.6f}")
+    return "\n".join(lines)
+
+
+def _m5() -> str:
+    lines = []
+    for station, height in HEIGHTS.items():
+        x, y, z = PLACES[station]
+        lines.append(f"For M5|Adr 1|TI  INPUT |th {TARGET:.3f} m   |ih {height:.3f} m   |      |")
+        lines.append(f"For M5|Adr 1|PI1       S    {station}|Y   {x} m   |X   {y} m   |Z {z} m   |")
+        for face in (1, 2):
+            for at, target, circle, zenith, slope in _readings(face):
+                if at == station:
+                    values = f"SD {slope:.5f} m   |Hz {circle:.6f} gon |V1 {zenith:.6f} gon "
+                    lines.append(f"For M5|Adr 1|PI1            {target}|{values}|")
+    return "\n".join(lines)
+
+
+BOOKS = {"b.gsi": _gsi(), "old.gsi": _gsi(8), "b.sdr": _sdr(), "b.m5": _m5()}
+
+
+@pytest.mark.parametrize("name", BOOKS)
+def test_a_network_comes_out_as_it_was(tmp_path: Path, name: str) -> None:
+    """Distances between the points, and their heights above each other, whatever the datum."""
+    path = tmp_path / name
+    path.write_text(BOOKS[name])
+    result = mor.adjust(str(path))
+    network, solved = result.project.network, result.solved
+    points = network.things["point"]
+    found = {point: solved.adjustment.values["point"][points.part(point, "position")] for point in points.ids}
+    assert set(found) == set(PLACES)
+    for a in PLACES:
+        for b in PLACES:
+            true = np.array(PLACES[b]) - PLACES[a]
+            ours = found[b] - found[a]
+            assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(true), abs=2e-3)
+            assert ours[2] == pytest.approx(true[2], abs=2e-3)
+    assert sum(len(group.observed) for group in network.groups) >= 36
+    assert "3 set-ups, 3 sets" in " ".join(result.project.notes)
+
+
+def test_rounds() -> None:
+    def sights(names: str, faces: str) -> list[Sight]:
+        return [Sight(name, 1, 0.0, face=int(face)) for name, face in zip(names, faces, strict=True)]
+
+    assert rounds(sights("ABCCBA", "111222"), 360) == [1] * 6
+    assert rounds(sights("ABCABC", "111111"), 360) == [1, 1, 1, 2, 2, 2]
+    assert rounds(sights("ABCA", "1111"), 360) == [1] * 4
+    assert rounds(sights("ABBA", "1212") + sights("ABBA", "1212"), 360) == [1, 1, 1, 1, 2, 2, 2, 2]
+
+
+def test_degrees_minutes_seconds() -> None:
+    assert sexagesimal("17.573160") == pytest.approx(17 + 57 / 60 + 31.6 / 3600)
+    assert sexagesimal("-0.3") == -0.5
+    for wrong in ("12.6000", "12.0060", "x", "1e3", ""):
+        with pytest.raises(ValueError, match="expected"):
+            sexagesimal(wrong)
+
+
+def _real(name: str) -> Document:
+    if REAL is None:
+        pytest.skip(missing("formats/total-stations"))
+    return read_foreign(REAL / name)
+
+
+def _rows(document: Document, type_: str) -> list[list[str | None]]:
+    tables = [table for table in document.data.get("observations", []) if table["type"] == type_]
+    return [row for table in tables for row in table["rows"]]
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "points", "both", "distances"),
+    [
+        ("coords.gsi", "gsi", 40, 0, 0),
+        ("20151125.sdr", "sdr", 0, 14, 13),
+        ("20151130.sdr", "sdr", 0, 21, 20),
+        ("180416-1.m5", "m5", 0, 20, 19),
+        ("jkv.gts7", "topcon", 0, 4, 3),
+        ("1cs.scr", "sokkia-scr", 0, 18, 12),
+        ("test.idx", "idx", 0, 154, 31),
+        ("ullo.job", "geodimeter", 0, 12, 0),
+        ("ullo.are", "geodimeter", 4, 0, 0),
+    ],
+)
+def test_real_books(name: str, key: str, points: int, both: int, distances: int) -> None:
+    document = _real(name)
+    assert REAL is not None
+    assert format_of(REAL / name) == key
+    listed = sum(len(table["rows"]) for table in document.data["points"])
+    if points:
+        assert listed == points
+        assert "observations" not in document.data
+    assert len(_rows(document, "zenith_directions")) == both
+    assert len(_rows(document, "distance")) == distances
+
+
+def test_a_real_book_fits(tmp_path: Path) -> None:
+    """Circle readings in both faces and horizontal distances of eight stations: what was measured agrees."""
+    assert _real("ullo.job") is not None
+    assert REAL is not None
+    result = mor.adjust(str(REAL / "ullo.job"))
+    groups = dict(
+        zip((g.type.key for g in result.solved.network.groups), result.solved.quality.groups, strict=True)
+    )
+    assert float(np.nansum(groups["directions"].r)) > 70
+    for key, sigma in (("directions", 3 / 3600 * np.pi / 180), ("horizontal_distance", 2e-3)):
+        v = np.nan_to_num(groups[key].v)
+        assert np.sqrt((v**2).sum() / np.nansum(groups[key].r)) < 1.2 * sigma
+
+
+def test_cyrillic_is_told() -> None:
+    notes = " ".join(map(str, _real("20151125.sdr").notes))
+    assert "cp1251 (Windows, Cyrillic)" in notes
+    assert "not read: notes (13 records, lines 4–8, 11–12, 14, 19, 21, 23, 37, 39)" in notes
+
+
+def test_readings_that_are_no_angles_are_left_out() -> None:
+    assert "angles of some of them are none" in " ".join(map(str, _real("sample.raw").notes))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        (
+            "a.gsi",
+            "110001+00000001 21.102+1000000x\n110002+0000002 21",
+            r"a\.gsi:1: word 21: found '\+1000000x'",
+        ),
+        ("a.gsi", "110001+00000001 21.102+10000000\n11000", r"a\.gsi:2: found '11000', expected words"),
+        ("a.gsi", "110001+00000001 21.109+10000000", r"a\.gsi:1: word 21: found unit '9'"),
+        ("a.sdr", "00NMSDR33 V04 25-Nov-15 12:33 911111", r"a\.sdr:1: found angles of kind 9"),
+        ("a.m5", "For M5|Adr 1|PI1   2|SD 1.2 ft|Hz 12.6101 DMS|", r"a\.m5:1: found SD in 'ft'"),
+        ("a.job", "5=P1\nfive=3", r"a\.job:2: found 'five=3'"),
+        ("a.job", "9=3", "neither a point nor a reading"),
+    ],
+)
+def test_mistakes_have_their_line(tmp_path: Path, name: str, text: str, words: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_foreign(path)
+
+
+def test_readings_match_the_network(tmp_path: Path) -> None:
+    path = tmp_path / "b.gsi"
+    path.write_text(BOOKS["b.gsi"])
+    network = network_of(read_foreign(path), tmp_path)
+    assert {group.type.key for group in network.groups} >= {"zenith_directions", "distance"}

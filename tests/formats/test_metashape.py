@@ -1,0 +1,163 @@
+"""Metashape's XML: round trips, the chunk's transform, markers, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference_data import network_of, point_results
+
+from mor.errors import InputError
+from mor.formats import format_of, read_foreign, write_foreign
+from mor.geometry.cameras import CAMERA_MODELS
+from mor.pipeline import read_document, solve_network
+from mor.project.network.build import Network
+
+from .blocks import MODELS, block, written
+
+OWN = {"f": 3705.47, "cx": 11.67, "cy": -27.75, "b1": 0.526, "b2": -0.306, "k1": -0.0919, "k2": -0.0763,
+       "k3": 0.1163, "k4": -0.0761, "p1": -3.1e-4, "p2": 1.2e-4}  # fmt: skip
+
+
+def _write(source: Path) -> Path:
+    out = write_foreign(read_document(source), source.parent, source.parent / "cameras.xml", "metashape")
+    for path, content in out.files.items():
+        path.write_bytes(content)
+    return source.parent / "cameras.xml"
+
+
+@pytest.mark.parametrize("model", [name for name in MODELS if name not in ("FULL_OPENCV", "OPENCV_FISHEYE")])
+def test_round_trips_have_the_same_rays(tmp_path: Path, model: str) -> None:
+    """Poses and image points come back, and the camera, which has another model, sees every point where it did."""
+    source = written(tmp_path, block(3, model))
+    xml = _write(source)
+    assert format_of(xml) == "metashape"
+    before, after = (network_of(d, tmp_path) for d in (read_document(source), read_foreign(xml)))
+    for kind in ("point", "rotation"):
+        np.testing.assert_allclose(after.start[kind], before.start[kind], rtol=1e-12, atol=1e-12)
+    seen = [
+        _pixels(network, from_centre)
+        for network, from_centre in ((before, "c" in MODELS[model]), (after, True))
+    ]
+    for ours, theirs in zip(*seen, strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=0, atol=1e-9)
+
+
+def _pixels(network: Network, from_centre: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Observed and computed px from the upper left corner, sorted."""
+    (group,) = network.groups
+    image, point = network.things["image"], network.things["point"]
+    computed = []
+    for a, b in zip(*group.references, strict=True):
+        D = network.start["rotation"][image.part(a, "rotation")]
+        star = D @ (
+            network.start["point"][point.part(b, "position")]
+            - network.start["point"][image.part(a, "position")]
+        )
+        model = CAMERA_MODELS[list(CAMERA_MODELS)[image.part(a, "model")]]
+        interior = network.start[f"interior/{model.key}"][image.part(a, "interior")]
+        computed.append(
+            model.project(
+                star[None], interior[None], np.zeros((1, len(model.constants))), np.zeros((1, 2))
+            ).xy[0]
+        )
+    centre = [800, 600] if from_centre else [0, 0]
+    return tuple(np.sort(xy * [1, -1] + centre, axis=0) for xy in (group.observed, np.array(computed)))  # type: ignore[return-value]
+
+
+def test_its_own_model_and_adjusted_results_come_back(tmp_path: Path) -> None:
+    data = block(4, "PINHOLE", noise=0.2)
+    interior = {
+        **{k: {"fixed": repr(v)} for k, v in OWN.items()},
+        "f": {"free": "1200.0"},
+        "cx": {"fixed": "12.0"},
+    }
+    data["cameras"]["7"].update(model="metashape", interior=interior)
+    data["points"][0]["rows"][0] += ["0.001", "0.001", "0.001"]
+    for row in data["points"][0]["rows"][1:]:
+        row += [None, None, None]
+    data["points"][0]["columns"] += ["sigma_x", "sigma_y", "sigma_z"]
+    source = written(tmp_path, data)
+    again = read_foreign(_write(source))
+    assert again.data["cameras"]["0"]["interior"] == interior
+    assert again.data["points"][0]["rows"][0][4:] == ["0.001", "0.001", "0.001"]
+    data["points"][0]["rows"] = [row[:4] for row in data["points"][0]["rows"]]
+    data["points"][0]["columns"] = data["points"][0]["columns"][:4]
+    data["observations"][0]["values"] = {"sigma": "0.5"}
+    source = written(tmp_path, data)
+    solved = [
+        solve_network(network_of(d, tmp_path)) for d in (read_document(source), read_foreign(_write(source)))
+    ]
+    costs = [sum(float((q.v**2).sum()) for q in one.quality.groups) for one in solved]
+    assert costs[1] == pytest.approx(costs[0], rel=1e-9)
+    distances = []
+    for one in solved:
+        xyz = np.array([place for place, _ in point_results(one).values()])
+        distances.append(np.linalg.norm(xyz[:, None] - xyz, axis=2))
+    np.testing.assert_allclose(
+        distances[1] / distances[1].max(), distances[0] / distances[0].max(), atol=1e-9
+    )
+
+
+XML = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0"><chunk label="Chunk 1" enabled="true">
+<sensors next_id="2"><sensor id="0" label="M3M (12.29mm)" type="frame"><resolution width="5280" height="3956"/>
+<property name="pixel_width" value="0.0033582"/><property name="focal_length" value="12.29"/>
+<calibration type="frame" class="adjusted"><resolution width="5280" height="3956"/><f>3705.47</f><cx>11.67</cx>
+<cy>-27.75</cy><b1>0.52</b1><k1>-0.09</k1>
+<covariance><params>f cx cy b1 k1 k2</params></covariance></calibration></sensor>
+<sensor id="1" label="bare" type="frame"><resolution width="4000" height="3000"/>
+<property name="pixel_width" value="0.003"/><property name="focal_length" value="12"/>
+<property name="fixed" value="true"/></sensor></sensors>
+<cameras next_id="3"><camera id="0" sensor_id="0" label="a.jpg">
+<transform>1 0 0 1 0 -1 0 2 0 0 -1 3 0 0 0 1</transform></camera>
+<group id="0" label="g"><camera id="1" sensor_id="1" label="a.jpg"/></group>
+<camera id="2" sensor_id="0" label="off.jpg" enabled="false"/></cameras>
+<markers><marker id="0" label="P1"><reference x="1" y="2" z="3" sx="0.01" sy="0.01" sz="0.02" enabled="true"/></marker>
+<marker id="1" label="P2"/></markers>
+<frames><frame id="0"><markers><marker marker_id="0"><location camera_id="0" pinned="true" x="10.5" y="20.25"/>
+<location camera_id="2" x="1" y="1"/></marker></markers></frame></frames>
+<transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>10 20 30</translation><scale>2</scale></transform>
+<settings><property name="accuracy_projections" value="0.1"/></settings>
+<reference>LOCAL_CS["Local Coordinates (m)"]</reference>
+</chunk></document>"""
+
+
+def test_a_chunk_with_its_transform(tmp_path: Path) -> None:
+    path = tmp_path / "markers.xml"
+    path.write_bytes(b"\xef\xbb\xbf" + XML.replace("\n", "\r\n").encode())
+    document = read_foreign(path)
+    data = document.data
+    rows = data["images"][0]["rows"]
+    assert [row[:2] for row in rows] == [["a.jpg", "0"], ["a.jpg (1)", "1"]]
+    # camera centre (1, 2, 3), turned by 90° about z, doubled and shifted
+    assert [float(v) for v in rows[0][2:5]] == pytest.approx([10 - 4, 20 + 2, 30 + 6])
+    # its axes right, down, forward are x, −y, −z of the chunk: it looks straight down, turned by 90°
+    assert [float(v) for v in rows[0][5:]] == pytest.approx([0, 0, np.pi / 2])
+    assert data["points"][0]["rows"][0] == ["P1", "1", "2", "3", "0.01", "0.01", "0.02"]
+    assert data["observations"][0]["rows"] == [["a.jpg", "P1", "10.5", "20.25"]]
+    assert data["observations"][0]["values"] == {"sigma": "0.1"}
+    free = [name for name, value in data["cameras"]["0"]["interior"].items() if "free" in value]
+    assert free == ["f", "cx", "cy", "b1", "k1", "k2"]
+    assert data["cameras"]["1"]["interior"]["f"] == {"fixed": "4000.0"}
+    notes = " ".join(map(str, document.notes))
+    assert "1 image switched off" in notes
+    assert "1 projection of markers or images that are not there" in notes
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('type="frame"><res', 'type="spherical"><res', r"markers\.xml:3: sensor 0: type 'spherical'"),
+        ("<f>3705.47</f>", "<f>x</f>", "sensor 0: f: found 'x', expected a number"),
+        ("1 0 0 1 0 -1", "1 0 0 1 0 -1 7", "transform of camera 'a.jpg': found 17 numbers"),
+        ('x="10.5"', 'x="nan"', "found 'nan'"),
+        ("</markers></frame>", "</frame>", "not well-formed XML"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "markers.xml"
+    path.write_text(XML.replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        read_foreign(path)

@@ -1,0 +1,34 @@
+"""A few hundred mutants of all formats; ``python -m tests.formats.mutants`` reads more of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from .mutants import faults, materials
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "colmap text",
+            "colmap binary",
+            "opensfm",
+            "bal",
+            "metashape",
+            "photomodeler",
+            "starnet",
+            "gsib",
+            "gsio",
+        ),
+        *("sdrb", "m5b", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
+    ],
+)
+def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
+    assert list(faults(name, 2026, 25, tmp_path)) == []
+
+
+def test_every_material_is_tried(tmp_path: Path) -> None:
+    assert len(materials(tmp_path)) == 16

@@ -1,0 +1,139 @@
+"""STAR*NET input: every code, options, a network that comes out as it was, mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference_data import network_of
+
+import mor
+from mor.errors import InputError
+from mor.formats import format_of, read_foreign
+from mor.formats.starnet.lines import degrees
+
+PLACES = {
+    "1": (1000.0, 500.0, 100.0),
+    "2": (1080.0, 520.0, 103.0),
+    "3": (1050.0, 590.0, 98.0),
+    "4": (990.0, 570.0, 101.0),
+}
+
+
+def _dms(angle: float) -> str:
+    seconds = round(angle % 360.0 * 3600.0, 4)
+    return f"{int(seconds // 3600)}-{int(seconds % 3600 // 60):02d}-{seconds % 60:07.4f}"
+
+
+def _between(a: str, b: str, own: float = 0.0, target: float = 0.0) -> tuple[float, float, float]:
+    """Bearing and zenith angle (degrees), slope distance."""
+    dx, dy, dz = np.array(PLACES[b]) - PLACES[a] + [0.0, 0.0, target - own]
+    zenith = np.degrees(np.arctan2(np.hypot(dx, dy), dz))
+    return float(np.degrees(np.arctan2(dx, dy))), float(zenith), float(np.sqrt(dx * dx + dy * dy + dz * dz))
+
+
+def _measured(at: str, back: str, to: str) -> str:
+    angle = _between(at, to)[0] - _between(at, back)[0]
+    _, zenith, slope = _between(at, to, 1.5, 1.3)
+    return f"{_dms(angle)} {slope:.5f} {_dms(zenith)}"
+
+
+def _space() -> str:
+    """A network in space by every kind of line; coordinates are north, east."""
+    x, y, z = zip(*(PLACES[k] for k in "1234"), strict=True)
+    _, zenith, slope = _between("2", "4", 1.6, 1.2)
+    lines = [
+        "# a comment", ".UNITS METERS DMS", ".ORDER NE ATFROMTO", ".3D", "'a description",
+        f"C 1 {y[0]} {x[0]} {z[0]} ! ! !", f"C 2 {y[1]} {x[1]} {z[1]} 0.002 0.002 0.003 'pillar",
+        f"C 3 {y[2]} {x[2]} {z[2]} * * *",
+        f"B 1-2 {_dms(_between('1', '2')[0])} 2",
+        f"M 1-2-3 {_measured('1', '2', '3')} 3 0.002 5 1.5/1.3",
+        f"M 2-1-3 {_measured('2', '1', '3')} & & & 1.5/1.3",
+        f"DV 2-4 {slope:.5f} {_dms(zenith)} 0.002 &",
+        "    & 1.6/1.2",
+        f"V 3-4 {_dms(_between('3', '4')[1])} !",
+        f"D 3-4 {_between('3', '4')[2]:.5f}",
+        "D 1-4 999.0 *",
+        f"A 1-2-4 {_dms(_between('1', '4')[0] - _between('1', '2')[0])} 3",
+        f"L 1-3 {z[2] - z[0]} 250",
+        f"L 3-4 {z[3] - z[2]} & 0.001",
+        "DB 3", *(f"DN {k} {_dms(_between('3', k)[0] + 17)} 3" for k in "124"), "DE",
+        "TB 1", f"T 2 {_measured('2', '1', '3')} & & & 1.5/1.3",
+        f"T 3 {_measured('3', '2', '4')} & & & 1.5/1.3", "TE 4",
+        ".REFRACTION 0.07", "G1 1-2 1 2 3",
+    ]  # fmt: skip
+    return "\r\n".join(lines)
+
+
+def test_a_network_in_space_comes_out_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "net.dat"
+    path.write_text(_space(), newline="")
+    assert format_of(path) == "starnet"
+    result = mor.adjust(str(path))
+    network, solved = result.project.network, result.solved
+    assert sum(len(table["rows"]) for table in result.project.document.data["observations"]) == 23
+    for name, place in PLACES.items():
+        ours = solved.adjustment.values["point"][network.things["point"].part(name, "position")]
+        np.testing.assert_allclose(ours, place, rtol=0, atol=2e-4)
+    notes = " ".join(result.project.notes)
+    for words in (
+        "free observations (*)",
+        ".REFRACTION",
+        "GNSS vectors",
+        "written from the manual",
+        "without σ",
+    ):
+        assert words in notes
+
+
+def test_a_plane_network_in_feet_and_gons(tmp_path: Path) -> None:
+    path = tmp_path / "net.dat"
+    path.write_text(
+        ".UNITS FEET GONS\n.ORDER EN FROMATTO\nC A 0 0 ! !\nC B 1000 0 ! !\nC P 500 500\n"
+        "A B-A-P 350 10\nD A-P 707.1068 0.01\nD B-P 707.1068\nTB N50.0E\n"
+    )
+    document = read_foreign(path)
+    data = document.data
+    assert data["settings"]["dimensions"] == "xy"
+    assert data["points"][0]["rows"][1][:3] == ["B", "304.8", "0.0"]
+    angle, distance = data["observations"]
+    assert angle["rows"][0][:3] == ["A", "B", "P"]
+    assert float(angle["rows"][0][3]) == pytest.approx(315.0)
+    assert float(angle["rows"][0][4]) == pytest.approx(10 * 9e-5)
+    assert distance["type"] == "horizontal_distance"
+    network_of(document, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("44-15-35.5", 44.259861111),
+        ("44.15355", 44.259861111),
+        ("N45-30-00W", 314.5),
+        ("S10-00E", 170.0),
+        ("12@30", 12.5),
+    ],
+)
+def test_angles(text: str, value: float) -> None:
+    assert degrees(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("D 1-2 x", r"net\.dat:3: D: found 'x', expected a number"),
+        ("D 1 10", r"net\.dat:3: D: found '1', expected 2 names with - between them"),
+        ("A 1-2-3 45-61-00", "A: found '45-61-00', expected less than 60"),
+        ("M 1-2-3 45-00-00 10", "M: found 3 words, expected at-from-to"),
+        ("DN 1 45-00-00", "DN: expected DB with the station"),
+        ("D 1-2 10 -0.1", "D: found the σ -0.1"),
+        ("XX 1", "XX: unknown code"),
+        ("C 5 10", "C: found 2 words"),
+    ],
+)
+def test_mistakes_have_their_line(tmp_path: Path, line: str, words: str) -> None:
+    path = tmp_path / "net.dat"
+    path.write_text(f"C 1 0 0 0 ! ! !\nV 1-2 90-00-00\n{line}\n")
+    with pytest.raises(InputError, match=words):
+        read_foreign(path, "starnet")
