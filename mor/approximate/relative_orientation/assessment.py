@@ -83,6 +83,7 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     outcome = _outcome(a, b, chosen, rivals, covariance)
+    covariance = _along_base(covariance, chosen.base)
     return RelativeOrientation(
         outcome=outcome,
         geometry=_geometry(judged.geometry, outcome, len(a)),
@@ -182,21 +183,26 @@ def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate,
 
 
 def orientation_covariance(chosen: Coplanarity) -> FloatArray:
-    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular.
-
-    Along b, where its length of one leaves no error of first order, that of second: with ξ the turns of the base
-    b changes by −b |ξ|²/2, and E |ξ|⁴ = (tr C)² + 2 tr C². A component of ±1 had no σ else.
-    """
+    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
     scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
     values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
     spread = np.zeros((6, 5))
     spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
-    covariance = np.asarray(spread @ inverse @ spread.T)
+    return np.asarray(spread @ inverse @ spread.T)
+
+
+def _along_base(covariance: FloatArray, base: FloatArray) -> FloatArray:
+    """The covariance (6, 6) with what second order adds along the base, whose length of one leaves no first.
+
+    With ξ the turns of the base it changes by −b |ξ|²/2, and E |ξ|⁴ = (tr C)² + 2 tr C². A component of ±1 had no σ
+    else.
+    """
     of_base = covariance[:3, :3]
     fourth = np.trace(of_base) ** 2 + 2.0 * np.sum(of_base**2)
-    covariance[:3, :3] += 0.25 * fourth * np.outer(chosen.base, chosen.base)
-    return covariance
+    result = covariance.copy()
+    result[:3, :3] += 0.25 * fourth * np.outer(base, base)
+    return result
 
 
 def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -77,3 +77,20 @@ def test_the_base_has_a_sigma_along_itself(scenes):
         found = relative_orientation(*(image_bundle(one, 0.01) for one in rays))
         errors.append((found.base[0] - 1.0) / np.sqrt(found.base @ found.covariance[:3, :3] @ found.base))
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
+
+
+@pytest.mark.parametrize("seed", [22871, 23536, 28940])
+def test_the_linear_system_alone_would_lead_to_another_minimum(scenes, seed):
+    rng = np.random.default_rng(seed + 10**7)
+    rng.choice(5)
+    noise, count = float(rng.choice([0.001, 0.002, 0.005])), int(rng.integers(9, 51))
+    made = scenes.scene(seed, noise, n=count)
+    position, rotation = made.cameras[0]
+    length, way = 10.0 ** rng.uniform(-3, -1), rng.normal(size=3)
+    other = position + length * way / np.linalg.norm(way), exponential(rng.normal(0, 0.05, 3)) @ rotation
+    rays = made.rays[0], scenes.image(made.points, *other, noise, rng)
+    a, b = (image_bundle(one, noise) for one in rays)
+    from_truth = adjust_coplanarity(a, b, *scenes.relative_truth([made.cameras[0], other]))
+    found = relative_orientation(a, b)
+    assert found.sigma0**2 * (count - 5) < from_truth.objective + 5.0
+    assert found.outcome is not RelativeOutcome.DETERMINED
