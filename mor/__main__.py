@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import warnings
@@ -19,13 +20,22 @@ def main() -> None:
             if number is not None and signal.getsignal(number) is signal.SIG_DFL:
                 signal.signal(number, _interrupt)
         _heed_warnings()
+        gc.set_threshold(_OBJECTS)
         from mor.cli import run
 
         code = run()
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # all is done
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
+    gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
+
+
+_OBJECTS = 50_000
+"""New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none.
+
+With :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
+"""
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

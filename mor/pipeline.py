@@ -32,7 +32,7 @@ from mor.project.network.entities import thing_of
 from mor.project.network.reading import TableWatcher, ignore_table
 from mor.project.reduction import with_blocks_held
 from mor.project.tables.columns import MOST_TOLD
-from mor.quality.assess import Levels, assess
+from mor.quality.assess import Levels, Quality, assess
 from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
 from mor.quality.diagnosis.self_check import checked
 from mor.quality.diagnosis.unsettled import with_fitting_reason
@@ -45,6 +45,9 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
+from mor.quality.hypotheses.hypothesis import Offered
+from mor.quality.hypotheses.search import causes
+from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
@@ -71,9 +74,11 @@ def read_document(path: Path, form: str = "") -> Document:
 def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
     """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`.
 
+    Its notes say what was assumed, and which observations cannot be right or contradict what is known.
     ``read`` is told each table of points, images and observations that has been read.
     """
-    return build_network(validate(document), document, folder, read)
+    network = build_network(validate(document), document, folder, read)
+    return replace(network, notes=(*network.notes, *implausible(network)))
 
 
 def solve_network(
@@ -92,21 +97,38 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         network, start = determinable_start(network)
+        whole = network
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
     suspects = next((left for found, left in rescued if found is adjustment), None)
+    plain = suspects.plain if suspects is not None else adjustment
+
+    def possible_causes(quality: Quality | None) -> tuple[Offered, ...]:
+        solution = adjustment if adjustment.outcome.is_solution else None
+        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing)
+
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
-        return Solved(network, with_fitting_reason(adjustment), None)
+        return Solved(network, with_fitting_reason(adjustment), None, causes=possible_causes(None))
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
     quality = assess(adjustment, levels(settings), aposteriori, done)
     sound = checked(quality)
     if not sound.outcome.is_solution:
-        return Solved(network, sound, None, None, suspects)
+        return Solved(network, sound, None, None, suspects, possible_causes(None))
+    found = possible_causes(quality)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
-    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects)
+    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found)
+
+
+def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
+    """Start values of a changed network; nothing where there are none, or where it is no more as large."""
+    try:
+        reduced, start = determinable_start(network)
+    except (InputError, NoStartValuesError):
+        return None
+    return start if reduced.groups is network.groups else None
 
 
 def _without_gross_errors(
@@ -154,7 +176,13 @@ def snooped(network: Network) -> Network:
 
 def levels(settings: ProjectSettings) -> Levels:
     """Levels of the tests of a project."""
-    return Levels(settings.snooping_level, settings.power, settings.global_level, settings.familywise_level)
+    return Levels(
+        settings.snooping_level,
+        settings.power,
+        settings.global_level,
+        settings.familywise_level,
+        settings.least_redundancy,
+    )
 
 
 def _wanted(settings: ProjectSettings) -> Wanted:
@@ -187,12 +215,20 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     replaced = tuple(
         Mistake(f"start value of {words}; another one takes its place") for words in found.replaced
     )
-    network = replace(network, notes=(*network.notes, *replaced))
+    ambiguous = tuple(
+        Mistake(
+            f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
+            "the one with the cameras above is taken"
+        )
+        for join in found.parts
+        if join.tie is not None and join.tie.alternatives
+    )
+    network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
     start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
-        raise NoStartValuesError(missing, found.remarks)
+        raise NoStartValuesError(missing, map(str, found.remarks))
     if missing:
         network = without_unknown(network, start, missing)
         start = network.start

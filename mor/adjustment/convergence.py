@@ -54,15 +54,18 @@ def is_over(state: Adjustment, change: float, weak: FloatArray) -> bool:
 
 
 def stands_still(iterations: tuple[Iteration, ...]) -> bool:
-    """True where the last iterations neither made vᵀPv smaller, nor their steps: nothing is to be expected of more."""
+    """True where the last iterations neither made vᵀPv smaller, nor their steps: nothing is to be expected of more.
+
+    Steps that shrink slowly, all those to come together by less than one σ, are slow and do not stand still.
+    """
     if len(iterations) < 2 * _STANDING:
         return False
     earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
     if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
         return False
-    shortest = (min(iteration.largest_change for iteration in part) for part in (earlier, later))
-    before, now = shortest
-    return now > 0.5 * before
+    before, now = (min(iteration.largest_change for iteration in part) for part in (earlier, later))
+    rate = (now / before) ** (1.0 / _STANDING) if before > 0.0 else 0.0
+    return now > 0.5 * before and (rate >= 1.0 or now * rate / (1.0 - rate) > 1.0)
 
 
 def left_after(state: Adjustment, change: float) -> float:
@@ -81,7 +84,9 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, change: 
 
     That is where the ``shift`` (u,) into the datum is nothing beside the accuracy of the coordinates: that of the
     ``step`` (u,), which moves them by some of their σ for every unit of ``change``, and that of their last digits,
-    through the condition of the constraint.
+    through the condition of the constraint. A step of round-off tells less than the σ there is; then the one of the
+    coordinate that moves farthest is worked out, in the datum, and in the minimal datum of the anchors: a step that is
+    nothing may be that times ``change`` there, and the shift takes it back.
     """
     mask = state.constraint.mask
     moving = float(np.abs(shift[mask]).max(initial=0.0))
@@ -92,7 +97,24 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, change: 
     condition = float(np.linalg.cond(together)) if together.size else 1.0
     digits = 4.0 * _EPS * float(np.abs(coordinates).max(initial=0.0)) * condition
     sigma = float(np.abs(step[mask]).max(initial=0.0)) / change if change > 0.0 else 0.0
-    return moving <= max(ACCURACY, min(change, 1e-3)) * sigma + digits
+    if moving <= max(ACCURACY, min(change, 1e-3)) * sigma + digits:
+        return True
+    in_datum, anchored = _sigmas(state, int(np.argmax(np.where(mask, np.abs(shift), 0.0))))
+    return moving <= max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits
+
+
+def _sigmas(state: Adjustment, unknown: int) -> tuple[float, float]:
+    """σ (for σ0 = 1) of an unknown in the datum of the inner constraints, and in the minimal datum of the anchors.
+
+    They are √(sᵀQs) and √Q_ii, s the row of S = I − G H Bᵀ.
+    """
+    null, bound = state.defect.datum, state.constraint.normals
+    unit = np.zeros(len(null))
+    unit[unknown] = 1.0
+    row = unit - bound @ np.linalg.solve(null.T @ bound, null[unknown])
+    both = np.stack([row, unit], axis=1)
+    squares = np.einsum("uk,uk->k", both, state.inverse.solve(both))
+    return tuple(np.sqrt(np.maximum(squares, 0.0)).tolist())
 
 
 def round_off(plan: Plan, values: Values, normals: Normals, weak: FloatArray) -> float:

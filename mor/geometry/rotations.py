@@ -59,6 +59,14 @@ def exponential(vector: FloatArray) -> FloatArray:
     return rotation
 
 
+def nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """The rotation (3, 3) nearest to a matrix: largest trace of the product with its transpose (W. Kabsch 1976)."""
+    left, _, right = np.linalg.svd(matrix)
+    proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    nearest: FloatArray = (left * proper) @ right
+    return nearest
+
+
 def rotate(D: FloatArray, delta: FloatArray) -> FloatArray:
     """Updated rotations exp(−[δ]×) D, orthonormalised by one Newton step of the polar decomposition."""
     updated = exponential(-np.asarray(delta, dtype=float)) @ D

@@ -3,6 +3,7 @@
 from mor.observations._at_infinity import (
     AT_INFINITY,
     FREE_TURNS,
+    TURNED_AXIS,
     at_infinity,
     can_be_at_infinity,
     target_slot,
@@ -26,7 +27,7 @@ from mor.observations.coordinates import COORDINATES
 from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
 from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
-from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
@@ -83,6 +84,7 @@ __all__ = [
     "PERFECT_SET_UP",
     "PLAIN_TYPES",
     "PROJECTION_CENTRE_TYPES",
+    "TURNED_AXIS",
     "Computed",
     "External",
     "ObservationGroup",
@@ -92,6 +94,7 @@ __all__ = [
     "Slot",
     "at_infinity",
     "can_be_at_infinity",
+    "is_image_point",
     "some_rows",
     "target_slot",
     "without",

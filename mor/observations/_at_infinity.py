@@ -21,7 +21,7 @@ FREE_TURNS = (True, True, False)
 """Turns about the axes of D that move u: not the one about u itself."""
 AT_INFINITY = " at infinity"
 """What the keys of these types end with."""
-_TURNED_AXIS: FloatArray = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+TURNED_AXIS: FloatArray = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 """∂u/∂δ in the axes of D: −[e_Z]×."""
 
 
@@ -44,7 +44,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
         filled = [near.get(k, zero) for k, zero in enumerate(nothing)]
         computed = type_.equation(filled, constants)
         by_point = computed.jacobians[target]
-        by_turn = by_point @ np.swapaxes(D, 1, 2) @ _TURNED_AXIS
+        by_turn = by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS
         return Computed(computed.values, (*(computed.jacobians[k] for k in kept), by_turn))
 
     return replace(

@@ -30,6 +30,8 @@ class Levels:
     overall: float = 0.05
     familywise: float | None = None
     """Level of all tests of single observations together (Šidák); it takes the place of ``snooping``."""
+    least_redundancy: float = 0.01
+    """Redundancy number below which an observation is called uncontrolled."""
 
 
 @dataclass(frozen=True)

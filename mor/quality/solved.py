@@ -8,10 +8,14 @@ from functools import cached_property
 from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
+from mor.quality.hypotheses.hypothesis import Offered
 from mor.quality.reliability.effects import Effect, effects
+from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.treatment import Treatment
+from mor.quality.verdict import Verdict, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +29,14 @@ class Solved:
     """What was done about gross errors and weights; ``None`` where there was no solution."""
     suspects: Suspects | None = None
     """What was left out because all observations together have no solution."""
+    causes: tuple[Offered, ...] = ()
+    """What may be the cause where something is rejected, the best hypothesis first."""
 
     @cached_property
     def movements(self) -> Movements | None:
         """What does not come to rest, where there is no solution; worked out once for all reports."""
+        if self.adjustment.reason == REDUNDANCY_LOST:
+            return None  # it did come to rest
         if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
             return last_movements(self.adjustment)
         return None
@@ -37,3 +45,19 @@ class Solved:
     def effects(self) -> tuple[Effect, ...]:
         """What the suspicious observations do, worked out once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """The tests of the groups and what would explain those that reject, worked out once for all reports."""
+        return verdict(self.quality, self.network) if self.quality is not None else None
+
+    @cached_property
+    def reliability_map(self) -> tuple[Controlled, ...]:
+        """How well points, images, stations and sets are controlled, worked out once for all reports."""
+        return tuple(reliability_map(self.quality, self.network)) if self.quality is not None else ()
+
+    @property
+    def accepted(self) -> bool:
+        """True where the global test and the tests of all groups accept, or where there is no redundancy to test."""
+        quality, judged = self.quality, self.verdict
+        return quality is not None and quality.global_test.accepted and not (judged and judged.contradicted)

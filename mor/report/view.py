@@ -16,7 +16,8 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
-from mor.report.results.summary import summary
+from mor.report.hypotheses.table import hypotheses
+from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
     group_table,
@@ -28,6 +29,8 @@ from mor.report.tables.estimates import (
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
 from mor.report.tables.suspects import suspects
+from mor.report.verdict.group_tests import verdict_rows
+from mor.report.verdict.reliability_map import reliability_rows
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,9 @@ class View:
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
     suspects: dict[str, Any] | None
+    verdict: dict[str, Any] | None
+    reliability: dict[str, Any] | None
+    hypotheses: list[dict[str, Any]]
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -91,6 +97,9 @@ def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv"
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
         suspects=suspects(solved),
+        verdict=verdict_rows(solved),
+        reliability=reliability_rows(solved),
+        hypotheses=hypotheses(solved),
         residuals=residuals,
         residuals_file=file,
     )
@@ -105,12 +114,18 @@ def view_of_folder(folder: Path) -> View:
         raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
     except (ValueError, RecursionError):
         raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+    if isinstance(data, dict) and (version := data.get("schema_version")) != SCHEMA_VERSION:
+        words = (
+            f"these results are of version {version}, this program reads version {SCHEMA_VERSION}; "
+            "mor adjust --force writes them anew"
+        )
+        raise InputError([Problem(words, str(path))])
     if not isinstance(data, dict) or data.get("global_test") is None:
         raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
     try:
         return _view(data, folder)
     except (KeyError, TypeError, pl.exceptions.PolarsError):
-        words = "these results are not complete, or of another version of mor"
+        words = "these results are not complete"
         raise InputError([Problem(words, str(path))]) from None
 
 
@@ -125,6 +140,9 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         checks=data["checks"],
         gross_errors=data["gross_errors"],
         suspects=data.get("suspects"),
+        verdict=data.get("verdict"),
+        reliability=data.get("reliability"),
+        hypotheses=data.get("hypotheses", []),
         residuals=_residuals(data, folder),
     )
 

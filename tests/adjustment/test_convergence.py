@@ -44,6 +44,8 @@ def test_a_standstill_is_ten_iterations_that_lead_nowhere():
     assert stands_still(_history(*[3.0] * 10))
     assert not stands_still(_history(*[3.0] * 9))
     assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(10))))
+    assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(10))))
+    assert stands_still(_history(*(100.0 * 0.9 ** np.arange(10))))
 
 
 def test_round_off_is_that_of_the_steps_of_disturbed_coordinates():

@@ -91,7 +91,10 @@ def test_text_has_units_and_the_convention(tmp_path: Path, capsys: pytest.Captur
     ("content", "words"),
     [
         ("id,x1,y1\n1,0,0\n", "expected the columns id, x1, y1, x2, y2"),
-        ("id,x1,y1,x2,y2\n1,0,zero,0,0\n", "y1: found 'zero', expected a number"),
+        ("id,x1,y1,x2,y2\n1,0,zero,0,0\n", "p.csv:2: y1: found 'zero', expected a number"),
+        ("id,x1,y1,x2,y2\n1,0,0,0,nan\n1,0,0,0,0\n", "p.csv:3: id '1' is given twice (first in line 2)"),
+        ("id,x1,y1,x2,y2\n1,0,0,3,\n", "p.csv:2: y2 is empty, and x2 is not"),
+        ("id,x1,y1,x2,y2,x3\n1,0,0,3,4,5\n", "p.csv:1: expected the columns id, x1, y1, x2, y2"),
     ],
 )
 def test_mistakes_are_said(
@@ -101,6 +104,22 @@ def test_mistakes_are_said(
     path.write_text(content)
     assert run(["orient", "relative", str(path), "-c", "30"]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["relative", "-c", "nan"],
+        ["relative", "-c", "30", "--sigma", "nan"],
+        ["relative", "-c", "30", "--attitude", "0", "0", "inf"],
+        ["planar", "-c", "30", "--length", "1", "2", "nan"],
+        ["planar", "-c", "30", "--length-sigma", "inf"],
+    ],
+)
+def test_numbers_that_are_none_are_no_numbers(tmp_path: Path, options: list[str]) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text("id,x1,y1,x2,y2\n1,0,0,0,0\n2,0,0,0,0\n")
+    assert run(["orient", options[0], str(path), *options[1:]]) == 2
 
 
 def test_seven_points_are_too_few_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -156,6 +175,26 @@ def test_a_chain_in_the_object_system(tmp_path: Path, capsys: pytest.CaptureFixt
         np.testing.assert_allclose(image["rotation"], D @ turn, atol=1e-8)
     assert all(p["sx"] > 0.0 and p["sz"] > 0.0 for p in model["points"])
     assert model["redundancy"] == 4 * 60 - 90 - (5 + 12)
+
+
+def test_a_point_left_out_leaves_the_others_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A wrong pair in the middle of the table, and a point that one image only shows."""
+    table, points, _ = strip(tmp_path, 2, 0.001)
+    lines = table.read_text().splitlines()
+    other = lines[21].split(",")
+    lines[10] = ",".join([*lines[10].split(",")[:3], *other[3:]])
+    lines[15] = ",".join([*lines[15].split(",")[:3], "", ""])
+    table.write_text("\n".join(lines) + "\n")
+    assert run(["orient", "relative", str(table), "-c", "30", "--json"]) == 0
+    model = json.loads(capsys.readouterr().out)["model"]
+    assert model["points"][9]["remark"] == "wrong pair"
+    assert model["points"][14]["remark"] == "fewer than two rays"
+    assert model["sigma0"] < 1.6
+    truth = points / np.linalg.norm(np.array([1.6, 0.2, 0.1]))
+    for k in set(range(30)) - {9, 14}:
+        found = model["points"][k]
+        for axis, value in zip("xyz", truth[k], strict=True):
+            assert abs(found[axis] - value) < 5 * found[f"s{axis}"]
 
 
 def test_the_nine_unknowns_and_their_conditions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -214,8 +253,10 @@ def test_points_off_the_plane_get_heights(tmp_path: Path, capsys: pytest.Capture
         assert height["value"] == pytest.approx(0.4, abs=1e-6)
         assert height["sigma"] > 0.4 * 0.005 / 2.5
         assert np.shape(solution["correlation"]) == (len(solution["results"]),) * 2
+        assert solution["points"][0]["sx"] == solution["points"][0]["sz"] == 0.0
+        assert solution["points"][0]["correlation"][0] == [None, None, None]
     assert run(["orient", "planar", str(table), "-c", "50", "--off", "X"]) == 2
-    assert "point 'X' does not exist" in capsys.readouterr().err
+    assert "off.csv: point 'X' does not exist" in capsys.readouterr().err
 
 
 def test_two_images_from_one_centre_have_no_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from small_projects import LEVELLING, mor
 from mor.cli import run
 from mor.cli.commands.plot import KINDS, view_of_source
 from mor.report.plots.network import covariances, ellipse_lines
+from mor.report.results.summary import SCHEMA_VERSION
 from mor.report.view import View
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
@@ -143,11 +144,24 @@ def test_ellipses_of_heights_are_drawn_in_elevation(tmp_path: Path) -> None:
     assert {"X [m]", "Y [m]"} <= words[1]
 
 
+CURRENT = f'{{"schema_version": {SCHEMA_VERSION}'
+
+
 @pytest.mark.parametrize(
-    "content", ["[1", "[" * 100_000, "[]", "{}", '{"global_test": 1}', '{"global_test": 1, "points": 3}']
+    "content",
+    ["[1", "[" * 100_000, "[]", "{}", CURRENT + "}", CURRENT + ', "global_test": 1, "points": 3}'],
 )
 def test_results_that_are_damaged(tmp_path, content):
     (tmp_path / "results.json").write_text(content)
     run = mor("plot", "network", tmp_path, "-o", tmp_path / "network.svg")
     assert run.code == 2
     assert run.err.startswith(f"{tmp_path / 'results.json'}: ")
+
+
+def test_results_of_another_version_are_called_that(tmp_path):
+    (tmp_path / "results.json").write_text('{"schema_version": 1, "global_test": {}, "points": []}')
+    run = mor("plot", "network", tmp_path, "-o", tmp_path / "network.svg")
+    words = (
+        "these results are of version 1, this program reads version 2; mor adjust --force writes them anew"
+    )
+    assert (run.code, run.err) == (2, f"{tmp_path / 'results.json'}: {words}\n")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mor.arrays import FloatArray
-from tests.mixtures.world import C, World
+from tests.mixtures.world import C, World, rotation
 
 GON = 200.0 / np.pi
 
@@ -39,7 +39,7 @@ def _document(world: World, given: bool) -> str:
             {"type": "plane", "id": name, "points": points, "sigma": _size(world.size)}
             for name, points in world.planes.items()
         ],
-        "observations": _observations(world),
+        "observations": [*_observations(world), *world.tables],
         "datum": "free" if world.free else "fixed",
     }
     used = {
@@ -73,9 +73,13 @@ def _points(world: World, given: bool) -> dict[str, Any]:
     rows = []
     for name, point in world.points.items():
         noise = np.random.default_rng(world.seed + 7 * len(rows)).standard_normal(3)
+        start = point.xyz if given or point.rough is None else point.rough
+        told = given or point.rough is not None
         values = [
-            _number(float(value + (sigma or 0.0) * shake)) if given or sigma is not None else ""
-            for value, sigma, shake in zip(point.xyz, point.sigma, noise, strict=True)
+            _number(float(true + sigma * shake) if sigma is not None else float(first))
+            if told or sigma is not None
+            else ""
+            for true, first, sigma, shake in zip(point.xyz, start, point.sigma, noise, strict=True)
         ]
         rows.append([name, *values, *(_number(sigma) for sigma in point.sigma)])
     return _table(["id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"], rows)
@@ -83,19 +87,34 @@ def _points(world: World, given: bool) -> dict[str, Any]:
 
 def _images(world: World, given: bool) -> dict[str, Any]:
     columns = ["id", "camera", "position", "height", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"]
+    turned = ["sigma_omega", "sigma_phi", "sigma_kappa"] if _any_turned(world) else []
     rows = []
     for name, image in world.images.items():
         own = not image.leader and not image.over
         noise = np.random.default_rng(world.seed + 11 * len(rows)).standard_normal(3) * (
             image.observed or 0.0
         )
-        place = [_number(v) if own and (given or image.observed) else "" for v in image.centre + noise]
-        sigma = [_number(image.observed) if own else ""] * 3
-        angles = _angles(image.D) if given and not image.leader else [""] * 3
+        place = [
+            _number(v) if own and (given or image.observed or image.held) else ""
+            for v in image.centre + noise
+        ]
+        sigma = ["0" if image.held else _number(image.observed) if own else ""] * 3
+        shake = rotation(
+            (image.turned or 0.0) * np.random.default_rng(world.seed + 13 * len(rows)).standard_normal(3)
+        )
+        told = (given or image.held or image.turned is not None) and not image.leader
+        angles = _angles(shake @ image.D) if told else [""] * 3
+        angles += ["0" if image.held else "" if image.turned is None else f"{GON * image.turned:.9f}"] * len(
+            turned
+        )
         height = _number(image.height) if image.over else ""
         pair = "rig" if image.leader else ""
         rows.append([name, "c", image.over, height, *place, *sigma, *angles, image.leader, pair])
-    return _table([*columns, "omega", "phi", "kappa", "leader", "pair"], rows)
+    return _table([*columns, "omega", "phi", "kappa", *turned, "leader", "pair"], rows)
+
+
+def _any_turned(world: World) -> bool:
+    return any(image.held or image.turned is not None for image in world.images.values())
 
 
 def _pair(world: World, given: bool) -> dict[str, Any]:
@@ -124,18 +143,15 @@ def _stations(world: World, given: bool) -> list[dict[str, Any]]:
 
 
 def _systems(world: World, given: bool, free: bool) -> dict[str, Any]:
-    rows = [
-        [
-            name,
-            *([_number(v) for v in origin] if given else [""] * 3),
-            *(_angles(D) if given else [""] * 3),
-            _number(scale) if given or not scale_free else "",
-        ]
-        for name, (origin, D, scale, scale_free) in world.systems.items()
-        if scale_free is free
-    ]
-    columns = ["id", "x", "y", "z", "omega", "phi", "kappa", "scale"]
-    return _table(columns, rows, **({} if free else {"fixed": ["scale"]}))
+    columns = ["x", "y", "z", "omega", "phi", "kappa", "scale"]
+    held = ("scale", *world.system_held) if not free else ()
+    rows = []
+    for name, (origin, D, scale, scale_free) in world.systems.items():
+        if scale_free is free:
+            values = [*map(_number, origin), *_angles(D), _number(scale)]
+            told = [v if given or c in held else "" for c, v in zip(columns, values, strict=True)]
+            rows.append([name, *told])
+    return _table(["id", *columns], rows, **({} if free else {"fixed": list(held)}))
 
 
 def _observations(world: World) -> list[dict[str, Any]]:
@@ -157,7 +173,7 @@ def _observations(world: World) -> list[dict[str, Any]]:
     tables.append(_table(["from", "to", "dz"], rows, type="height_difference", values={"sigma": length}))
     rows = [[a, b, *map(_number, d)] for a, b, *d in world.vectors]
     tables.append(_table(["from", "to", "dx", "dy", "dz"], rows, type="vector", values={"sigma": length}))
-    rows = [[system, p, *map(_number, xyz)] for system, p, *xyz in world.local]
+    rows = [[system, p, *map(_number, xyz)] for system, p, *xyz in world.local]  # NaN is an empty cell
     tables.append(_table(["system", "point", "x", "y", "z"], rows, type="local", values={"sigma": length}))
     rows = [[a, b, _number(GON * t, 9)] for a, b, t in world.bearings]
     tables.append(_table(["from", "to", "bearing"], rows, type="bearing", values={"sigma": "6.4 mgon"}))

@@ -6,6 +6,7 @@ What is simulated here shares no code with the program: projections and angles a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -24,6 +25,8 @@ class Point:
 
     xyz: FloatArray
     sigma: list[float | None] = field(default_factory=lambda: [None, None, None])
+    rough: FloatArray | None = None
+    """Start value that the project has, where it has one."""
 
 
 @dataclass
@@ -37,6 +40,10 @@ class Image:
     leader: str = ""
     observed: float | None = None
     """σ of an observed position."""
+    held: bool = False
+    """True where the pose is given and fixed."""
+    turned: float | None = None
+    """σ (rad) of an observed attitude."""
 
 
 @dataclass
@@ -65,6 +72,8 @@ class World:
     """``None`` free, 0 fixed."""
     systems: dict[str, tuple[FloatArray, FloatArray, float, bool]] = field(default_factory=dict)
     """Origin, D, scale, whether the scale is free."""
+    system_held: tuple[str, ...] = ()
+    """Components of the systems with a fixed scale that are fixed too."""
     planes: dict[str, list[str]] = field(default_factory=dict)
     rays: list[Row] = field(default_factory=list)
     directions: list[Row] = field(default_factory=list)
@@ -75,6 +84,8 @@ class World:
     vectors: list[Row] = field(default_factory=list)
     local: list[Row] = field(default_factory=list)
     bearings: list[Row] = field(default_factory=list)
+    tables: list[dict[str, Any]] = field(default_factory=list)
+    """Observations of further types, as the project has them."""
     free: bool = True
     tags: set[str] = field(default_factory=set)
 

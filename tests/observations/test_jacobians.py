@@ -91,36 +91,26 @@ CASES = [(key, name) for key in ALL_TYPES for name, place in PLACES.items() if _
 
 
 def _put_target(kind, blocks, sight):
-    """Move the last position so that the target is seen at ``sight`` in the axes of the (last) frame."""
+    """Move all positions but the first so that the last is seen at ``sight`` in the axes of the (last) frame."""
     part = {(slot.of, slot.part): block for slot, block in zip(kind.slots, blocks, strict=True)}
     if kind.key.startswith(("observed/", "difference/", "level")):
         return
     if kind.key.endswith("/projection centre"):
         _put_at_centres(kind, blocks, sight)
         return
-    if kind.key == "angle":
-        at, backsight, target = blocks
-        backsight[:] = at + np.array([1.0, -1.0, 1.0]) * sight
-        target[:] = at + sight
-        return
-    if kind.key == "spatial_angle":
-        at, height, backsight, first, target, second = blocks
-        up = np.array([0.0, 0.0, 1.0])
-        backsight[:] = at + np.roll(sight, 1) + (height - first) * up
-        target[:] = at + sight + (height - second) * up
-        return
     owner = kind.slots[0].of
-    vector = np.broadcast_to(sight, (ROWS, 3)).copy()
-    if (owner, "relative rotation") in part:
-        vector = np.einsum("nji,nj->ni", part[owner, "relative rotation"], vector) + part[owner, "base"]
-    if (owner, "eccentricity") in part:
-        vector = vector - part[owner, "eccentricity"]
-    if (owner, "rotation") in part:
-        vector = np.einsum("nji,nj->ni", part[owner, "rotation"], vector)
-    last = next(slot.of for slot in reversed(kind.slots) if slot.part == "position")
-    vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]
-    vector[:, 2] -= part.get((last, "height"), np.zeros((ROWS, 1)))[:, 0]
-    part[last, "position"][:] = part[owner, "position"] + vector
+    ends = [slot.of for slot in kind.slots if slot.part == "position" and slot.of != owner]
+    for turn, end in enumerate(reversed(ends)):  # further ones, as of an angle, are seen beside it
+        vector = np.broadcast_to(np.roll(sight, turn), (ROWS, 3)).copy()
+        if (owner, "relative rotation") in part:
+            vector = np.einsum("nji,nj->ni", part[owner, "relative rotation"], vector) + part[owner, "base"]
+        if (owner, "eccentricity") in part:
+            vector = vector - part[owner, "eccentricity"]
+        if (owner, "rotation") in part:
+            vector = np.einsum("nji,nj->ni", part[owner, "rotation"], vector)
+        vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]
+        vector[:, 2] -= part.get((end, "height"), np.zeros((ROWS, 1)))[:, 0]
+        part[end, "position"][:] = part[owner, "position"] + vector
 
 
 def _put_at_centres(kind, blocks, sight):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,22 @@ pairs:
         for d in (exact, followers)
     )
     np.testing.assert_allclose(*first, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("component", ["omega", "phi", "kappa"])
+def test_no_angle_differs_exactly_by_itself_where_two_are_the_same_turn(
+    component, tmp_path, monkeypatch
+) -> None:
+    """The scene turned about Y until φ is 100 gon: equal attitudes are still well said, single angles are not."""
+    turned = ANGLES + np.array([0.0, 107.0, 0.0])
+    M = rotation_from_angles(turned[0] * GON).T @ rotation_from_angles(ANGLES[0] * GON)
+    here = sys.modules[__name__]
+    for name, value in {"ANGLES": turned, "CENTRES": CENTRES @ M.T, "POINTS": POINTS @ M.T}.items():
+        monkeypatch.setattr(here, name, value)
+    attitude = "".join(difference(*row, 0.0) for row in CASES["attitude"])
+    assert solved(tmp_path / "whole", attitude)["unknowns"] == 39
+    with pytest.raises(AssertionError, match="phi of image A is ±100 gon: omega and kappa are the same turn"):
+        solved(tmp_path / "single", difference("AB", component, 0.0, 0.0))
 
 
 def test_contradictions_are_told_with_the_row_that_contradicts(tmp_path: Path) -> None:

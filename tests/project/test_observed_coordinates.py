@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from reference_data import network_of_yaml, point_results
 
+from mor.errors import InputError
 from mor.pipeline import solve_network
 
 
@@ -70,3 +71,35 @@ datum: {{free: {{x: [A], y: [A, B], z: [B]}}}}
     np.testing.assert_allclose(
         results["A"][1] ** 2, [0, 0.25, 1], atol=1e-14
     )  # σ of zero is the root of round-off
+
+
+FIXED = """
+mor: 1
+axes: {xy: AXES}
+points:
+  - {columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 10, 0, 0], [C, 0, 10, 0]], fixed: [x, y, z]}
+  - {columns: [id, x, y, z, sigma_y], rows: [[E, 3, 4, 5, 0], [F, 3, 6, 5, 0.1]]}
+stations: [{columns: [id, point], rows: [[S, E]], level: LEVEL}]
+observations:
+  - {type: distance, columns: [from, to, distance], rows: [[A, B, 10.01]], values: {sigma: 0.01}}
+  - type: zenith_directions
+    columns: [station, to, horizontal, zenith]
+    rows: [[S, A, 240.97, 158.26], [S, B, 133.05, 143.20], [S, C, 370.48, 149.00]]
+    values: {sigma: 1 mgon}
+  - type: coordinates
+    columns: [point, x, y, z]
+    rows: [[A, 0, null, null], [E, 3, 4, 5], [F, 3, 4, 5]]
+    values: {sigma: 0.01}
+  - {type: level, columns: [frame, tilt_x, tilt_y], rows: [[S, 0, 0]], values: {sigma: 1 mgon}}
+"""
+
+
+@pytest.mark.parametrize("axes", ["en", "ne", "sw"])
+@pytest.mark.parametrize("level", ["fixed", "free"])
+def test_what_is_fixed_cannot_be_observed_by_itself(axes, level, tmp_path):
+    """Counted with r = 1 it would only make the rest look better; the distance between fixed points checks them."""
+    with pytest.raises(InputError) as found:
+        network_of_yaml(FIXED.replace("AXES", axes).replace("LEVEL", level), tmp_path)
+    told = [problem.message.partition(":")[0] for problem in found.value.problems]
+    tilts = ["tilt_x, tilt_y of frame 'S'"] if level == "fixed" else []
+    assert told == ["x of point 'A'", "y of point 'E'", *tilts]

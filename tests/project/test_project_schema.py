@@ -50,6 +50,7 @@ def test_a_converted_project_fits_and_has_numbers(tmp_path: Path) -> None:
 def test_a_new_project_fits_and_tells_editors_its_schema(tmp_path: Path) -> None:
     shutil.copy(SAMPLES / "facade" / "image_points.csv", tmp_path)
     project = tmp_path / "p.yaml"
+    (tmp_path / "mor.schema.json").write_text('{"title": "of an older version"}')
     assert mor("new", project, tmp_path / "image_points.csv", "-c", "28").code == 0
     first = project.read_text().splitlines()[0]
     assert first == "# yaml-language-server: $schema=mor.schema.json"

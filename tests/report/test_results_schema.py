@@ -15,6 +15,8 @@ from mor.report.results.model import Results
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NAMES = sorted(path.parent.name for path in SAMPLES.glob("*/project.yaml"))
 
+PLACE = ("type", "group", "at", "from", "to", "component", "unit")
+
 
 def unknown_keys(part: Any, path: str = "") -> list[str]:
     """Paths of keys that the model does not name."""
@@ -40,6 +42,10 @@ def results_of(project: Path, capsys: pytest.CaptureFixture[str], *options: str)
 def test_every_sample_fits(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     data = results_of(SAMPLES / name / "project.yaml", capsys, "--snoop")
     assert unknown_keys(Results.model_validate(data)) == []
+    places = [tuple(row[key] for key in PLACE) for row in data["residuals"]]
+    found = [tuple(row[key] for key in PLACE) for row in data["gross_errors"]["suspicious"]]
+    assert found
+    assert set(found) <= set(places)
 
 
 def test_no_solution_fits_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
 from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
 from mor.approximate.terrestrial.polar import orient
@@ -29,7 +30,7 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
         # Arcs last: they ask for many distances at every point that is not known yet.
-        if not added and not _arcs(part, distances):
+        if not added and not grow_arcs(part, distances):
             return grown
         grown = True
 
@@ -38,9 +39,9 @@ def _level_known(part: Part, block: int) -> bool:
     return bool(np.isfinite(part.points[block, :2]).all())
 
 
-def _place(part: Part, block: int, xy: FloatArray, words: str) -> None:
+def _place(part: Part, block: int, xy: FloatArray, how: Rule) -> None:
     part.points[block, :2] = np.where(np.isfinite(part.points[block, :2]), part.points[block, :2], xy)
-    part.how[f"point {block}"] = words
+    part.how[f"point {block}"] = how
 
 
 def _orient(part: Part, measured: Terrestrial) -> bool:
@@ -79,7 +80,7 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
             if np.isfinite(length):
                 t = direction - kappa
                 xy = part.points[sight.position, :2] + length * np.array([np.sin(t), np.cos(t)])
-                _place(part, int(point), xy, f"polar from {sight.name}")
+                _place(part, int(point), xy, rule("polar from {one}", one=sight.name))
                 added = True
     return added
 
@@ -97,12 +98,12 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
             continue
         section = bearing_section(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
         if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], f"intersection of {len(found)} bearings")
+            _place(part, point, section.points[0], rule("intersection of {count} bearings", count=len(found)))
             added = True
     return added
 
 
-def _arcs(part: Part, distances: Distances) -> bool:
+def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
     unknown = np.asarray(np.isnan(part.points[:, :2]).any(axis=1))
@@ -114,7 +115,7 @@ def _arcs(part: Part, distances: Distances) -> bool:
             continue
         section = arc_section(np.array(centres), np.array(lengths))
         if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], f"section of {len(lengths)} arcs")
+            _place(part, point, section.points[0], rule("section of {count} arcs", count=len(lengths)))
             added = True
     return added
 
@@ -144,7 +145,7 @@ def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> b
             continue
         station = _free_station(part, sight, distances)
         if station is not None:
-            _place(part, sight.position, station[0], f"free stationing of {sight.name}")
+            _place(part, sight.position, station[0], rule("free stationing of {one}", one=sight.name))
             part.kappas[number] = station[1]
             added = True
     return added
@@ -176,7 +177,7 @@ def _vectors(part: Part, measured: Terrestrial) -> bool:
             fresh = np.isnan(part.points[other]) & np.isfinite(candidate)
             if fresh.any():
                 part.points[other, fresh] = candidate[fresh]
-                part.how[f"point {other}"] = "vector"
+                part.how[f"point {other}"] = rule("vector")
                 added = True
     return added
 
@@ -188,7 +189,7 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
     if len(ends) == 0 or not np.isnan(part.points[:, 2]).all():
         return False
     part.points[h.start[0], 2] = 0.0
-    part.how[f"point {h.start[0]}"] = "height 0: no height is given"
+    part.how[f"point {h.start[0]}"] = rule("height 0: no height is given")
     return True
 
 
@@ -224,6 +225,6 @@ def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -
         fresh = np.isfinite(z[one]) & np.isnan(z[other]) & np.isfinite(dz)
         z[other[fresh]] = z[one[fresh]] + sign * dz[fresh]
         for point in other[fresh].tolist():
-            part.how.setdefault(f"point {point}", "height transfer")
+            part.how.setdefault(f"point {point}", rule("height transfer"))
         added |= bool(fresh.any())
     return added

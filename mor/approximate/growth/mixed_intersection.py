@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
@@ -31,7 +32,9 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
         X, fits = _meeting(part.points[point], planes[point], smallest)
         if fits or (contradicting and np.isfinite(X).all()):
             part.points[point] = X
-            part.how[f"point {point}"] = f"intersection of {len(planes[point])} lines and planes"
+            part.how[f"point {point}"] = rule(
+                "intersection of {count} lines and planes", count=len(planes[point])
+            )
             added = True
     return added
 
@@ -74,7 +77,9 @@ def _meeting(
             [across @ (at - X) / r for (across, at, _), r in zip(planes, reach, strict=True)]
         )
         values = np.linalg.svd(rows[:, ~here], compute_uv=False)
-        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * values[0]:
+        # Beside the rows themselves: a vertical plane says nothing of a height that alone is not known.
+        largest = max(float(np.linalg.norm(rows, axis=1).max()), float(values[0]))
+        if len(values) < np.count_nonzero(~here) or values[-1] < smallest * largest:
             return np.full(3, np.nan), False
         X[~here] += np.linalg.lstsq(rows[:, ~here], goal, rcond=None)[0]
         reach = np.array(

@@ -7,6 +7,7 @@ import numpy as np
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.parts.frames import SLACKS, Frame, loosened
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.reprojection import misfits
 from mor.approximate.resection.outcome import ResectionOutcome
 from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, star_of
@@ -51,7 +52,7 @@ def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
 
 def _enter(part: Part, frame: Frame, number: int, pose: Pose, agreeing: int, of: int) -> None:
     part.poses[number] = (pose.position, pose.rotation)
-    part.how[frame.name] = f"resection from {agreeing} of {of} points"
+    part.how[frame.name] = rule("resection from {count} of {of} points", count=agreeing, of=of)
 
 
 def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, targets: FloatArray) -> bool:
@@ -83,7 +84,7 @@ def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: P
 
 def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
     """Projection centre that a given position says at this attitude, O = X0 + h e_Z − Dᵀ r0*, and its σ."""
-    if not part.fixed[frame.position]:
+    if not (frame.stands and part.fixed[frame.position]):
         return None
     lifted = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
     centre = lifted - pose.rotation.T @ frame.offset[1:]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
 
@@ -17,13 +18,15 @@ def rigid_seeds(scene: Scene) -> Iterator[Part]:
         part = empty_part(scene.points)
         part.points[system.points] = system.coordinates
         part.scaled = system.scaled
-        part.how |= {f"point {p}": f"coordinates in {system.name}" for p in system.points.tolist()}
+        part.began = rule("coordinates in {one}", one=system.name)
+        part.how |= {f"point {p}": part.began for p in system.points.tolist()}
         yield part
     for cluster in scene.vector_clusters:
         part = empty_part(scene.points)
         part.points[cluster.points] = cluster.values
+        part.began = rule("vector")
         part.levelled = part.oriented = part.scaled = True
-        part.how |= {f"point {p}": "vector" for p in cluster.points.tolist()}
+        part.how |= {f"point {p}": part.began for p in cluster.points.tolist()}
         yield part
 
 
@@ -34,7 +37,8 @@ def seed_polar(scene: Scene, free: list[int]) -> Part | None:
             part = empty_part(scene.points)
             part.poses[number] = (np.zeros(3), np.eye(3))
             part.scaled = True
-            part.how[scene.frames[number].name] = f"axes of {scene.frames[number].name}"
+            part.began = rule("axes of {one}", one=scene.frames[number].name)
+            part.how[scene.frames[number].name] = part.began
             return part
     return None
 
@@ -63,6 +67,6 @@ def grow_polar(part: Part, scene: Scene) -> bool:
         for point, star in polar_points(scene, number).items():
             if np.isnan(part.points[point]).any() and (heights[point] == 0.0 or part.levelled):
                 part.points[point] = centre + D.T @ star - [0.0, 0.0, heights[point]]
-                part.how[f"point {point}"] = f"polar from {frame.name}"
+                part.how[f"point {point}"] = rule("polar from {one}", one=frame.name)
                 added = True
     return added

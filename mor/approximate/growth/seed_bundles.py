@@ -12,6 +12,7 @@ import scipy.sparse
 from mor.approximate.bundle import direction_bundle
 from mor.approximate.parts.frames import SLACKS, Frame, loosened
 from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.parts.sightings import Sightings
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
@@ -48,8 +49,8 @@ class Seed(NamedTuple):
     """A part of two frames, or why there is none."""
 
     part: Part | None
-    reason: str
-    """What the best pair lacks, empty where there is a part."""
+    reason: Rule | None
+    """What the best pair lacks; ``None`` where there is a part, or no pair."""
 
 
 def common_pairs(seen: Sightings) -> Pairs:
@@ -73,7 +74,7 @@ def common_pairs(seen: Sightings) -> Pairs:
 def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int) -> Seed:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best."""
     best: tuple[float, Part] | None = None
-    reason = ""
+    reason: Rule | None = None
     upright = np.array([bool(np.isfinite(frame.up).all()) for frame in frames])
     fewest = np.where(
         upright[pairs.first[among]] & upright[pairs.second[among]], FEWEST_UPRIGHT, FEWEST_COMMON
@@ -87,22 +88,23 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
         if tried >= PAIRS_TRIED and best is not None:
             break
         found = _oriented(frames, i, j, points)
-        if isinstance(found, str):
+        if isinstance(found, Rule):
             reason = reason or found
             continue
         if best is None or found[0] > best[0]:
             best = found
         if best is not None and best[0] >= enough:
             break
-    return Seed(None, reason) if best is None else Seed(best[1], "")
+    return Seed(None, reason) if best is None else Seed(best[1], None)
 
 
-def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> str:
+def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> Rule | None:
     if len(among) == 0:
-        return ""
+        return None
     one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
     common = int(pairs.common[among[0]])
-    return f"{one.name} and {other.name} share {common} points, relative orientation needs {FEWEST_COMMON}"
+    words = "{one} and {other} share {count} points, relative orientation needs {least}"
+    return rule(words, one=one.name, other=other.name, count=common, least=FEWEST_COMMON)
 
 
 def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
@@ -120,7 +122,7 @@ def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
         yield int(first[pair]), int(second[pair])
 
 
-def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | str:
+def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
     _, at_i, at_j = np.intersect1d(frames[i].points, frames[j].points, return_indices=True)
     if len(at_i) > _SAMPLE:
         chosen = np.linspace(0, len(at_i) - 1, _SAMPLE).astype(int)
@@ -130,7 +132,8 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
         part = _upright(frames, i, j, at_i, at_j, points)
         if part is not None:
             return float(len(at_i)), part
-        return f"{frames[i].name} and {frames[j].name}, relative orientation: {found.value}"
+        words = "{one} and {other}, relative orientation: {outcome}"
+        return rule(words, one=frames[i].name, other=frames[j].name, outcome=found.value)
     slack, result = found
     orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
     angle = _median_angle(
@@ -140,11 +143,17 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     part.slack = slack
     part.poses[i] = (np.zeros(3), np.eye(3))
     part.poses[j] = (orientation.base, orientation.rotation)
-    words = f"relative orientation of {frames[i].name} and {frames[j].name}, {count} points"
+    names: dict[str, str | int] = {"one": frames[i].name, "other": frames[j].name, "count": count}
+    part.began = rule("relative orientation of {one} and {other}, {count} points", **names)
     if slack >= DOUBTFUL or count < MOST * len(at_i):
-        met = f"{count} of {len(at_i)} pairs of rays meet within {1e3 * slack:g} mrad"
-        words += f" (only {met}: camera constant, distortion or identities may be wrong)"
-    part.how[frames[i].name] = part.how[frames[j].name] = words
+        part.began = rule(
+            "relative orientation of {one} and {other}, {count} points (only {count} of {of} pairs of rays meet within "
+            "{slack} mrad: camera constant, distortion or identities may be wrong)",
+            **names,
+            of=len(at_i),
+            slack=f"{1e3 * slack:g}",
+        )
+    part.how[frames[i].name] = part.how[frames[j].name] = part.began
     return count * min(angle, 0.6), part
 
 
@@ -163,8 +172,13 @@ def _upright(
     part.levelled = True
     part.poses[i] = (np.zeros(3), A.T)
     part.poses[j] = (found.base, B.T @ found.turn)
-    words = f"relative orientation of {one.name} and {other.name}, both upright, {len(at_i)} points"
-    part.how[one.name] = part.how[other.name] = words
+    part.began = rule(
+        "relative orientation of {one} and {other}, both upright, {count} points",
+        one=one.name,
+        other=other.name,
+        count=len(at_i),
+    )
+    part.how[one.name] = part.how[other.name] = part.began
     return part
 
 

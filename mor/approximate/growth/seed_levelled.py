@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.rule import rule
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
 
 
@@ -32,7 +33,8 @@ def seed_levelled(
     part.levelled = True
     part.points[sight.position] = 0.0
     part.kappas[best[1]] = 0.0
-    part.how[f"point {sight.position}"] = f"origin of a local system at {sight.name}"
+    part.began = rule("origin of a local system at {one}", one=sight.name)
+    part.how[f"point {sight.position}"] = part.began
     part.scaled = with_distances
     if not with_distances:
         _unit_base(part, measured, sight)
@@ -75,4 +77,4 @@ def _unit_base(part: Part, measured: Terrestrial, sight: Sight) -> None:
     assert other is not None
     point, direction = other
     part.points[point, :2] = [np.sin(direction), np.cos(direction)]
-    part.how[f"point {point}"] = "base of length one"
+    part.how[f"point {point}"] = rule("base of length one")

@@ -13,20 +13,38 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mor.approximate.growth.bearing_network import grow_by_bearings
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
-from mor.approximate.growth.grow_levelled import begin_heights, grow_levelled
+from mor.approximate.growth.grow_levelled import begin_heights, grow_arcs, grow_levelled
 from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
+from mor.approximate.growth.trilateration import grow_distances, place_by_few_distances, seed_distances
 from mor.approximate.parts.contradictions import Contradiction, contradicting_frames, put_back, without_poses
-from mor.approximate.parts.joining import carry, join, spread_positions, tie, tied_by_positions
-from mor.approximate.parts.level_and_scale import direct_roughly, level_and_scale, level_roughly
+from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.history import Join
+from mor.approximate.parts.joining import (
+    carry,
+    join,
+    spread_positions,
+    stand_on_marks,
+    tie,
+    tied_by_positions,
+)
+from mor.approximate.parts.level_and_scale import (
+    direct_roughly,
+    level_and_scale,
+    level_roughly,
+    scale_roughly,
+)
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.relative_poses import grow_relative
+from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
-from mor.approximate.similarity import Similarity, SimilarityOutcome
+from mor.approximate.terrestrial.projection_centres import to_places
+from mor.approximate.terrestrial.sights import Sight
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Undeterminable
 from mor.geometry.rotations import rotation_from_angles
@@ -42,14 +60,20 @@ class Approximation:
     """Start values, how each was obtained, and what is still missing."""
 
     start: Mapping[str, FloatArray]
-    how: Mapping[str, str]
+    how: Mapping[str, Rule]
     """Name of a point, image or station → how its start value was obtained."""
     missing: tuple[Undeterminable, ...]
     """What has no start value yet, and why."""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Rule, ...] = ()
     """Why frames could not begin a part of their own, where something is missing."""
     replaced: tuple[str, ...] = ()
     """Given start values that the observations contradict, which others took the place of."""
+    parts: tuple[Join, ...] = ()
+    """The parts that began beside the object system, in the order in which they joined another one."""
+    frames: tuple[Frame, ...] = ()
+    """Images and theodolite sets by the numbers they have in ``parts``."""
+    sights: tuple[Sight, ...] = ()
+    """Levelled sets by the numbers they have in ``parts``."""
 
 
 @dataclass
@@ -60,10 +84,13 @@ class _Assembly:
     parts: list[Part]
     fewest: int = ENOUGH
     tried_stations: set[int] = field(default_factory=set)
+    tried_shapes: set[tuple[int, ...]] = field(default_factory=set)
     given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
     """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
-    reasons: list[str] = field(default_factory=list)
+    reasons: list[Rule] = field(default_factory=list)
+    begun: int = 0
+    """Parts that have begun so far, the object system aside."""
 
 
 def approximate(network: Network) -> Approximation:
@@ -74,7 +101,7 @@ def approximate(network: Network) -> Approximation:
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
-    network = replace(network, start=with_observed(network))
+    network = to_places(replace(network, start=with_observed(network)))
     scene = scene_of(network)
     assembly = _assembled(network, scene)
     found = contradicting_frames(network, assembly.parts[0], scene)
@@ -102,7 +129,9 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
 def _assembled(network: Network, scene: Scene) -> _Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    assembly = _Assembly(scene, parts)
+    assembly = _Assembly(scene, parts, begun=len(parts) - 1)
+    for number, part in enumerate(parts):
+        part.number = number
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
@@ -110,6 +139,7 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
             _grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
+    stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
     if grow_mixed(parts[0], scene, contradicting=True):
         _grow(parts[0], scene, FEWEST)
@@ -119,7 +149,8 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
 def _approximation(network: Network, assembly: _Assembly) -> Approximation:
     scene = assembly.scene
     start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
-    return Approximation(start, how, missing, tuple(assembly.reasons) if missing else ())
+    reasons, parts = tuple(assembly.reasons) if missing else (), tuple(assembly.parts[0].joined)
+    return Approximation(start, how, missing, reasons, (), parts, scene.frames, scene.terrestrial.sights)
 
 
 def _assemble(assembly: _Assembly) -> None:
@@ -129,6 +160,8 @@ def _assemble(assembly: _Assembly) -> None:
         _join_all(assembly)
         part = _next_seed(assembly)
         if part is not None:
+            assembly.begun += 1
+            part.number = assembly.begun
             _grow_until_tied(parts[0], part, scene, assembly.fewest)
             parts.append(part)
         elif not _join_all(assembly, ambiguous=True):
@@ -139,6 +172,10 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
     while True:
+        if not part.handed:
+            while _grow_shape(part, scene):
+                pass
+            return True
         grown = level_and_scale(part, scene)
         grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)
@@ -146,11 +183,19 @@ def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> boo
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
         grown |= grow_mixed(part, scene)
+        grown = grown or grow_distances(part, scene.distances[1])
+        grown = grown or (part.levelled and grow_by_bearings(part, scene.terrestrial))
         spread_positions(part, scene.frames)
         if not grown:
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+
+
+def _grow_shape(part: Part, scene: Scene) -> bool:
+    """What distances alone tell; directions would take a mirrored shape for right."""
+    distances = scene.distances[1]
+    return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
 
 
 def _grow_levelled(part: Part, scene: Scene) -> bool:
@@ -198,7 +243,8 @@ def _next_seed(assembly: _Assembly) -> Part | None:
         if part is not None:
             return part
     part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
-    return part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    part = part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    return part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
 
 
 def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
@@ -224,6 +270,14 @@ def _unknown_stations(assembly: _Assembly) -> set[int]:
     for part in assembly.parts:
         known |= np.isfinite(part.points[places, :2]).all(axis=1)
     return set(places[~known].tolist())
+
+
+def _known_points(assembly: _Assembly) -> BoolArray:
+    """Points (n,) that some part knows, in plan at least."""
+    known = np.zeros(assembly.scene.points, dtype=bool)
+    for part in assembly.parts:
+        known |= np.isfinite(part.points[:, :2]).all(axis=1)
+    return known
 
 
 def _free_frames(assembly: _Assembly) -> BoolArray:
@@ -276,14 +330,12 @@ def _place_the_rest(assembly: _Assembly) -> None:
         source = max(parts[1:], key=_size)
         parts.remove(source)
         level_roughly(source, scene)
+        scale_roughly(source, scene)
         direct_roughly(source, scene)
-        found = tie(parts[0], source, scene)
-        carry(parts[0], source, scene, _as_it_is() if found is None else found.similarity)
+        carry(parts[0], source, scene, tie(parts[0], source, scene))
         _grow(parts[0], scene, assembly.fewest)
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         _grow(parts[0], scene, assembly.fewest)
-
-
-def _as_it_is() -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
+    while place_by_few_distances(parts[0], scene.distances[1]):
+        _grow(parts[0], scene, assembly.fewest)

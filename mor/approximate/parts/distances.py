@@ -20,10 +20,17 @@ class Distances:
         self.slope: dict[tuple[int, int], tuple[float, float]] = {}
         self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
         self.neighbours: dict[int, set[int]] = {}
+        self.sigma: dict[tuple[int, int], float] = {}
+        """By the two ends, the smaller number first."""
         self._collect_verticals(measured)
         self._as_arrays()
         if not scaled:
             return
+        for lengths in (measured.horizontals, measured.slopes):
+            ends = zip(lengths.start.tolist(), lengths.end.tolist(), strict=True)
+            self.sigma |= {
+                (min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)
+            }
         for a, b, s in zip(
             measured.horizontals.start,
             measured.horizontals.end,

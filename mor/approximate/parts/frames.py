@@ -17,7 +17,7 @@ from mor.approximate.terrestrial.polar import polar_rays
 from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
-from mor.observations import ObservationGroup
+from mor.observations import ObservationGroup, is_image_point
 from mor.project.network.build import Network
 
 SLACKS = (0.0, 5e-4, 2e-3, 8e-3)
@@ -48,6 +48,21 @@ class Frame:
     up: FloatArray
     """(3,) the vertical in the axes of the frame, NaN where it is not known."""
 
+    @property
+    def stands(self) -> bool:
+        """True where ``position`` is its own; that of a stereo follower is the position of its leader."""
+        return self.relative is None
+
+
+def given_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
+    """Projection centre O = X0 + h e_Z − Dᵀ r0* and D that the project gives; of a follower those of its leader."""
+    start = network.start
+    D, position = start["rotation"][frame.rotation], start["point"][frame.position]
+    if not (np.isfinite(D).all() and np.isfinite(position).all()):
+        return None
+    lift = np.array([0.0, 0.0, float(start["height"][frame.height, 0])])
+    return position + lift - D.T @ start["eccentricity"][frame.eccentricity], D
+
 
 def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     """σ of rays that may be off by a slack besides."""
@@ -68,7 +83,7 @@ class _Rays(NamedTuple):
 
 def image_frames(network: Network) -> list[Frame]:
     """Frames of all images that have measured points; their arrays are parts of common ones."""
-    groups = [group for group in network.groups if group.type.key.partition("/")[0] in ("image", "follower")]
+    groups = [group for group in network.groups if is_image_point(group.type)]
     if not groups:
         return []
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mor.approximate.parts.frames import Frame
-from mor.approximate.parts.level_and_scale import make_upright
-from mor.approximate.parts.movement import Movement, Ties, Turn, movement
+from mor.approximate.parts.history import Join, Tie
+from mor.approximate.parts.level_and_scale import forget_marks, make_upright
+from mor.approximate.parts.movement import PRECISION, Movement, Ties, Turn, movement
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.platform import tie_by_platform
 from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
@@ -20,6 +24,8 @@ TURN = 0.01
 """σ of the turn (radians) up to which given positions tie a part while it is still growing."""
 FITS = 0.03
 """Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
+ALIKE = 3.0
+"""Factor of the misfits from which on a shape is told from its mirrored one."""
 MANY = 400
 """Common points of which the movement is worked out, at the most."""
 
@@ -31,18 +37,55 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     """
     spread_positions(source, scene.frames)
     spread_positions(target, scene.frames)
-    found = tie(target, source, scene)
+    found = _tie_of_either_hand(target, source, scene)
+    if found is None or found.open:
+        found = tie_by_platform(target, source, scene) or found
     if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
         return False
     if found.alternatives and not ambiguous:
         return False
-    carry(target, source, scene, _likelier(found, source))
+    carry(target, source, scene, found)
     return True
 
 
-def carry(target: Part, source: Part, scene: Scene, moved: Similarity) -> None:
-    """Carry a part over; what only it knew of vertical, direction and scale the target learns from it."""
+def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | None:
+    """The tie of two parts; one of distances alone is mirrored where it fits better so.
+
+    Where both fit alike the mirrored movement is an alternative.
+    """
+    found = tie(target, source, scene)
+    if found is None or (target.handed and source.handed):
+        return found
+    loose = target if source.handed else source
+    _mirror(loose)
+    other = tie(target, source, scene)
+    fit, mirrored = (
+        np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other)
+    )
+    if mirrored * ALIKE < fit:
+        return other
+    _mirror(loose)
+    if fit * ALIKE < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
+        return found
+    return replace(found, alternatives=(*found.alternatives, found.similarity))
+
+
+def _mirror(part: Part) -> None:
+    part.points[:, 0] *= -1.0
+
+
+def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> None:
+    """Carry a part over; what only it knew of vertical, direction and scale the target learns from it.
+
+    Where nothing was ``found`` that ties the two it stays where it is.
+    """
+    _remember(target, source, found)
+    target.handed |= source.handed
+    moved = _as_it_is() if found is None else _likelier(found, source)
+    if target.scaled and not source.scaled:
+        forget_marks(source, scene)
     if source.scaled and not target.scaled:
+        forget_marks(target, scene)
         target.transform(_inverse_scale(moved.scale))
         moved = _times(moved, 1.0 / moved.scale)
         target.scaled = True
@@ -52,6 +95,20 @@ def carry(target: Part, source: Part, scene: Scene, moved: Similarity) -> None:
         make_upright(target, moved.rotation[:, 2])
     target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
     spread_positions(target, scene.frames)
+
+
+def _as_it_is() -> Similarity:
+    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
+
+
+def _remember(target: Part, source: Part, found: Movement | None) -> None:
+    """Keep in ``target`` what ``source`` is, and what ties the two, before it is carried over."""
+    tied = None if found is None else Tie(found.open, found.redundancy, found.misfit, len(found.alternatives))
+    known = np.flatnonzero(np.isfinite(source.points).any(axis=1))
+    poses, kappas = tuple(sorted(source.poses)), tuple(sorted(source.kappas))
+    knows = source.levelled, source.oriented, source.scaled
+    one = Join(source.number, source.began, target.number, known, poses, kappas, *knows, tied)
+    target.joined += [*source.joined, one]
 
 
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
@@ -64,11 +121,8 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     ties = Ties(
         np.concatenate([points, centres]),
         np.concatenate([goals, places]),
-        axes,
-        goal_axes if turn is Turn.ANY else goal_axes[:0],
+        *((axes[:0], goal_axes[:0]) if turn is Turn.NONE else (axes, goal_axes)),
     )
-    if turn is not Turn.ANY:
-        ties = Ties(ties.source, ties.target, axes[:0], goal_axes[:0])
     found = movement(ties, turn, source.scaled and target.scaled)
     if found is None or not (both and found.open == 1 and not np.isfinite(ties.target[:, 2]).any()):
         return found
@@ -101,7 +155,8 @@ def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArra
             centres.append(centre)
             places.append(target.poses[number][0])
         elif (
-            frame.offset[0] != 0.0
+            frame.stands
+            and frame.offset[0] != 0.0
             and target.levelled
             and target.scaled
             and not (source.levelled and source.scaled)
@@ -157,14 +212,15 @@ def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
     off = []
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
-        if system.fixed[frame.position]:
+        if frame.stands and system.fixed[frame.position]:
             off.append(system.points[frame.position] - _place(frame, centre, D))
     return float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
 
 
 def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool:
     """True where given positions of most of the frames of a part determine its place and its turns well."""
-    blocks = np.array(sorted({frames[number].position for number in part.poses}), dtype=np.int64)
+    standing = {frames[number].position for number in part.poses if frames[number].stands}
+    blocks = np.array(sorted(standing), dtype=np.int64)
     given = blocks[system.fixed[blocks]]
     if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
         return False
@@ -186,8 +242,8 @@ def take_over(system: Part, part: Part) -> None:
         system.poses.setdefault(number, pose)
     for number, kappa in part.kappas.items():
         system.kappas.setdefault(number, kappa)
-    for name, words in part.how.items():
-        system.how.setdefault(name, words)
+    for name, how in part.how.items():
+        system.how.setdefault(name, how)
     system.slack = max(system.slack, part.slack)
 
 
@@ -199,8 +255,19 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
     for number, (centre, rotation) in part.poses.items():
         frame = frames[number]
         missing = np.isnan(part.points[frame.position])
-        if missing.any() and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
+        if missing.any() and frame.stands and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
             part.points[frame.position, missing] = _place(frame, centre, rotation)[missing]
+
+
+def stand_on_marks(part: Part, scene: Scene) -> None:
+    """Several frames over one mark stand exactly over it: short bases between them are as they were measured."""
+    over = Counter(scene.frames[n].position for n in part.poses if scene.frames[n].stands)
+    for number, (_, D) in list(part.poses.items()):
+        frame = scene.frames[number]
+        mark = part.points[frame.position]
+        if frame.stands and over[frame.position] > 1 and np.isfinite(mark).all():
+            lift = np.array([0.0, 0.0, frame.offset[0]])
+            part.poses[number] = (mark + lift - D.T @ frame.offset[1:], D)
 
 
 def _place(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:

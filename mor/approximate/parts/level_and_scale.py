@@ -22,13 +22,16 @@ from mor.arrays import FloatArray
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
+ALIKE = 3.0
+"""Factor of the misfits up to which two verticals fit alike."""
 DISAGREEMENT = 0.05
 """Relative misfit beyond which height differences and points do not belong together."""
 
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
-    gained = False
+    # The scale first: with it the heights of points nearly in a plane tell the vertical, too.
+    gained = not part.scaled and _scale(part, scene)
     if not part.levelled:
         gained |= _level_by_frames(part, scene.frames) or _level_by_heights(part, scene.level_lines)
     if not part.scaled:
@@ -77,13 +80,39 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
     length = float(np.linalg.norm(g))
     if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
         return False
-    if part.scaled and abs(length - 1.0) > 0.2:
-        return False
-    if not part.scaled:
-        part.transform(_movement(length, np.eye(3)))
-        part.scaled = True
+    if part.scaled:
+        return _level_by_unit_vector(part, difference, dz)
+    part.transform(_movement(length, np.eye(3)))
+    part.scaled = True
     make_upright(part, np.asarray(g, dtype=np.float64))
     return True
+
+
+def _level_by_unit_vector(part: Part, difference: FloatArray, dz: FloatArray) -> bool:
+    """The vertical of a part that has its scale: of unit length, so that points nearly in a plane leave two.
+
+    Where both fit alike it is the one with the cameras above what they see.
+    """
+    axes = np.linalg.svd(difference, full_matrices=False)[2]
+    in_plane = np.linalg.lstsq(difference @ axes[:2].T, dz, rcond=None)[0] @ axes[:2]
+    rest = float(np.sqrt(max(1.0 - in_plane @ in_plane, 0.0)))
+    both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
+    misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
+    best = int(np.argmin(misfits))
+    if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
+        return False
+    if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
+        best = int(np.argmax(np.array(both) @ _above(part)))
+    make_upright(part, both[best] / np.linalg.norm(both[best]))
+    return True
+
+
+def _above(part: Part) -> FloatArray:
+    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
+    seen = part.points[np.isfinite(part.points).all(axis=1)]
+    centres = np.array([centre for centre, _ in part.poses.values()])
+    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
+    return above
 
 
 def level_roughly(part: Part, scene: Scene) -> None:
@@ -101,7 +130,9 @@ def level_roughly(part: Part, scene: Scene) -> None:
     factor = np.ones(len(up))
     if not part.scaled:
         factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
-    best = up[int(np.argmin(np.sum((factor[:, None] * rise - dz) ** 2, axis=1)))]
+    cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
+    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
+    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
         best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
@@ -114,7 +145,8 @@ def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
     over: dict[int, list[tuple[float, FloatArray]]] = {}
     for number, (centre, _) in part.poses.items():
         frame = frames[number]
-        over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
     lift = np.zeros(3)
     for position, places in over.items():
         if np.isfinite(part.points[position]).all():
@@ -173,7 +205,33 @@ def _scale(part: Part, scene: Scene) -> bool:
         return False
     part.transform(_movement(float(np.median(together)), np.eye(3)))
     part.scaled = True
+    forget_marks(part, scene)
     return True
+
+
+def forget_marks(part: Part, scene: Scene) -> None:
+    """Heights of marks below instruments, which without scale were those of the instruments, are not known any more."""
+    places = [sight.position for sight in scene.terrestrial.sights if sight.height != 0.0]
+    places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
+    marks = np.unique(np.array(places, dtype=np.int64))
+    part.points[marks[~part.fixed[marks]], 2] = np.nan
+
+
+def scale_roughly(part: Part, scene: Scene) -> None:
+    """The scale from instruments of different height over one position, where nothing else tells it."""
+    if part.scaled or not part.levelled:
+        return
+    over: dict[int, list[tuple[float, float]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
+    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
+    measured, present = spans[spans[:, 0] > 0.0].T
+    if present.sum() > 0.0:
+        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
+        part.scaled = True
+        forget_marks(part, scene)
 
 
 def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
@@ -187,7 +245,7 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
     centres = {
         (frames[n].position, frames[n].height): centre
         for n, (centre, _) in part.poses.items()
-        if frames[n].offset[0] != 0.0
+        if frames[n].offset[0] != 0.0 and frames[n].stands
     }
     for i in np.flatnonzero(lengths.start_height != 0.0) if centres else ():
         key = int(lengths.start[i]), int(lengths.start_block[i])

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mor.approximate.parts.history import Join
+from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.similarity import Similarity
 from mor.arrays import BoolArray, FloatArray, IntArray
 
@@ -20,7 +22,7 @@ class Part:
     """Frame number → (projection centre, rotation D)."""
     kappas: dict[int, float] = field(default_factory=dict)
     """Sight number → κ of a levelled set."""
-    how: dict[str, str] = field(default_factory=dict)
+    how: dict[str, Rule] = field(default_factory=dict)
     """Name → how it was obtained."""
     levelled: bool = False
     """True where the Z axis is the vertical."""
@@ -38,6 +40,14 @@ class Part:
     """(point blocks, 3) σ of given coordinates that were observed, NaN elsewhere."""
     given: bool = False
     """True for the object system: it is where the project says, and what joins it comes to it."""
+    handed: bool = True
+    """False where it may be mirrored: distances alone do not tell."""
+    number: int = 0
+    """0 is the object system, others count as they begin."""
+    began: Rule = field(default_factory=lambda: rule("what is given"))
+    """What it began with."""
+    joined: list[Join] = field(default_factory=list)
+    """The parts it took up, in the order in which they joined it or one another."""
     place_sigma: float = 0.0
     """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 

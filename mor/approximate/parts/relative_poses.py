@@ -9,8 +9,10 @@ import numpy as np
 
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene, StereoPair
 from mor.arrays import FloatArray
+from mor.geometry.rotations import nearest_rotation
 
 AGREE = 0.02
 """Radians within which a ray agrees with a turn about one tripod."""
@@ -43,12 +45,12 @@ def _follow(part: Part, frames: Sequence[Frame], pair: StereoPair) -> bool:
         if leader in part.poses:
             centre, D = part.poses[leader]
             part.poses[follower] = (centre + D.T @ base, turn @ D)
-            part.how[frames[follower].name] = f"follows {frames[leader].name}"
+            part.how[frames[follower].name] = rule("follows {one}", one=frames[leader].name)
         else:
             centre, D = part.poses[follower]
             D = turn.T @ D
             part.poses[leader] = (centre - D.T @ base, D)
-            part.how[frames[leader].name] = f"leads {frames[follower].name}"
+            part.how[frames[leader].name] = rule("leads {one}", one=frames[follower].name)
     return True
 
 
@@ -101,7 +103,7 @@ def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: i
     if turn is None:
         return False
     part.poses[number] = (centre.copy(), turn)
-    part.how[frame.name] = f"turned about the tripod of {frames[posed[0]].name}"
+    part.how[frame.name] = rule("turned about the tripod of {one}", one=frames[posed[0]].name)
     return True
 
 
@@ -111,17 +113,10 @@ def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
     for i, j in islice(combinations(range(len(own)), 2), _SAMPLES):
         if np.linalg.norm(np.cross(own[i], own[j])) < SMALLEST_ANGLE:
             continue
-        D = _turn(own[[i, j]], there[[i, j]])
+        D = nearest_rotation(own[[i, j]].T @ there[[i, j]])
         agree = np.linalg.norm(own - there @ D.T, axis=1) < AGREE
         count = int(agree.sum())
         if count >= 2 and (best is None or count > best[0]):
-            best = count, _turn(own[agree], there[agree])
+            best = count, nearest_rotation(own[agree].T @ there[agree])
     enough = best is not None and best[0] >= max(2, 0.6 * len(own))
     return best[1] if best is not None and enough else None
-
-
-def _turn(own: FloatArray, there: FloatArray) -> FloatArray:
-    left, _, right = np.linalg.svd(own.T @ there)
-    proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn: FloatArray = (left * proper) @ right
-    return turn

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.approximate.parts.distances import Distances
-from mor.approximate.parts.frames import Frame, image_frames, theodolite_frames
+from mor.approximate.parts.frames import Frame, given_pose, image_frames, theodolite_frames
 from mor.approximate.parts.sightings import Sightings, sightings
 from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
@@ -24,6 +24,8 @@ class StereoPair:
     """(3, 3) from leader to follower, NaN where not given."""
     base: FloatArray
     """(3,) in the axes of the leader, NaN where not given."""
+    known: dict[int, tuple[FloatArray, FloatArray]]
+    """Follower → (projection centre, rotation D) of its leader, where that is given."""
 
 
 @dataclass(frozen=True)
@@ -94,12 +96,19 @@ def scene_of(network: Network) -> Scene:
 def _pairs(network: Network, frames: tuple[Frame, ...]) -> tuple[StereoPair, ...]:
     leaders = {frame.rotation: n for n, frame in enumerate(frames) if frame.relative is None}
     members: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    known: dict[tuple[int, int], dict[int, tuple[FloatArray, FloatArray]]] = {}
     for number, frame in enumerate(frames):
-        if frame.relative is not None and frame.rotation in leaders:
-            members.setdefault(frame.relative, []).append((leaders[frame.rotation], number))
+        if frame.relative is None:
+            continue
+        found = members.setdefault(frame.relative, [])
+        if frame.rotation in leaders:
+            found.append((leaders[frame.rotation], number))
+        pose = given_pose(network, frame)
+        if pose is not None:
+            known.setdefault(frame.relative, {})[number] = pose
     start = network.start
     return tuple(
-        StereoPair(tuple(found), start["rotation"][turn], start["base"][base])
+        StereoPair(tuple(found), start["rotation"][turn], start["base"][base], known.get((turn, base), {}))
         for (turn, base), found in members.items()
     )
 

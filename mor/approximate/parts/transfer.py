@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.parts.frames import Frame
+from mor.approximate.parts.frames import Frame, given_pose
 from mor.approximate.parts.local_systems import fill_systems
 from mor.approximate.parts.part import Part, empty_part
+from mor.approximate.parts.rule import Rule
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable
@@ -41,38 +42,30 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     part.sigma = network.sigma["point"]
     part.levelled = part.oriented = part.scaled = part.given = True
     for number, frame in enumerate(frames):
-        rotation, position = start["rotation"][frame.rotation], start["point"][frame.position]
         if frame.relative is not None:
-            follower = _follower_pose(network, frame, rotation, position)
+            follower = _follower_pose(network, frame)
             if follower is not None:
                 part.poses[number] = follower
-        elif np.isfinite(rotation).all() and np.isfinite(position).all():
-            part.poses[number] = (_centre(network, frame, position, rotation), rotation)
+        else:
+            given = given_pose(network, frame)
+            if given is not None:
+                part.poses[number] = given
     return part
 
 
-def _centre(network: Network, frame: Frame, position: FloatArray, D: FloatArray) -> FloatArray:
-    """Projection centre O = X0 + h e_Z − Dᵀ r0*."""
-    height = float(network.start["height"][frame.height, 0])
-    eccentricity = network.start["eccentricity"][frame.eccentricity]
-    centre: FloatArray = position + np.array([0.0, 0.0, height]) - D.T @ eccentricity
-    return centre
-
-
-def _follower_pose(
-    network: Network, frame: Frame, D: FloatArray, position: FloatArray
-) -> tuple[FloatArray, FloatArray] | None:
+def _follower_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
     assert frame.relative is not None
     turn, base = network.start["rotation"][frame.relative[0]], network.start["base"][frame.relative[1]]
-    if not all(np.isfinite(part).all() for part in (D, position, turn, base)):
+    leader = given_pose(network, frame)
+    if leader is None or not (np.isfinite(turn).all() and np.isfinite(base).all()):
         return None
-    leader = _centre(network, frame, position, D)
-    return leader + D.T @ base, turn @ D
+    centre, D = leader
+    return centre + D.T @ base, turn @ D
 
 
 def fill_in(
     network: Network, part: Part, frames: Sequence[Frame], measured: Terrestrial
-) -> tuple[dict[str, FloatArray], dict[str, str], tuple[Undeterminable, ...]]:
+) -> tuple[dict[str, FloatArray], dict[str, Rule], tuple[Undeterminable, ...]]:
     """Start values of all blocks, how they were obtained, and what is missing."""
     start = {kind: values.copy() for kind, values in network.start.items()}
     points = start["point"]
@@ -126,23 +119,23 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
     for number, frame in enumerate(frames):
         if frame.relative is None or number not in part.poses:
             continue
-        leader = leaders.get(frame.rotation)
-        if leader is None or leader not in part.poses:
+        leader = part.poses.get(leaders.get(frame.rotation, -1)) or given_pose(network, frame)
+        if leader is None:
             continue
-        (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[number]
+        (O_a, D_a), (O_b, D_b) = leader, part.poses[number]
         turn, base = frame.relative
         _put_rotation(network, start["rotation"], turn, D_b @ D_a.T)
         if np.isnan(start["base"][base]).any():
             start["base"][base] = D_a @ (O_b - O_a)
 
 
-def _named(network: Network, part: Part) -> dict[str, str]:
+def _named(network: Network, part: Part) -> dict[str, Rule]:
     """How things were obtained, by the names the project gives them."""
     ids = network.blocks["point"].ids
     named = {}
-    for name, words in part.how.items():
+    for name, how in part.how.items():
         kind, _, rest = name.partition(" ")
-        named[f"point {ids[int(rest)]}" if kind == "point" and rest.isdigit() else name] = words
+        named[f"point {ids[int(rest)]}" if kind == "point" and rest.isdigit() else name] = how
     return named
 
 

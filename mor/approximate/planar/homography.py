@@ -12,9 +12,12 @@ import numpy as np
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.rinner import nearest_rotation
-from mor.approximate.vectors import principal_rows, tangent_axes, unit
-from mor.arrays import FloatArray
+from mor.approximate.vectors import cross, principal_rows, tangent_axes, unit
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import cross_matrix, rotate
+
+UNCONTROLLED = 1e-6
+"""Redundancy of a coordinate below which the fit follows it, whatever it is."""
 
 
 class Homography(NamedTuple):
@@ -64,6 +67,60 @@ def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
     normal = rows.T @ rows
     held = normal + np.trace(normal) * np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
+
+
+def misfits(a: Bundle, b: Bundle, matrices: FloatArray) -> FloatArray:
+    """Σ (v/σ)² (m, n) of the smallest corrections to each pair of rays that ``matrices`` (m, 3, 3) carry over.
+
+    To first order; infinite where a matrix carries a ray nowhere.
+    """
+    across = tangent_axes(b.rays)
+    image = np.einsum("mij,nj->mni", matrices, a.rays)
+    factor = np.einsum("mni,ni->mn", image, b.rays) / np.einsum("ni,ni->n", b.rays, b.rays)
+    by_a = np.einsum("nij,mik,nkl->mnjl", across, matrices, a.whitened_axes, optimize=True)
+    by_b = np.einsum("nij,nil->njl", across, b.whitened_axes)
+    spread = by_a @ np.swapaxes(by_a, 2, 3) + factor[:, :, None, None] ** 2 * (by_b @ np.swapaxes(by_b, 1, 2))
+    one, other = np.moveaxis(np.einsum("nij,mni->mnj", across, image), 2, 0)
+    quadratic = (
+        spread[..., 1, 1] * one**2 - 2.0 * spread[..., 0, 1] * one * other + spread[..., 0, 0] * other**2
+    )
+    size = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(size > 0.0, quadratic / size, np.inf))
+
+
+def homographies_of_four(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
+    """Collineations (m, 3, 3), of any scale, of four rays each (m, 4, 3); singular where three are in one plane.
+
+    The first three rays are the axes, the fourth gives their lengths; by adjugates, so that nothing is divided.
+    """
+    lengths_a = np.einsum("mij,mj->mi", adjugate(rays_a[:, :3]), rays_a[:, 3])
+    lengths_b = np.einsum("mij,mj->mi", adjugate(rays_b[:, :3]), rays_b[:, 3])
+    factors = lengths_b * np.roll(lengths_a, 1, axis=1) * np.roll(lengths_a, 2, axis=1)
+    return np.asarray(np.einsum("mki,mk,mkj->mij", rays_b[:, :3], factors, adjugate(rays_a[:, :3])))
+
+
+def adjugate(rows: FloatArray) -> FloatArray:
+    """det · inverse (m, 3, 3) of the matrices whose columns are ``rows`` (m, 3, 3)."""
+    one, two, three = np.moveaxis(rows, 1, 0)
+    return np.stack([cross(two, three), cross(three, one), cross(one, two)], axis=1)
+
+
+def significance_of_points(a: Bundle, b: Bundle, homography: Homography, fitted: BoolArray) -> FloatArray:
+    """Σ (v/σ)² (n,) that each pair of rays adds to a fit: χ² of two where it belongs to it.
+
+    ``fitted`` (n,) are the pairs that ``homography`` rests on; of them it is what the fit loses without the pair. The
+    errors of the collineation itself count.
+    """
+    corrections = np.zeros((len(a), 4))
+    for _ in range(3):
+        design, residuals, corrections = _conditions(a, b, homography.matrix, corrections)
+    rows = design.reshape(-1, 2, 9)
+    of_fit = rows @ homography.covariance @ np.swapaxes(rows, 1, 2)
+    covariance = np.eye(2) + np.where(fitted, -1.0, 1.0)[:, None, None] * of_fit
+    values, axes = np.linalg.eigh(covariance)
+    along = np.einsum("nji,nj->ni", axes, residuals.reshape(-1, 2))
+    return np.asarray(np.sum(along**2 / np.maximum(values, UNCONTROLLED), axis=1))
 
 
 class Turn(NamedTuple):

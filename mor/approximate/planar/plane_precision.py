@@ -17,6 +17,9 @@ from mor.approximate.planar.plane_shape import PlaneShape
 from mor.approximate.planar.two_images import PlaneOutcome, convex_hull
 from mor.arrays import FloatArray, IntArray
 
+ROUNDING = 1e-7
+"""σ over the largest one below which it is zero: of what carries the object system."""
+
 
 class Length(NamedTuple):
     """What gives the object system its origin, direction and scale."""
@@ -55,7 +58,11 @@ def placed_covariance(shape: PlaneShape, placed: PlacedPlane, tie: Length) -> Fl
     stretched[:frames] = np.pad(placed.positions, ((0, 0), (0, 3))).ravel()
     stretched[frames:] = np.nan_to_num(placed.points).ravel()
     relative = tie.sigma / tie.length
-    return np.asarray(carried @ covariance @ carried.T + relative**2 * np.outer(stretched, stretched))
+    result = carried @ covariance @ carried.T + relative**2 * np.outer(stretched, stretched)
+    sigma = np.sqrt(np.maximum(np.diag(result), 0.0))
+    exact = sigma < ROUNDING * np.max(sigma)
+    result[exact] = result[:, exact] = 0.0
+    return np.asarray(result)
 
 
 def _tie_constraints(shape: PlaneShape, tie: Length) -> FloatArray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from mor.approximate.planar.two_images import (
     planar_orientations,
     under_normal,
 )
+from mor.approximate.relative_orientation.nonlinearity import FAR, PROMISED
 from mor.approximate.vectors import tangent_axes, unit
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import cross_matrix
@@ -42,10 +44,6 @@ AS_GOOD = 25.0
 """Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
 SAME_NORMAL = 0.02
 """Angle in radians between the normals of two pairs up to which one of them is start enough."""
-FAR = 5.0
-"""Standard deviations by which the normal is turned to see whether they hold."""
-PROMISED = 0.64
-"""Part of the promised rise of Σ (v/σ)² that must be there: what σ say is five σ are at least four."""
 SAME = 1e-5
 """Differences of normals and attitudes, beyond their σ, up to which two shapes are one."""
 SOLVED = (
@@ -55,8 +53,6 @@ SOLVED = (
     PlaneOutcome.NOT_VISIBLE,
 )
 """Outcomes of a pair that leave it to all images."""
-WEAK = 0.03
-"""σ in radians of the normal of the plane, seen from the first image, beyond which the shape is weak."""
 
 
 @dataclass(frozen=True)
@@ -275,24 +271,25 @@ def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[Pla
 
 
 def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
-    """Is the normal of the plane hardly determined, or do its σ say more than the measurements?
+    """Do the σ promise more than the measurements hold?
 
-    Where the normal is turned by five σ, and all else follows, Σ (v/σ)² must have risen by what σ promise, about 25.
+    Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
+    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
     """
     adjusted = shape.adjusted
-    if adjusted is None or not shape.sigma_normal < WEAK:
+    if adjusted is None or not max(FAR) * shape.sigma_normal < 0.5 * np.pi:
         return True
     covariance = covariance_in(adjusted, inner_constraints(adjusted, rays.in_plane & rays.seen.any(axis=0)))
     normal = -adjusted.state.rotations[0, :, 2]
     off = ~rays.in_plane & ~shape.left_out
     values, axes = np.linalg.eigh(cross_matrix(normal) @ covariance[3:6, 3:6] @ cross_matrix(normal).T)
     used = np.isfinite(adjusted.residuals[:, :, 0])
-    for sign in (1.0, -1.0):
-        turned = unit(normal + sign * np.tan(FAR * np.sqrt(values[2])) * axes[:, 2])
+    for k, far, sign in product((2, 1), FAR, (1.0, -1.0)):
+        turned = unit(normal + sign * np.tan(far * np.sqrt(max(values[k], 0.0))) * axes[:, k])
         chosen = [_under(rays, number, pair, turned) for number, pair in enumerate(pairs, 1)]
         start = _with_points(rays, _start(rays, chosen), off)
-        bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, 2])
-        if bent.objective - adjusted.objective < PROMISED * FAR**2:
+        bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, k])
+        if bent.objective - adjusted.objective < PROMISED * far**2:
             return True
     return False
 

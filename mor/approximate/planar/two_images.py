@@ -39,7 +39,10 @@ class PlaneOutcome(Enum):
     TOO_FEW = "fewer than four points"
     INVALID = "a ray is zero or not a number"
     COLLINEAR = "three of four points, or all, lie in one line"
-    WEAK = "one solution is visible, but the shape is hardly determined: a longer base, more points, or a further image"
+    WEAK = (
+        "one solution is visible, but so loosely determined that its standard deviations do not hold: a longer base, "
+        "more points, or a further image"
+    )
     NO_BASE = (
         "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
     )
@@ -48,7 +51,8 @@ class PlaneOutcome(Enum):
         "the two solutions coincide and errors of the image coordinates enter with their square root"
     )
     NOT_VISIBLE = (
-        "no solution has all points in front of both images: mirrored coordinates or mismatched points"
+        "no solution has all points in front of both images: mirrored coordinates, mismatched points, or a shape that "
+        "the measurements leave open"
     )
     NOT_PLANE = "the points do not lie in one plane, or identities are mismatched"
 

@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.coplanarity import Coplanarity, in_front
+from mor.approximate.relative_orientation.nonlinearity import sigma_hold
 from mor.approximate.relative_orientation.outcome import (
     Candidate,
     RelativeOrientation,
@@ -28,8 +29,6 @@ APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
 MINIMA_APART = 1.0
 """The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
-WEAK = 0.1
-"""Standard deviation, in radians, of the base direction or the rotation beyond which an orientation is weak."""
 WRONG = 6.0
 """σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
@@ -121,7 +120,9 @@ def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tupl
 
 
 def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
-    """Of all that fit the one with most points in front, then of least objective; rivals that are as good.
+    """Of all that fit the one with fewest points behind beyond doubt, then of the least sum of squares; its rivals.
+
+    A point behind within its errors could be far away in front: its parallax counts with the residuals.
 
     The orientations of a plane fit its collineation equally well, whatever their objectives are: each measures the
     errors across its own base only, and these are different parts of the same errors. There each is judged by itself.
@@ -132,13 +133,16 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     excess = AS_GOOD * variance
     limit = max(adjusted[0].objective + excess, variance * float(chdtri(redundancy, BY_ITSELF)))
     fitting = [one for one in adjusted if one.objective <= limit]
-    chosen = max(fitting, key=lambda one: (_front_count(a, b, one), -one.objective))
+    parallaxes = [_parallaxes_behind(a, b, one) for one in fitting]
+    behind = [int(np.sum(one > SURE)) for one in parallaxes]
+    in_all = [one.objective + float(np.sum(own**2)) for one, own in zip(fitting, parallaxes, strict=True)]
+    chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], in_all[k]))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
-        for one in fitting
-        if _surely_behind(a, b, one) <= _surely_behind(a, b, chosen)
+        for one, hidden in zip(fitting, behind, strict=True)
+        if hidden <= min(behind)
         and one.objective <= as_good
         and _distance(one, chosen) > _tolerance(one, chosen, sigma)
     ]
@@ -178,13 +182,21 @@ def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate,
 
 
 def orientation_covariance(chosen: Coplanarity) -> FloatArray:
-    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
+    """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular.
+
+    Along b, where its length of one leaves no error of first order, that of second: with ξ the turns of the base
+    b changes by −b |ξ|²/2, and E |ξ|⁴ = (tr C)² + 2 tr C². A component of ±1 had no σ else.
+    """
     scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
     values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
     spread = np.zeros((6, 5))
     spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
-    return np.asarray(spread @ inverse @ spread.T)
+    covariance = np.asarray(spread @ inverse @ spread.T)
+    of_base = covariance[:3, :3]
+    fourth = np.trace(of_base) ** 2 + 2.0 * np.sum(of_base**2)
+    covariance[:3, :3] += 0.25 * fourth * np.outer(chosen.base, chosen.base)
+    return covariance
 
 
 def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -198,17 +210,16 @@ def _variance(one: Coplanarity, points: int) -> float:
     return one.objective / (points - 5)
 
 
-def _front_count(a: Bundle, b: Bundle, one: Coplanarity) -> int:
-    return int(np.sum(np.all(in_front(a, b, one.base, one.rotation), axis=1)))
+def _parallaxes_behind(a: Bundle, b: Bundle, one: Coplanarity) -> FloatArray:
+    """(n,) parallax in σ of the points behind, 0 of those in front: what it takes to make their rays parallel.
 
-
-def _surely_behind(a: Bundle, b: Bundle, one: Coplanarity) -> int:
-    """Points behind whose rays are not parallel, as precisely as rays and attitude are known."""
+    σ are those of the rays and of the attitude.
+    """
     front = np.all(in_front(a, b, one.base, one.rotation), axis=1)
     parallax = np.linalg.norm(cross(a.directions, b.directions @ one.rotation), axis=1)
     of_rays = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     of_turn = np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:])))
-    return int(np.sum(~front & (parallax > SURE * np.hypot(of_rays, of_turn))))
+    return np.where(front, 0.0, parallax / np.hypot(of_rays, of_turn))
 
 
 def _outcome(
@@ -216,14 +227,12 @@ def _outcome(
 ) -> RelativeOutcome:
     if np.sqrt(_variance(chosen, len(a))) > WRONG:
         return RelativeOutcome.DOES_NOT_FIT
-    if _front_count(a, b, chosen) < BEHIND * len(a):
+    if np.sum(_parallaxes_behind(a, b, chosen) <= SURE) < BEHIND * len(a):
         mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
         return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
     if rivals:
         return RelativeOutcome.AMBIGUOUS
-    if float(np.sqrt(np.max(np.linalg.eigvalsh(covariance)))) > WEAK:
-        return RelativeOutcome.WEAK
-    return RelativeOutcome.DETERMINED
+    return RelativeOutcome.DETERMINED if sigma_hold(a, b, chosen, covariance) else RelativeOutcome.WEAK
 
 
 def _same_but_behind(c: Candidate) -> int:

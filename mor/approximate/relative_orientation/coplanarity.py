@@ -20,7 +20,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
 from mor.approximate.vectors import cross, tangent_axes
 from mor.arrays import BoolArray, FloatArray
-from mor.geometry.rotations import rotate
+from mor.geometry.rotations import exponential, rotate
 
 INNER = 4
 """Iterations for the adjusted observations of given parameters; they gain six digits each at image noise."""
@@ -108,9 +108,9 @@ def adjust_coplanarity(
     normal = np.zeros((5, 5))
     for _ in range(iterations):
         axes = tangent_axes(base)
-        design = _design(state, base, rotation, axes)
-        normal = design.T @ design
-        step = _step(normal, design.T @ state.residuals, damping)
+        rows = design(state, base, rotation, axes)
+        normal = rows.T @ rows
+        step = _step(normal, rows.T @ state.residuals, damping)
         moved_base = base + axes @ step[:2]
         moved_base = moved_base / np.linalg.norm(moved_base)
         moved_rotation = rotate(rotation, step[2:])
@@ -130,7 +130,14 @@ def adjust_coplanarity(
     return Coplanarity(base, rotation, state.residuals, objective, normal, axes, converged)
 
 
-def _design(state: Misfit, base: FloatArray, rotation: FloatArray, axes: FloatArray) -> FloatArray:
+def turned_by(base: FloatArray, rotation: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orientation with the base turned by the angle |step[:3]| towards it, and the rotation by δ = step[3:]."""
+    axis = cross(base, step[:3])
+    return exponential(axis) @ base, rotate(rotation, step[3:])
+
+
+def design(state: Misfit, base: FloatArray, rotation: FloatArray, axes: FloatArray) -> FloatArray:
+    """Derivatives (n, k + 3) of the residuals by k movements ``axes`` (3, k) of the base, and by δ."""
     turned = state.rays_b @ rotation
     across = cross(base, state.rays_a)
     by_base = cross(state.rays_a, turned) @ axes

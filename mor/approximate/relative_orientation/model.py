@@ -102,14 +102,15 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Mo
     used = seen & np.isfinite(points[:, 0])
     index = np.flatnonzero(np.any(used, axis=0))
     positions, rotations, chosen = start.positions, start.rotations, points[index]
-    damping, normals = 0.0, _normals(bundles, used[:, index], positions, rotations, chosen)
+    there, rays = used[:, index], [bundle.take(index) for bundle in bundles]
+    damping, normals = 0.0, _normals(rays, there, positions, rotations, chosen)
     for _ in range(ITERATIONS):
         scale = np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
         scaled = normals.frames / np.outer(scale, scale) + damping * np.eye(len(scale))
         step = -np.linalg.solve(scaled, normals.side / scale) / scale
         moved = _moved(positions, rotations, step)
         shifted = chosen - normals.offset - normals.reach @ step
-        tried = _normals(bundles, used[:, index], *moved, shifted)
+        tried = _normals(rays, there, *moved, shifted)
         gain = normals.objective - tried.objective
         if gain >= 0.0:
             positions, rotations, chosen, normals = *moved, shifted, tried
@@ -171,12 +172,9 @@ def _normals(
     unknowns = basis.shape[1]
     own, mixed, own_side = np.zeros((count, 3, 3)), np.zeros((count, 3, unknowns)), np.zeros((count, 3))
     frames, side, objective = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0.0
-    columns = np.flatnonzero(np.any(used, axis=0))
-    all_points = np.full((used.shape[1], 3), np.nan)
-    all_points[columns] = points
     for k, bundle in enumerate(bundles):
         seen = np.flatnonzero(used[k])
-        star = (all_points[seen] - positions[k]) @ rotations[k].T
+        star = (points[seen] - positions[k]) @ rotations[k].T
         computed = reproject(bundle.take(seen), star)
         by_point = computed.by_star @ rotations[k]
         by_frame = np.concatenate([-by_point, computed.by_star @ cross_matrix(star)], axis=2)

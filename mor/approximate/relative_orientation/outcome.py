@@ -15,7 +15,10 @@ class RelativeOutcome(Enum):
     AMBIGUOUS = (
         "several orientations fit equally well; a further image, a distance or a known attitude decides"
     )
-    WEAK = "the orientation fits but is hardly determined by these points: more base, or points better spread"
+    WEAK = (
+        "the orientation fits, but so loosely that its standard deviations do not hold: more base, or points better "
+        "spread"
+    )
     TOO_FEW = "fewer than eight homologous points"
     INVALID = "a ray is zero or not a number, or the bundles differ in length"
     COLLINEAR = "the points lie in one line, in one of the bundles or both"
@@ -72,7 +75,7 @@ class RelativeOrientation:
     angles: FloatArray
     """(3,) ω*, φ*, κ* in radians."""
     covariance: FloatArray
-    """(6, 6) of b and the small rotation δ, for the a-priori σ of the rays; rank 5."""
+    """(6, 6) of b and the small rotation δ, for the a-priori σ of the rays; along b of second order."""
     sigma_base: FloatArray
     """(3,)"""
     sigma_angles: FloatArray

@@ -16,6 +16,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.planar.homography import fit_homography
 from mor.approximate.planar.two_images import COLLINEAR, solutions_of_homography, thickness
 from mor.approximate.relative_orientation.assessment import Judged, failed, result
+from mor.approximate.relative_orientation.base_directions import minima_over_directions
 from mor.approximate.relative_orientation.compatibility import compatible_unknowns
 from mor.approximate.relative_orientation.coplanarity import (
     Coplanarity,
@@ -45,6 +46,8 @@ SEEDS = 6
 FIRST_STEPS = 8
 FAR_BEHIND = 20.0
 """A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
+SMALL = 15.0
+"""Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base."""
 LOST = 2.9e-7
 """Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
 
@@ -82,6 +85,10 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         adjusted += [adjust_coplanarity(a, b, *seed, iterations=1) for seed in seeds]
     elif len(a) <= FEW or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
+    if turned.parallax < SMALL:
+        minima = minima_over_directions(a, b, turned.rotation)
+        everywhere = [best_of_four(a, b, auxiliary_unknowns(*one)) for one in minima]
+        adjusted = distinct(adjusted + adjust_seeds(a, b, everywhere))
     of_plane = [(seed.base, seed.rotation) for seed in seeds] if geometry is SceneGeometry.PLANE else []
     return result(a, b, Judged(geometry, linear.singular_values, adjusted, of_plane))
 
@@ -111,6 +118,8 @@ class Turned(NamedTuple):
     rotation: FloatArray
     misfit: float
     """Σ (v/σ)² over its limit: below 1 nothing speaks for a base."""
+    parallax: float
+    """Root mean square of what the turn leaves, in σ."""
 
 
 def turn_without_base(a: Bundle, b: Bundle) -> Turned:
@@ -123,7 +132,8 @@ def turn_without_base(a: Bundle, b: Bundle) -> Turned:
     )
     normalised = float(np.sum(np.sum(offset**2, axis=1) / sigma**2))
     redundancy = 2 * len(a) - 3
-    return Turned(rotation, normalised / (redundancy + 5.0 * np.sqrt(2.0 * redundancy)))
+    limit = redundancy + 5.0 * np.sqrt(2.0 * redundancy)
+    return Turned(rotation, normalised / limit, float(np.sqrt(normalised / redundancy)))
 
 
 def _refusal(a: Bundle, b: Bundle) -> RelativeOutcome | None:

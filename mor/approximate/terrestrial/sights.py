@@ -44,6 +44,8 @@ class Lengths:
     """Height block of the instrument."""
     value: FloatArray
     """(n, m)."""
+    sigma: FloatArray
+    """(n,) the largest of a row."""
 
 
 @dataclass(frozen=True)
@@ -175,4 +177,5 @@ def _collected(network: Network, groups: list[ObservationGroup], values: list[Fl
         np.concatenate([np.zeros(0), *(heights[group.blocks[3]] for group in groups)]),
         np.concatenate([none, *(group.blocks[1] for group in groups)]),
         np.concatenate([np.zeros((0, width)), *values]),
+        np.concatenate([np.zeros(0), *(np.nan_to_num(group.sigma).max(axis=1) for group in groups)]),
     )

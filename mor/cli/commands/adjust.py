@@ -261,5 +261,5 @@ def exit_code(solved: Solved, strict: bool) -> ExitCode:
         return ExitCode.NOT_CONVERGED
     if solved.suspects is not None:
         return ExitCode.REJECTED
-    rejected = not quality.global_test.accepted or any(flags.any() for flags in quality.flagged)
+    rejected = not solved.accepted or any(flags.any() for flags in quality.flagged)
     return ExitCode.REJECTED if strict and rejected else ExitCode.DONE

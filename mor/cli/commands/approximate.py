@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from mor.cli._language import language_option
+from mor.counting import counted
+
+if TYPE_CHECKING:
+    from mor.approximate.growth.strategy import Approximation
+    from mor.project.network.build import Network
 
 
 @click.command(name="approximate")
@@ -19,51 +27,95 @@ import click
     help="Folder of the project with start values.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@click.option(
+    "--plot",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Draw a plan of what was found, coloured by part: .svg, .png or .pdf.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@language_option("the report and the picture")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-def command(project: Path, output: Path | None, force: bool, quiet: bool) -> int:
+def command(
+    project: Path, output: Path | None, force: bool, plot: Path | None, as_json: bool, lang: str, quiet: bool
+) -> int:
     """Find start values for PROJECT and write a project that has them.
 
     \b
     Examples:
       mor approximate project.yaml
       mor approximate project.yaml -o started --force
+      mor approximate project.yaml --plot parts.svg --lang de
+      mor approximate project.yaml --json | jq .parts
 
-    Given values stay as they are; attitudes and poses that are start values and no more are replaced where the
-    observations contradict them. The protocol on standard output says how each value was obtained, what was replaced,
-    or what is missing. mor adjust does the same by itself where values are missing.
+    Given values stay as they are; those that are start values and no more are replaced where the observations
+    contradict them. The report on standard output says of every value whether it was given, found or replaced, by which
+    rule, in which part, with which sigma, and what is missing why. mor adjust does the same by itself.
 
     \b
-    Exit codes: 0 done; 2 input, or values stay missing.
+    Exit codes: 0 done; 2 input, or values stay missing and undetermined: leave_out is not set.
     """
-    from mor.approximate.growth.strategy import approximate
-    from mor.cli._compiler import compiler_announced
-    from mor.compilation import chosen_by_size
-    from mor.counting import counted
     from mor.errors import ExitCode, InputError, Problem
     from mor.pipeline import read_document, read_network
     from mor.report.results.adjusted.start_columns import Placed
     from mor.report.results.folder import check_inputs, folder_beside
-    from mor.report.results.protocol import protocol
     from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import PROJECT, write_project
 
     folder = output or folder_beside(project, ".start")
     check_free(folder, force)
+    if plot is not None and plot.exists() and not force:
+        raise InputError([Problem("this file exists; --force replaces it", str(plot))])
     document = read_document(project)
     tables = (project.parent / name for name in document.table_files())
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
         network = read_network(document, project.parent)
-        with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
-            approximation = approximate(network)
-        click.echo(protocol(network, approximation), nl=False)
-        if approximation.missing:
+        approximation = _approximated(network, quiet)
+        _report(network, approximation, as_json, plot, lang)
+        refused = approximation.missing and network.project.settings.undetermined == "refuse"
+        if refused:
             count = counted(len(approximation.missing), "thing stays", "things stay")
-            raise InputError([Problem(f"{count} without start values, as the protocol says", str(project))])
+            raise InputError([Problem(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
         click.echo(f"project with start values in {folder}", err=True)
     return ExitCode.DONE
+
+
+def _approximated(network: Network, quiet: bool) -> Approximation:
+    from mor.approximate.growth.strategy import approximate
+    from mor.cli._compiler import compiler_announced
+    from mor.compilation import chosen_by_size
+
+    for note in network.notes if not quiet else ():
+        click.echo(f"note: {note}", err=True)
+    with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
+        return approximate(network)
+
+
+def _report(
+    network: Network, approximation: Approximation, as_json: bool, plot: Path | None, lang: str
+) -> None:
+    from mor.pipeline import make_problem
+    from mor.report.plots.sheet import save, style
+    from mor.report.results.json import to_json
+    from mor.report.start_values.data import start_values
+    from mor.report.start_values.plain import start_data
+    from mor.report.start_values.text import start_text
+    from mor.report.words.language import words_of_start_values
+
+    words = words_of_start_values(lang)
+    rows = start_values(
+        network, approximation, make_problem(network, approximation.start, approximation.start)
+    )
+    text = start_text(approximation, rows, words)
+    click.echo(to_json(start_data(network, approximation, rows)) if as_json else text, nl=False)
+    if plot is not None:
+        from mor.report.plots.start_values import parts
+
+        with style():
+            save(parts(network, approximation, words), plot)
 
 
 def _note(quiet: bool, words: str, /, **values: object) -> None:

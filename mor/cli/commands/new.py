@@ -63,8 +63,8 @@ def command(
     The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
     directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
     more. A list id, x, y, z whose names are images has their projection centres. Points and images that only
-    observations name are listed; no start values are needed. Photographs alone say their camera, size, focal length
-    and GNSS position themselves (EXIF); they need the extra formats.
+    observations name are listed; no start values are needed. mor.schema.json beside it is that of this version.
+    Photographs alone say their camera, size, focal length and GNSS position themselves (EXIF; extra formats).
 
     \b
     Exit codes: 0 done; 2 input.
@@ -90,9 +90,7 @@ def command(
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     write_new(texts, force)
-    beside = project.with_name("mor.schema.json")
-    if not beside.exists():
-        beside.write_text(project_schema(), encoding="utf-8")
+    project.with_name("mor.schema.json").write_text(project_schema(), encoding="utf-8")
     for table in found:
         click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
     click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)

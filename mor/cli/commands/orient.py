@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite
 from pathlib import Path
 
 import click
@@ -89,6 +90,9 @@ def relative_command(
     from mor.report.words.language import words_of_orientation
     from mor.units import ANGLE_UNITS
 
+    _check_sigma(sigma)
+    if attitude is not None and not all(isfinite(angle) for angle in attitude):
+        raise click.UsageError("--attitude takes three angles")
     measured = read_homologous(pairs)
     found = relative(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
     given = None if attitude is None else rotation_from_angles(np.array(attitude) * ANGLE_UNITS[angles])
@@ -153,8 +157,9 @@ def planar_command(
     from mor.report.results.json import to_json
     from mor.report.words.language import words_of_orientation
 
-    if length is not None and (length[0] == length[1] or length[2] <= 0.0):
+    if length is not None and (length[0] == length[1] or not 0.0 < length[2] < inf):
         raise click.UsageError("--length takes two different points and a positive length")
+    _check_sigma(sigma, length_sigma)
     measured = read_homologous(points)
     of_images = _of_images(constants, measured.coordinates.shape[1])
     shape = planar(measured, of_images, sigma, off)
@@ -163,11 +168,17 @@ def planar_command(
     return ExitCode.DONE if is_known(shape) else ExitCode.SINGULAR
 
 
+def _check_sigma(*sigmas: float) -> None:
+    """click lets nan and inf pass as numbers in range."""
+    if not all(isfinite(sigma) for sigma in sigmas):
+        raise click.UsageError("a standard deviation must be a number")
+
+
 def _of_images(constants: tuple[float, ...], images: int):  # type: ignore[no-untyped-def]
     import numpy as np
 
     if len(constants) not in (1, images):
         raise click.UsageError(f"give --constant once, or once for each of the {images} images")
-    if min(constants) <= 0.0:
+    if not all(0.0 < constant < inf for constant in constants):
         raise click.UsageError("the camera constant must be positive")
     return np.array(constants * images if len(constants) == 1 else constants, dtype=float)

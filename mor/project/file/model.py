@@ -100,9 +100,7 @@ class ImageFormat(Strict):
 
     width: Measure = Field(description="Image width in px")
     height: Measure = Field(description="Image height in px")
-    pixel: Measure | None = Field(
-        default=None, description="Pixel size, e.g. 0.00414 mm; a camera in px does without"
-    )
+    pixel: Measure | None = Field(default=None, description="Size of one, e.g. 4.14 um; px need none")
 
 
 class Camera(Strict):
@@ -347,7 +345,10 @@ class Settings(Strict):
         description="Level of the tests of all observations together (Šidák); it takes the place of snooping_level",
     )
     power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
-    global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of the global test")
+    global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of global and group tests")
+    least_redundancy: float = Field(
+        default=0.01, gt=0.0, lt=1.0, description="r below which an observation is called uncontrolled"
+    )
     sigma: Literal["aposteriori", "apriori"] = Field(
         default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
     )

@@ -32,6 +32,7 @@ from mor.project.network.reading import Reading, TableWatcher, ignore_table, tab
 from mor.project.network.stations import read_stations, read_systems
 from mor.project.observations.correlations import Correlation, correlations
 from mor.project.observations.direction_sets import check_direction_sets
+from mor.project.observations.fixed_quantities import refuse_fixed
 from mor.project.observations.groups import read_groups
 from mor.project.observations.observation_rows import Group
 from mor.project.observations.orientations import drop_unused_orientations
@@ -141,6 +142,7 @@ def build_network(
         *variant_groups(reading, reading.variants),
         *prior_groups(reading),
     ]
+    refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
     check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])

@@ -16,7 +16,8 @@ import polars as pl
 _SIGNS = "[=+@\t#-]"
 _UNSAFE = re.compile(f"'*{_SIGNS}")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-_AFTER_A_BLANK = re.compile(r"\s#")
+_COMMENT = r"\s#"
+_AFTER_A_BLANK = re.compile(_COMMENT)
 
 
 def is_unsafe(name: str) -> bool:
@@ -45,18 +46,23 @@ def plain_column(cells: pl.Series) -> pl.Series:
     return cells.str.replace(f"^'('*{_SIGNS})", "$1")
 
 
-def guarded_column(cells: pl.Series) -> pl.Series:
-    """Names of a column as they are written."""
-    begins = cells.str.contains(f"^'*{_SIGNS}") & ~cells.str.contains(f"^(?:{_NUMBER.pattern})$")
-    written = ("'" + cells).zip_with(begins.fill_null(False), cells)
-    return written.alias(cells.name) if begins.any() else cells
-
-
 def csv_lines(frame: pl.DataFrame, header: bool = True) -> memoryview:
     """A table as CSV, names guarded; all texts in quotes where one of them would look like a comment otherwise."""
-    texts = [guarded_column(column) for column in frame.select(pl.col(pl.String))]
-    written = frame.with_columns(*texts)
-    hidden = any(column.str.contains(r"\s#").any() for column in texts)
+    texts, hidden = pl.col(pl.String), False
+    if _any(frame.select(texts.str.contains(rf"^'*{_SIGNS}|{_COMMENT}").any())):
+        frame = frame.with_columns(_guarded(texts))
+        hidden = _any(frame.select(texts.str.contains(_COMMENT).any()))
     lines = BytesIO()
-    written.write_csv(lines, include_header=header, quote_style="non_numeric" if hidden else "necessary")
+    frame.write_csv(lines, include_header=header, quote_style="non_numeric" if hidden else "necessary")
     return lines.getbuffer()
+
+
+def _any(told: pl.DataFrame) -> bool:
+    """True where one of the columns, all of one row, says so."""
+    return any(map(any, told.rows()))
+
+
+def _guarded(cells: pl.Expr) -> pl.Expr:
+    """Names of columns as they are written."""
+    begins = cells.str.contains(f"^'*{_SIGNS}") & ~cells.str.contains(f"^(?:{_NUMBER.pattern})$")
+    return pl.when(begins).then(cells.str.replace("^", "'")).otherwise(cells)

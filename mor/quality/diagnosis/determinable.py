@@ -28,6 +28,7 @@ from mor.project.reduction import (
 )
 from mor.quality.diagnosis.loose_things import OPEN, without_loose, without_moved
 from mor.quality.diagnosis.misfit import misfit
+from mor.quality.diagnosis.parallax import with_free_poses
 from mor.quality.diagnosis.unsettled import only_here
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
@@ -86,12 +87,16 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     not.
     """
     values, failed = start, np.zeros(0, dtype=np.int64)
-    found, far = _parallel(network, start, means)
+    found = nearly_parallel(network, start)
+    far = _beyond_reach(network, start, found, means)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
         there = _values_of(network, adjustment.values, far.points)
-        found, now = _parallel(network, there, means)
+        found = nearly_parallel(network, there)
+        if adjustment.outcome.is_solution:
+            found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
+        now = _beyond_reach(network, there, found, means)
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             if np.isin(now.points, failed).all():
@@ -125,13 +130,12 @@ def _leaves_out(network: Network) -> bool:
     return network.project.settings.undetermined == "leave_out"
 
 
-def _parallel(network: Network, values: Values, means: Means) -> tuple[RayPoints, RayPoints]:
-    """Points whose rays are nearly parallel, and those of them whose rays are so to their precision.
+def _beyond_reach(network: Network, values: Values, found: RayPoints, means: Means) -> RayPoints:
+    """Points whose rays are parallel to their precision.
 
     That is the precision of the rays at these values: as long as poses are rough, it is not that of the measurements.
     """
-    found = nearly_parallel(network, values)
-    return found, found.take(found.parallel(means.critical * misfit(network, values, found.points)))
+    return found.take(found.parallel(means.critical * misfit(network, values, found.points)))
 
 
 def _adjusted(

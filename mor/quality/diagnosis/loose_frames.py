@@ -1,10 +1,12 @@
-"""Why an image, a station or a system is loose, told by its points: none, one, two, or all on one line."""
+"""Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mor.arrays import IntArray
+from mor.geometry.rotations import angles_from_rotation
+from mor.parameters.index import moves_by_angles
 from mor.parameters.kinds import KINDS
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 from mor.quality.solved import Solved
@@ -12,15 +14,37 @@ from mor.units import LENGTH_UNITS
 
 _ON_LINE = 1e-6
 """Spread of points beside a line, as part of that along it, below which they are on it."""
+_LOCKED = 1e-3
+"""cos φ from which down ω and κ are a thousand times less certain than the attitude: they are nearly the same turn."""
 _SHOWN = 4
 
 
 def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list[str]:
-    """A line for a frame (``image``, ``station``) whose points cannot hold it; nothing where they could."""
+    """Lines for a frame (``image``, ``station``) that its points, or its angles, cannot hold; none where they could."""
     things = solved.network.things[space]
     if name not in things.numbers:
         return []
     rotation = things.part(name, "rotation")
+    return [*_too_few(solved, space, name, rotation, say), *_locked(solved, space, name, rotation, say)]
+
+
+def _locked(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+    """Angles of which some are fixed, or tied to those of others, where two of them are the same turn."""
+    index = solved.adjustment.problem.index
+    _, phi, _ = angles_from_rotation(solved.adjustment.values["rotation"][rotation])
+    if np.cos(phi) > _LOCKED or not moves_by_angles(index.blocks["rotation"])[rotation]:
+        return []
+    return [
+        say(
+            "phi of {names} is ±100 gon: omega and kappa are the same turn there, so that no angle can be fixed, or "
+            "differ exactly from another one, by itself; turn the object system, or observe it with a σ.",
+            names=f"{say(space)} {name}",
+        )
+    ]
+
+
+def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+    """Points that cannot hold a frame."""
     points = _points_seen(solved, rotation)
     names = [solved.network.blocks["point"].ids[p] for p in points]
     frame = f"{say(space)} {name}"

@@ -18,6 +18,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Adjustment, Iteration
 from mor.arrays import BoolArray, FloatArray
+from mor.observations import is_image_point
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.tests.test_statistics import comparable
@@ -184,8 +185,9 @@ def _together(quality: Quality, group: int, row: int, sizes: FloatArray) -> Entr
     """The worst component of a row; all components of a ray, where each is controlled for itself."""
     one = quality.adjustment.problem.groups[group]
     active = np.flatnonzero(one.mask[row] & ~one.left_out[row])
-    is_ray = one.type.key.startswith(("image/", "follower/"))
-    if is_ray and quality.groups[group].at(np.array([row])).freedom[0, active].max() >= len(active):
+    if is_image_point(one.type) and quality.groups[group].at(np.array([row])).freedom[0, active].max() >= len(
+        active
+    ):
         return [(group, row, int(component)) for component in active]
     return [(group, row, int(np.argmax(sizes)))]
 

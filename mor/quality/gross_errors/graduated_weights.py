@@ -25,7 +25,7 @@ from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import Factors, normalised_misclosures, reweighted_plan
 from mor.adjustment.state import Iteration, Watcher
 from mor.arrays import BoolArray, FloatArray
-from mor.observations import ObservationGroup
+from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values, move
 
 WIDEST, NARROWEST = 20.0, 3.0
@@ -110,7 +110,7 @@ def _sizes(plan: Plan, values: Values) -> tuple[FloatArray, ...]:
 
 def _joint(group: ObservationGroup, size: FloatArray) -> FloatArray:
     """(n, m) sizes by which observations are judged: of the two coordinates of a ray the root mean square times √2."""
-    if not group.type.key.startswith(("image/", "follower/")):
+    if not is_image_point(group.type):
         return size
     together = np.sqrt(np.sum(size**2, axis=1, keepdims=True))
     return np.broadcast_to(together / np.sqrt(1.4), size.shape)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.observations._contract import OUT
 from mor.quality.in_chunks import in_pieces
 from mor.quality.reliability.observation_quality import ObservationQuality
@@ -101,16 +101,6 @@ class Reliability:
             spread = np.sqrt((self.quality.sigma[out] / OUT) ** 2 + self.quality.q_adjusted[out])
             values[out] = of_excluded(self.quality.v[out], spread)
         return values
-
-
-def without_test(tests: Reliability) -> BoolArray:
-    """(n, m) observations that nothing controls: there is a redundancy number, but no test value."""
-
-    def of_rows(rows: slice) -> BoolArray:
-        some = tests.at(rows)
-        return np.isfinite(some.quality.r) & ~np.isfinite(some.test)
-
-    return in_pieces(tests.quality.v.shape, of_rows)
 
 
 def student_square(test: FloatArray, omega: float, redundancy: int) -> FloatArray:

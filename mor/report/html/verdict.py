@@ -12,10 +12,13 @@ from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
+from mor.report.hypotheses.text import sentence
 from mor.report.tables.worst import component_of
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.suspects import sentences
 from mor.report.text.undetermined import sentences_of_things
+from mor.report.verdict.sentences import contradictions, said_conventions
+from mor.report.verdict.words_of_reliability import uncontrolled_in_words, uncontrolled_sentence
 from mor.report.words.language import Words
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
@@ -38,7 +41,16 @@ class Statement(NamedTuple):
 
 def statements(data: PageData) -> list[Statement]:
     """The statements, the most important first."""
-    parts = [_global(data), _worst(data), _controlled(data), _checks(data), _points(data), _geometry(data)]
+    parts = [
+        *_causes(data),
+        _global(data),
+        _groups(data),
+        _worst(data),
+        _controlled(data),
+        _checks(data),
+        _points(data),
+        _geometry(data),
+    ]
     found = [statement for statement in [*parts, *_cameras(data)] if statement is not None]
     return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
 
@@ -60,6 +72,7 @@ def headline(data: PageData) -> Statement:
     things = tuple(_thing(row) for row in summary.get("undeterminable", []))
     emptied += sentences_of_things(things, say)
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
+    contradicted = contradictions(data.view.verdict, say)
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
         words = say(
@@ -69,14 +82,39 @@ def headline(data: PageData) -> Statement:
             size=say("larger") if larger else say("smaller"),
             ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
         )
-        return Statement(BAD if larger else DOUBT, say("Not accepted"), f"{words} {flagged}")
+        words = " ".join([words, *contradicted, flagged])
+        return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
     words = say(
         "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
         count=count,
     )
+    if contradicted:
+        return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
+    loose = summary.get("uncontrolled") or 0
+    if loose:
+        title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
+        return Statement(DOUBT, title, f"{words} {flagged}")
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _causes(data: PageData) -> list[Statement]:
+    """What may be the cause where something is rejected; never more than that."""
+    return [
+        Statement(
+            DOUBT,
+            data.words("What may be the cause"),
+            data.words(
+                "{cause}. With that vᵀPv falls from {before} to {after}. Not applied; to try it: {line}",
+                cause=sentence(row, data.words),
+                before="–" if row["vtpv_before"] is None else f"{row['vtpv_before']:.5g}",
+                after=f"{row['vtpv_after']:.5g}",
+                line=row["line"],
+            ),
+        )
+        for row in data.view.hypotheses
+    ]
 
 
 def _thing(row: dict[str, Any]) -> Undeterminable:
@@ -139,6 +177,27 @@ def _global(data: PageData) -> Statement | None:
     return Statement(state, say("Global test"), f"{advice} {numbers}")
 
 
+def _groups(data: PageData) -> Statement | None:
+    """Tests of groups, and what is chosen and not measured."""
+    tested, say = data.view.verdict, data.words
+    if tested is None:
+        return None
+    found = contradictions(tested, say)
+    if not found and tested["tests"]:
+        found = [
+            say(
+                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
+                count=tested["tests"],
+                level=f"{tested['level_of_groups']:g}",
+                each=f"{tested['level_of_each_group']:.2g}",
+            ),
+            say("None of them rejects."),
+        ]
+    found += said_conventions(tested, say)
+    state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
+    return Statement(state, say("Tests of groups"), " ".join(found)) if found else None
+
+
 def _worst(data: PageData) -> Statement | None:
     used = data.view.used.filter(pl.col("w").is_not_null())
     if used.height == 0:
@@ -174,7 +233,7 @@ def _controlled(data: PageData) -> Statement | None:
     if used.height == 0:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
-    free = used.filter(pl.col("flag") == "uncontrolled")
+    free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
     words = say(
         "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
         mean=f"{float(used['r'].to_numpy().mean()):.2f}",
@@ -182,13 +241,16 @@ def _controlled(data: PageData) -> Statement | None:
         all=used.height,
         limit=f"{_LOW_R:g}",
     )
-    if 0 < free.height <= _NAMED:
-        names = "; ".join(place(row) for row in free.iter_rows(named=True))
-        words += " " + say("An error stays unseen in: {names}.", names=names)
-    elif free.height:
-        words += " " + say("Without any control: {count} (an error there stays unseen).", count=free.height)
-    state = DOUBT if low > 0.05 * used.height or free.height else GOOD
+    if found is not None:
+        words = " ".join([words, *_uncontrolled(found, say)])
+    state = DOUBT if low > 0.05 * used.height or free else GOOD
     return Statement(state, say("Reliability"), words)
+
+
+def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
+    """How many observations are uncontrolled, and what the first of them carry."""
+    lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
+    return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
 
 
 def _checks(data: PageData) -> Statement | None:
@@ -235,13 +297,12 @@ def _points(data: PageData) -> Statement | None:
 def _geometry(data: PageData) -> Statement | None:
     if not len(data.rays.frame):
         return None
-    rays = np.bincount(data.rays.point, minlength=data.points.height)
-    only = data.points.with_columns(pl.Series("n", rays)).filter(pl.col("others") == 0)
-    two = only.filter(pl.col("n") <= 2).height
+    only = data.points.filter(pl.col("others") == 0)
+    two = (data.view.reliability or {}).get("points_barely_determined", 0)
     narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
     words = data.words(
-        "{two:point is|points are} seen by two rays only, {narrow} under less than {limit} {unit} "
-        "(points that nothing but rays determine).",
+        "{two:point has|points have} at most one observation more than they need (two rays, or sights and distances "
+        "instead); {narrow} of those that only rays determine under less than {limit} {unit}.",
         two=two,
         narrow=narrow,
         limit=f"{_NARROW[data.angle_unit]:g}",

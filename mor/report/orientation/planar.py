@@ -12,7 +12,7 @@ from mor.approximate.planar.plane_shape import PlaneShape, shape_of_plane
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.geometry.rotations import angles_from_rotation
-from mor.report.orientation.measured import Measured, bundles
+from mor.report.orientation.measured import Measured, bundles, check_names
 from mor.report.orientation.numbers import ANGLES, by_turn, correlation, number, numbers, sigmas, with_sigma
 from mor.units import ANGLE_UNITS
 
@@ -31,7 +31,7 @@ def planar(measured: Measured, constants: FloatArray, sigma: float, off: tuple[s
 
     Raises :class:`InputError` for names that are not there.
     """
-    _check_names(measured, off)
+    check_names(measured, off)
     beside = np.isin(np.array(measured.ids, dtype=object), off) if off else None
     return shape_of_plane(bundles(measured, constants, sigma), beside)
 
@@ -45,7 +45,7 @@ def planar_data(
     measured: Measured, shape: PlaneShape, constants: FloatArray, wanted: Wanted
 ) -> dict[str, Any]:
     """Plane object and cameras; lengths in the unit of the given length, else the first two points are one apart."""
-    _check_names(measured, () if wanted.length is None else wanted.length[:2])
+    check_names(measured, () if wanted.length is None else wanted.length[:2])
     shapes = (shape, *shape.alternatives) if is_known(shape) else ()
     return {
         "outcome": shape.outcome.name.lower(),
@@ -57,12 +57,6 @@ def planar_data(
         "system": "wall Y = 0, Z up" if wanted.wall else "level plane Z = 0",
         "solutions": [_solution(measured, one, constants, wanted) for one in shapes],
     }
-
-
-def _check_names(measured: Measured, names: tuple[str, ...]) -> None:
-    problems = [Problem(f"point {name!r} does not exist") for name in names if name not in measured.ids]
-    if problems:
-        raise InputError(problems)
 
 
 def _tie(measured: Measured, shape: PlaneShape, wanted: Wanted) -> Length:

@@ -57,12 +57,14 @@ def _solution(solution: dict[str, Any], words: Words) -> list[str]:
         [str(k), *_valued(i, ("x", "y", "z", "omega", "phi", "kappa"), 5)]
         for k, i in enumerate(solution["images"], start=1)
     ]
-    lengths = [cell for name in ("X", "Y", "Z") for cell in (f"{name} [length]", "sigma")]
-    centres = [cell for name in ("X0", "Y0", "Z0") for cell in (f"{name} [length]", "sigma")]
+    length = words.listed("length")
+    lengths = [cell for name in ("X", "Y", "Z") for cell in (f"{name} [{length}]", "sigma")]
+    centres = [cell for name in ("X0", "Y0", "Z0") for cell in (f"{name} [{length}]", "sigma")]
     turns = [cell for name in ("omega", "phi", "kappa") for cell in (f"{name} [{unit}]", "sigma")]
     results = [
-        [words.listed(r["kind"]), r["of"], _unit(r["kind"], unit), fixed(r["value"], 5), fixed(r["sigma"], 5)]
+        [words.listed(r["kind"]), r["of"], said, fixed(r["value"], 5), fixed(r["sigma"], 5)]
         for r in solution["results"]
+        for said in [words.listed(_unit(r["kind"], unit))]
     ]
     lines = [table(["point", *lengths, "remark"], points, words=words), ""]
     lines += [table(["image", *centres, *turns], images, words=words), ""]

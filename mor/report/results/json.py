@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
+from mor.report.hypotheses.table import hypotheses
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -29,6 +30,8 @@ from mor.report.tables.features import feature_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.tables.suspects import suspects
+from mor.report.verdict.group_tests import verdict_rows
+from mor.report.verdict.reliability_map import reliability_rows
 
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
@@ -42,6 +45,8 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
     points, images = point_table(solved), image_table(solved)
     return {
         **summary(solved),
+        "verdict": verdict_rows(solved),
+        "reliability": reliability_rows(solved),
         "points": _rows(points, beside),
         "images": _with_interiors(_rows(images, beside), solved),
         "cameras": interior_rows(solved),
@@ -54,6 +59,7 @@ def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
         "suspects": suspects(solved),
+        "hypotheses": hypotheses(solved),
         "fixed_points": fixed_point_rows(solved),
         "checks": check_rows(solved),
         "failure": failure(solved),

@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field
 
 from mor.report.results.model_failure import Failure, Undeterminable
-from mor.report.results.model_gross_errors import GrossErrors, Suspects
+from mor.report.results.model_gross_errors import GrossErrors, Hypothesis, Suspects
 from mor.report.results.model_parts import (
     Axes,
     Camera,
@@ -35,6 +35,7 @@ from mor.report.results.model_parts import (
     Units,
     VarianceComponents,
 )
+from mor.report.results.model_verdict import ReliabilityMap, Verdict
 
 
 class Results(Part):
@@ -68,10 +69,18 @@ class Results(Part):
     redundancy_sum: Number = Field(description="Sum of all redundancy numbers, equal to redundancy")
     sigma0: Sigma0 | None = Field(description="Standard deviation of unit weight")
     global_test: GlobalTest | None = Field(description="Test of all residuals together")
+    verdict: Verdict | None = Field(
+        default=None, description="The tests of the whole and of its groups; null without a solution"
+    )
+    reliability: ReliabilityMap | None = Field(
+        default=None, description="Where errors would hide; null without redundancy"
+    )
     critical_w: Number = Field(default=None, description="Limit of |w|")
     snooping_level: Number = Field(default=None, description="α0, level of the test of single observations")
     flagged: int | None = Field(description="Number of observations beyond the limit")
-    uncontrolled: int | None = Field(default=None, description="Number of observations that nothing controls")
+    uncontrolled: int | None = Field(
+        default=None, description="Number of observations with r below settings.least_redundancy"
+    )
     iteration_log: list[Step] = Field(description="The iterations")
     points: list[Point] | None = Field(description="null beyond 10 000: read the table")
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
@@ -88,6 +97,10 @@ class Results(Part):
     gross_errors: GrossErrors = Field(description="Tests of single observations")
     suspects: Suspects | None = Field(
         default=None, description="What was left out because all observations together have no solution"
+    )
+    hypotheses: list[Hypothesis] = Field(
+        default=[],
+        description="What may be the cause where something is rejected, the best first; none is applied",
     )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     checks: list[Check] = Field(description="Observations kept out to check by")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from mor.report.results.model_parts import Number, Part
 
@@ -12,8 +12,13 @@ from mor.report.results.model_parts import Number, Part
 class Place(Part):
     """Which observation."""
 
+    model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
+
     type: str = Field(description="Type of the observation as a project names it")
     group: str = Field(description="Table it comes from")
+    at: str = Field(description="Station of an angle; empty otherwise")
+    from_: str = Field(alias="from", description="Station, or image, or the first end")
+    to: str = Field(description="Target, or point, or the second end")
     names: dict[str, str] = Field(description="Names by the references of its type")
     component: str = Field(description="Component of the type")
     unit: str = Field(description="Unit of the observation")
@@ -107,3 +112,26 @@ class Suspects(Part):
     sigma0_ratio: Number = Field(description="Its σ0 a posteriori / a priori, where it came to an end")
     count: int = Field(description="Number of observations left out")
     observations: list[Suspect] = Field(description="The worst first, at most 10 000")
+
+
+class Amount(Part):
+    """What an additional unknown came out as."""
+
+    name: str = Field(description="offset, scale, height, c")
+    value: float = Field(description="Its estimate")
+    unit: str = Field(description="Its unit")
+
+
+class Hypothesis(Part):
+    """A mistake that may have been made, tried in an adjustment of its own."""
+
+    cause: str = Field(description="Key of the cause")
+    things: list[str] = Field(description="Names of what it is about: points, images, stations, tables")
+    line: str = Field(description="What to change in the project to try it")
+    candidates: int = Field(description="How many of its kind were looked through")
+    amount: Amount | None = Field(description="Its additional unknown, where it has one")
+    vtpv_before: Number = Field(description="vᵀPv without it, or of the last iteration")
+    freedom_before: int = Field(description="Degrees of freedom without it")
+    vtpv_after: float = Field(description="vᵀPv with it")
+    freedom_after: int = Field(description="Degrees of freedom with it")
+    gain: float = Field(description="By how much it describes the observations shorter, in units of χ²")

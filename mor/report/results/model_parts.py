@@ -308,5 +308,5 @@ class Residual(Part):
     joint_freedom: Number = Field(description="Its degrees of freedom")
     p_joint: Number = Field(description="Its probability")
     flag: Literal["", "gross", "uncontrolled", "excluded", "check"] = Field(
-        description="gross: beyond the limit; uncontrolled: no test is possible; excluded, check: kept out"
+        description="gross: beyond the limit; uncontrolled: r < settings.least_redundancy; excluded, check: kept out"
     )

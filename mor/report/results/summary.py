@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 
 from mor import __version__
-from mor.arrays import BoolArray
 from mor.project.network.entities import said_thing
 from mor.quality.diagnosis.singularities import weakness
-from mor.quality.in_chunks import in_pieces
-from mor.quality.reliability.observation_quality import ObservationQuality
+from mor.quality.reliability.reliability_map import uncontrolled_count
 from mor.quality.solved import Solved
-from mor.quality.tests.test_statistics import normalised_residuals
 from mor.report.edge import angle_unit
 from mor.report.tables.undeterminable import undeterminable_rows
 
@@ -99,15 +96,5 @@ def _statistics(solved: Solved) -> dict[str, Any]:
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,
         "flagged": int(sum(np.count_nonzero(flags) for flags in quality.flagged)),
-        "uncontrolled": sum(_untested(group) for group in quality.groups),
+        "uncontrolled": uncontrolled_count(quality),
     }
-
-
-def _untested(quality: ObservationQuality) -> int:
-    """Number of observations that nothing controls."""
-
-    def of_rows(rows: slice) -> BoolArray:
-        some = quality.at(rows)
-        return np.isfinite(some.r) & ~np.isfinite(normalised_residuals(some))
-
-    return int(np.count_nonzero(in_pieces(quality.v.shape, of_rows)))

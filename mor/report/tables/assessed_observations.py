@@ -44,8 +44,10 @@ class AssessedRows:
 
     @property
     def uncontrolled(self) -> BoolArray:
-        """Observations without a test, for nothing controls them."""
-        loose: BoolArray = np.isfinite(self.one.r) & ~np.isfinite(self.test)
+        """Observations that hardly anything controls: their redundancy number is below the least one."""
+        if self.whole is None:
+            return np.zeros(self.group.observed.shape, dtype=bool)
+        loose: BoolArray = np.nan_to_num(self.one.r, nan=1.0) < self.whole.levels.least_redundancy
         return loose & ~self.group.left_out
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup
+from mor.observations import ObservationGroup, is_image_point
 from mor.observations.names import places_of
 from mor.quality.in_chunks import ROWS_AT_A_TIME
 from mor.quality.solved import Solved
@@ -29,7 +29,7 @@ def _owners(solved: Solved, group: ObservationGroup) -> Iterator[tuple[str, AnyI
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         if slot.kind == "point" and slot.of != "image":
             yield "point", blocks
-    if group.type.key.startswith(("image/", "follower/")):
+    if is_image_point(group.type):
         yield "image", places_of(group.references[0], solved.network.things["image"].ids)
 
 

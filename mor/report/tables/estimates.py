@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations import is_image_point
 from mor.observations.names import places_of
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
@@ -332,7 +333,7 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
     count = len(solved.network.blocks["point"].ids)
     rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for group in solved.adjustment.problem.groups:
-        is_image = group.type.key.startswith(("image/", "follower/"))
+        is_image = is_image_point(group.type)
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == "point" and slot.of != "image":
                 target = rays if is_image else others
@@ -346,7 +347,7 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
     count = np.zeros(len(images.ids), dtype=np.int64)
     square = np.zeros(len(images.ids))
     for number, group in enumerate(solved.adjustment.problem.groups):
-        if not group.type.key.startswith(("image/", "follower/")):
+        if not is_image_point(group.type):
             continue
         which = places_of(group.references[0], images.ids)
         count += np.bincount(which, minlength=len(count))
@@ -381,8 +382,12 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
     """Columns as a table; names are texts also where there is none, NaN is no value."""
     texts = [name for name in ("id", "camera", "status") if name in columns]
     frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
-    some = [one.name for one in frame.select(pl.col(pl.Float64)) if one.is_nan().any()]
+    some = [name for name, column in columns.items() if _has_nan(column)]
     return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
+
+
+def _has_nan(column: object) -> bool:
+    return isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any())
 
 
 def _number(value: float) -> float | None:

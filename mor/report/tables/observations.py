@@ -62,7 +62,7 @@ def table_of(rows: AssessedRows) -> pl.DataFrame:
     }
     whole = bool(mask.all())
     columns = {
-        **{key: names.texts().gather(row) for key, names in _places(group).items()},
+        **{key: names.texts().gather(row) for key, names in named_places(group).items()},
         "component": pl.Series([c.name for c in group.type.components]).gather(component),
         "unit": pl.Series(out.external.units).gather(component),
         "flag": pl.Series(FLAGS).gather(flags(rows)[mask]),
@@ -75,7 +75,7 @@ def table_of(rows: AssessedRows) -> pl.DataFrame:
     )
 
 
-def _places(group: ObservationGroup) -> dict[str, Names]:
+def named_places(group: ObservationGroup) -> dict[str, Names]:
     """Identifiers of a group's rows as at, from, to; nothing for at where the type has none."""
     if len(group.references) == 3:
         return dict(zip(("at", "from", "to"), group.references, strict=True))

@@ -14,6 +14,7 @@ from mor.quality.solved import Solved
 from mor.quality.tests.fixed_coordinates import fixed_point_tests
 from mor.quality.tests.levels import chi2_level
 from mor.report.edge import said, said_differences, said_signs, said_sizes
+from mor.report.tables.observations import named_places
 from mor.report.tables.shared import once
 
 _FRAMES = ("image", "station", "system")
@@ -85,15 +86,18 @@ def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
 
 
 def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
-    """Which observation: type, names, component and unit, as the user knows them."""
+    """Which observation, as a row of residuals says it, and its names by the references of its type."""
     outside = _outside(group, component)
     names = {
         reference.name: names[row]
         for reference, names in zip(group.type.references, group.references, strict=True)
     }
+    ends = {key: column[row] for key, column in named_places(group).items()}
     return {
         "type": group.type.name,
         "group": group.name,
+        "at": "",
+        **ends,
         "names": names,
         "component": group.type.components[outside].name,
         "unit": said(group).external.units[outside],

@@ -9,7 +9,7 @@ import polars as pl
 
 from mor.arrays import FloatArray, IntArray
 from mor.quality.in_chunks import in_pieces
-from mor.quality.reliability.detectable_errors import without_test
+from mor.quality.reliability.reliability_map import uncontrolled
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import comparable, least_alike
 from mor.report.tables.assessed_observations import AssessedGroups
@@ -71,17 +71,15 @@ def component_of(row: dict[str, Any]) -> str:
 
 
 def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:
-    """The first rows of observations that nothing controls, and how many there are of them."""
+    """The first rows of observations that hardly anything controls, and how many there are of them.
+
+    Those that are flagged all the same are not among them.
+    """
     if solved.quality is None:
         return pl.DataFrame(schema=SCHEMA), 0
     tested, parts, number = AssessedGroups(solved), [], 0
-    groups = zip(
-        solved.quality.reliability,
-        tested.solved.adjustment.problem.groups,
-        strict=True,
-    )
-    for k, (tests, group) in enumerate(groups):
-        loose = without_test(tests) & ~group.left_out
+    for k, flagged in enumerate(solved.quality.flagged):
+        loose = uncontrolled(solved.quality, k) & ~flagged
         rows = np.flatnonzero(loose.any(axis=1))[:count]
         number += int(np.count_nonzero(loose))
         if len(rows):

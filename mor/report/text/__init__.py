@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mor.escapes import escaped
 from mor.quality.solved import Solved
+from mor.report.hypotheses.text import section as section_of_hypotheses
 from mor.report.text import (
     cameras,
     checks,
@@ -20,6 +21,7 @@ from mor.report.text import (
     undetermined,
     unsettled,
 )
+from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
 
@@ -31,7 +33,10 @@ def text_report(solved: Solved, words: Words = ENGLISH) -> str:
         undetermined.listed(solved, words),
         unsettled.section(solved, words),
         suspects.section(solved, words),
+        section_of_hypotheses(solved, words),
         checks.section(solved, words),
+        sentences.section(solved, words),
+        words_of_reliability.section(solved, words),
         reliability.section(solved, words),
         groups.section(solved, words),
         cameras.section(solved, words),

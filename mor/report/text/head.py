@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
+from mor.report.hypotheses.table import hypotheses
+from mor.report.hypotheses.text import first_sentence
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.suspects import suspects
-from mor.report.tables.worst import between, uncontrolled_residuals
-from mor.report.text.layout import fixed, short
+from mor.report.text.layout import fixed, in_words, short
 from mor.report.text.suspects import sentences as sentences_on_suspects
 from mor.report.text.undetermined import sentences_of_things
+from mor.report.verdict.group_tests import verdict_rows
+from mor.report.verdict.reliability_map import reliability_rows
+from mor.report.verdict.sentences import contradictions
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -64,7 +68,8 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     if quality is None:
         reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
-        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words)]
+        cause = first_sentence(hypotheses(solved), words)
+        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]
     lines = sentences_on_suspects(suspects(solved), words)
     lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
@@ -83,6 +88,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
                 ratio=fixed(quality.sigma0, 3),
             )
         )
+    lines += contradictions(verdict_rows(solved), words)
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
         words(
@@ -93,29 +99,26 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
+    lines += first_sentence(hypotheses(solved), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 
 
 def _uncontrolled(solved: Solved, words: Words) -> list[str]:
-    """Observations that nothing controls: no test speaks of them. A few are named."""
-    rows, count = uncontrolled_residuals(solved, NAMED)
-    if count == 0:
+    """Observations that hardly anything controls: no test speaks of them. A few are named."""
+    data = reliability_rows(solved)
+    if data is None or not data["uncontrolled"]:
         return []
+    count, limit = data["uncontrolled"], f"{data['least_redundancy']:g}"
+    sentence = (
+        "Accepted, {count:observation|observations} uncontrolled (r < {limit})"
+        if solved.accepted
+        else "{count:observation is|observations are} uncontrolled (r < {limit})"
+    )
+    judged = words(sentence, count=count, limit=limit)
     if count > NAMED:
-        return [
-            words(
-                "{count:observation is|observations are} not controlled (r = 0).",
-                count=count,
-            )
-        ]
-    return [
-        words(
-            "{count:observation is|observations are} not controlled (r = 0): {names}.",
-            count=count,
-            names="; ".join(between(row) for row in rows.iter_rows(named=True)),
-        )
-    ]
+        return [f"{judged}."]
+    return [f"{judged}: {'; '.join(in_words(row, words) for row in data['observations'])}."]
 
 
 def _emptied(solved: Solved, words: Words) -> list[str]:

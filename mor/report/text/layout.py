@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,20 +26,25 @@ LISTED = ("status", "flag", "action", "kind")
 
 
 def table(
-    headers: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1, words: Words = ENGLISH
+    headers: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    left: int = 1,
+    words: Words = ENGLISH,
+    last_left: bool = False,
 ) -> str:
-    """A table of texts, the first ``left`` columns to the left, numbers to the right."""
+    """A table of texts: the first ``left`` columns, and the last where wanted, to the left, numbers to the right."""
+    texts = {*range(left), *([len(headers) - 1] if last_left else [])}
     rows = [
         [
-            words.listed(cell) if header in LISTED else cell if k < left else words.number(cell)
+            words.listed(cell) if header in LISTED else cell if k in texts else words.number(cell)
             for k, (header, cell) in enumerate(zip(headers, row, strict=True))
         ]
         for row in rows
     ]
-    return _drawn([words.header(header) for header in headers], rows, left)
+    return _drawn([words.header(header) for header in headers], rows, texts)
 
 
-def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
+def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
     """Columns as wide as their widest cell and at least two wider than their header, a line under the headers."""
     widths = [len(header) + 2 for header in headers]
     cells = [[escaped(cell.strip()) for cell in row] for row in (headers, *rows)]
@@ -47,7 +52,7 @@ def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> 
         widths = [max(width, len(cell)) for width, cell in zip(widths, row, strict=True)]
     lines = [
         [
-            cell.ljust(width) if k < left else cell.rjust(width)
+            cell.ljust(width) if k in left else cell.rjust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         for row in cells

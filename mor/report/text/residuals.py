@@ -13,10 +13,10 @@ SHOWN = 40
 
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
-    """The observations with the largest |w|, and those that nothing controls."""
+    """The observations with the largest |w|, and those that hardly anything controls."""
     if solved.quality is None:
         return ""
-    limit = fixed(solved.quality.critical, 2)
+    limit, least = fixed(solved.quality.critical, 2), f"{solved.quality.levels.least_redundancy:g}"
     parts = [
         heading(words("Worst residuals first (|w| > {limit} is flagged)", limit=limit)),
         _table(worst_residuals(solved, SHOWN), words),
@@ -25,7 +25,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     if count:
         parts += [
             "",
-            heading(words("Observations that nothing controls (r = 0: no test is possible)")),
+            heading(words("Observations that hardly anything controls (r < {limit})", limit=least)),
             _table(loose, words),
         ]
         if count > SHOWN:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 
 import yaml
 
@@ -56,6 +55,7 @@ ENGLISH = Words("en")
 
 _SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
 _ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
+_START_VALUES = (*_ORIENTATION, "{language}_start_values.yaml")
 _PAGE = (*_SENTENCES, "{language}_page.yaml")
 _DECIMALS = {"de": ","}
 
@@ -68,6 +68,11 @@ def words_of(language: str) -> Words:
 def words_of_orientation(language: str) -> Words:
     """Words of ``mor orient``, whose short terms are its own. Raises ``KeyError`` for another language."""
     return _of_text(language, _ORIENTATION)
+
+
+def words_of_start_values(language: str) -> Words:
+    """Words of ``mor approximate``. Raises ``KeyError`` for another language."""
+    return _of_text(language, _START_VALUES)
 
 
 def _of_text(language: str, names: tuple[str, ...]) -> Words:
@@ -83,6 +88,8 @@ def words_of_page(language: str) -> Words:
 
 def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
     """Catalogues one after the other; a later one has the last word."""
+    from importlib.resources import files  # English, which has none, does without loading it
+
     catalogue: dict[str, str] = {}
     for name in names:
         text = files("mor.report.words").joinpath(name.format(language=language)).read_text(encoding="utf-8")

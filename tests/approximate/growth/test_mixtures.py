@@ -18,12 +18,20 @@ sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from tests.mixtures.ingredients import mixture, wrong_identities
 from tests.mixtures.project_file import write_project
+from tests.mixtures.situations import SITUATIONS, situation
 from tests.mixtures.trial import tried
 
 
 @pytest.mark.parametrize("seed", [3, 4, 15, 35, 36, 1035, 1161, 1229])
 def test_with_nothing_given_the_solution_is_that_of_the_truth(seed, tmp_path):
     trial = tried(mixture(seed), tmp_path)
+    assert trial.counts, trial.words
+    assert trial.reached, trial.words
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_a_situation_of_its_own_starts_from_nothing(name, tmp_path):
+    trial = tried(situation(name, 1), tmp_path)
     assert trial.counts, trial.words
     assert trial.reached, trial.words
 

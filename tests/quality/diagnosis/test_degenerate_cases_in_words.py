@@ -82,12 +82,12 @@ def test_a_single_scale_bar_has_no_test_and_it_is_said(tmp_path):
         tmp_path, project(tmp_path, scene, distances=[("P0", "P10", _length(scene, "P0", "P10"), 1e-4)])
     )
     assert run.code == 0, run.err
-    assert "Observations that nothing controls (r = 0: no test is possible)" in report
-    said = "1 observation is not controlled (r = 0): distance P0 - P10."
+    assert "Observations that hardly anything controls (r < 0.01)" in report
+    said = "1 observation uncontrolled (r < 0.01): distance from P0, to P10."
     assert said in report
     assert said in run.err
     page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
-    assert "An error stays unseen in: distance P0 – P10." in page
+    assert "distance from P0, to P10: r = 0" in page
     (bar,) = (row for row in residuals(tmp_path) if row["type"] == "distance")
     assert bar["flag"] == "uncontrolled"
     assert abs(float(bar["r"])) < 1e-9

@@ -80,7 +80,7 @@ def test_verdict_in_german(facade_view: View) -> None:
     data = page_data(facade_view, GERMAN)
     assert headline(data).title == "Angenommen, einzelne Beobachtungen sind anzusehen"
     words = {statement.title: statement.words for statement in statements(data)}
-    assert list(words)[:3] == ["Globaltest", "Einzelne Beobachtungen", "Zuverlässigkeit"]
+    assert list(words)[:4] == ["Globaltest", "Tests der Gruppen", "Einzelne Beobachtungen", "Zuverlässigkeit"]
     assert words["Zuverlässigkeit"].startswith("Mittlerer Redundanzanteil 0.78; ")
 
 

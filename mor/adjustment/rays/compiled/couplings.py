@@ -12,7 +12,7 @@ from mor.adjustment.rays.compiled.cliques import Runs
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline
 
-_ONE, _TWO, _THREE, _FOUR = (np.uint64(k) for k in range(1, 5))
+_ONE, _TWO = (np.uint64(k) for k in range(1, 3))
 
 
 @compile_inline
@@ -40,9 +40,6 @@ def couple(
             at = np.uint64(base + local[i - first, t - start])
             x = np.uint64(2 * i * width + runs.first[t])
             left = runs.length[t]
-            while left >= 4:
-                couple_four(by_others, x, width, a, b, c, d, e, f, couplings, at, size)
-                at, x, left = at + _FOUR, x + _FOUR, left - 4
             while left >= 2:
                 couple_two(by_others, x, width, a, b, c, d, e, f, couplings, at, size)
                 at, x, left = at + _TWO, x + _TWO, left - 2
@@ -51,44 +48,6 @@ def couple(
                 couplings[at] += x0 * a + y0 * d
                 couplings[at + np.uint64(size)] += x0 * b + y0 * e
                 couplings[at + np.uint64(2 * size)] += x0 * c + y0 * f
-
-
-@compile_inline
-def couple_four(
-    by_others: FloatArray,
-    x: np.uint64,
-    width: int,
-    a: float,
-    b: float,
-    c: float,
-    d: float,
-    e: float,
-    f: float,
-    couplings: FloatArray,
-    at: np.uint64,
-    size: int,
-) -> None:
-    """Couple four unknowns, whose Jacobian is (x, x + 1, …) and as much a row below, by the factor (a, b, c; d, e, f).
-
-    All that is fetched is fetched before anything is stored: the compiler takes the arrays for one that overlaps.
-    """
-    y = x + np.uint64(width)
-    x0, x1, x2, x3 = by_others[x], by_others[x + _ONE], by_others[x + _TWO], by_others[x + _THREE]
-    y0, y1, y2, y3 = by_others[y], by_others[y + _ONE], by_others[y + _TWO], by_others[y + _THREE]
-    couplings[at] += x0 * a + y0 * d
-    couplings[at + _ONE] += x1 * a + y1 * d
-    couplings[at + _TWO] += x2 * a + y2 * d
-    couplings[at + _THREE] += x3 * a + y3 * d
-    below = at + np.uint64(size)
-    couplings[below] += x0 * b + y0 * e
-    couplings[below + _ONE] += x1 * b + y1 * e
-    couplings[below + _TWO] += x2 * b + y2 * e
-    couplings[below + _THREE] += x3 * b + y3 * e
-    below += np.uint64(size)
-    couplings[below] += x0 * c + y0 * f
-    couplings[below + _ONE] += x1 * c + y1 * f
-    couplings[below + _TWO] += x2 * c + y2 * f
-    couplings[below + _THREE] += x3 * c + y3 * f
 
 
 @compile_inline
@@ -106,7 +65,11 @@ def couple_two(
     at: np.uint64,
     size: int,
 ) -> None:
-    """The same for two unknowns."""
+    """Couple two unknowns, whose Jacobian is (x, x + 1) and as much a row below, by the factor (a, b, c; d, e, f).
+
+    All that is fetched is fetched before anything is stored: the compiler takes the arrays for one that overlaps. Four
+    unknowns at a time are no faster.
+    """
     y = x + np.uint64(width)
     x0, x1 = by_others[x], by_others[x + _ONE]
     y0, y1 = by_others[y], by_others[y + _ONE]

@@ -1,0 +1,177 @@
+"""Circles of instruments: another unit, the other sense, elevations for zenith angles, the other face."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from mor.adjustment.linearise import misclosures
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup, wrap
+from mor.quality.hypotheses.changes import with_observed
+from mor.quality.hypotheses.hypothesis import Hypothesis
+from mor.quality.hypotheses.situation import Situation
+from mor.units import ANGLE_UNITS
+
+_BAD = 0.5
+"""Part of the rows of a station that do not fit, from which on its circle is looked at."""
+_UNITS = ("gon", "deg", "rad")
+_ZENITH = ("zenith", "zenith_angle")
+
+
+def circle_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Hypotheses about the circles of every group, and of the stations whose rows do not fit."""
+    found = []
+    for number, group in enumerate(situation.network.groups):
+        if not group.type.wraps.any() or group.type.distances is None:
+            continue
+        for things, rows in _sets(situation, number, group):
+            found += list(_of_rows(situation, number, group, things, rows))
+    return found
+
+
+def face_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Rows whose horizontal circle is that of the other face."""
+    groups = enumerate(situation.network.groups)
+    return [h for number, group in groups if group.count for h in _faces(situation, number, group)]
+
+
+def _sets(
+    situation: Situation, number: int, group: ObservationGroup
+) -> Iterator[tuple[tuple[str, ...], IntArray]]:
+    """The whole group, and the rows of each station that fit badly."""
+    bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
+    if bad.any():
+        yield (group.name,), np.arange(group.count)
+    stations = np.array(list(group.references[0]))
+    names = list(dict.fromkeys(stations.tolist()))
+    for name in names:
+        rows = np.flatnonzero(stations == name)
+        if len(names) > 1 and len(rows) > 1 and bad[rows].mean() >= _BAD:
+            yield (name, group.name), rows
+
+
+def _of_rows(
+    situation: Situation, number: int, group: ObservationGroup, things: tuple[str, ...], rows: IntArray
+) -> Iterator[Hypothesis]:
+    edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
+    unit = "deg" if edge.units.angle == "dms" else edge.units.angle
+    for other in _UNITS:
+        factor = ANGLE_UNITS[other] / ANGLE_UNITS[_given_unit(group, unit)]
+        if factor != 1.0:
+            yield _hypothesis(
+                "circle unit",
+                (*things, other),
+                number,
+                rows,
+                partial(_read_in, factor),
+                f"observations, {things[0]}: units: {other}",
+                seen * float(np.log(factor)),
+            )
+    if group.type.turns:
+        columns = list(group.type.turns)
+        yield _hypothesis(
+            "circle sense",
+            things,
+            number,
+            rows,
+            partial(_negative, columns),
+            f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
+            0.0,
+        )
+    names = [component.name for component in group.type.components]
+    columns = [k for k, name in enumerate(names) if name in _ZENITH]
+    if columns:
+        yield _hypothesis(
+            "elevation for zenith",
+            things,
+            number,
+            rows,
+            partial(_complement, columns),
+            f"observations, {things[0]}: type: directions",
+            0.0,
+        )
+
+
+def _given_unit(group: ObservationGroup, unit: str) -> str:
+    """Unit in which the angles of a group were given."""
+    return (
+        group.external.units[0]
+        if group.external is not None and group.external.units[0] in ANGLE_UNITS
+        else unit
+    )
+
+
+def _hypothesis(
+    cause: str,
+    things: tuple[str, ...],
+    number: int,
+    rows: IntArray,
+    change: Callable[[FloatArray], FloatArray],
+    line: str,
+    stretch: float,
+) -> Hypothesis:
+    return Hypothesis(
+        cause,
+        things,
+        lambda network: with_observed(network, number, rows, change),
+        line,
+        len(_UNITS),
+        stretch=stretch,
+    )
+
+
+def _read_in(factor: float, angles: FloatArray) -> FloatArray:
+    return _folded(factor * angles)
+
+
+def _folded(angles: FloatArray) -> FloatArray:
+    return np.asarray(np.remainder(angles, 2.0 * np.pi))
+
+
+def _negative(columns: list[int], angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, columns] = _folded(-angles[:, columns])
+    return changed
+
+
+def _complement(columns: list[int], angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, columns] = _folded(0.5 * np.pi - angles[:, columns])
+    return changed
+
+
+def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterator[Hypothesis]:
+    """Rows of a station whose horizontal directions are off by half a circle."""
+    if not group.type.turns or group.type.tell_face is None:
+        return
+    column = group.type.turns[0]
+    misclosure = np.nan_to_num(misclosures(group, situation.values)[:, column])
+    stations = np.array(list(group.references[0]))
+    for name in dict.fromkeys(stations.tolist()):
+        here = np.flatnonzero(stations == name)
+        middle = _middle(misclosure[here])
+        off = here[np.abs(wrap(misclosure[here] - middle)) > 0.75 * np.pi]
+        if 0 < len(off) < len(here):
+            yield Hypothesis(
+                "face",
+                (name, *dict.fromkeys(group.references[1][int(row)] for row in off)),
+                partial(with_observed, number=number, rows=off, change=partial(_opposite, column)),
+                f"{group.name}, {name}: horizontal + 200 gon",
+                len(here),
+                rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
+            )
+
+
+def _middle(angles: FloatArray) -> float:
+    """The angle that most of them are near to."""
+    near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
+    return float(angles[int(np.argmin(near))])
+
+
+def _opposite(column: int, angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, column] = _folded(angles[:, column] + np.pi)
+    return changed

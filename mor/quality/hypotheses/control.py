@@ -1,0 +1,161 @@
+"""Control points: two exchanged, all in another unit, northing and easting exchanged."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import partial
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.approximate.similarity import similarity
+from mor.arrays import FloatArray, IntArray
+from mor.quality.hypotheses.changes import with_points
+from mor.quality.hypotheses.hypothesis import Hypothesis
+from mor.quality.hypotheses.names import mixed_up
+from mor.quality.hypotheses.situation import Situation
+
+_UNITS = {
+    "mm for m": 0.001,
+    "m for mm": 1000.0,
+    "ft for m": 0.3048,
+    "m for ft": 1.0 / 0.3048,
+    "cm for m": 0.01,
+    "m for cm": 100.0,
+}
+_PAIRS = 3
+"""Exchanges that are tried, of all pairs."""
+_POINTS = 60
+"""Control points up to which all pairs are looked through."""
+
+
+class Control(NamedTuple):
+    """Points of one table whose coordinates are all given, fixed or observed."""
+
+    label: str
+    points: IntArray
+    given: FloatArray
+    """(k, 3) internal axes."""
+
+
+def control_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Another unit, and exchanged axes, of every table of control."""
+    tables = [control for control in control_tables(situation) if len(control.points) >= 2]
+    return [h for control in tables for h in (*_axes(situation, control), *_units(control))]
+
+
+def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Two points of a table exchanged, where one of them does not fit."""
+    return [h for control in control_tables(situation) for h in _exchanges(situation, control)]
+
+
+def control_tables(situation: Situation) -> list[Control]:
+    """Control as the tables of the project have it."""
+    network = situation.network
+    own = network.things["point"]
+    ids, blocks = network.blocks["point"].ids, network.blocks["point"]
+    tables = []
+    for group in network.groups:
+        if group.type.key not in ("observed/point", "coordinates"):
+            continue
+        points = np.asarray(group.blocks[0], dtype=np.int64)
+        declared = np.isin(points, own.parts["position"])
+        full = np.isfinite(group.observed).all(axis=1) & declared
+        if full.any():
+            names = {network.point_groups.get(int(p), "") for p in points[full]}
+            label = names.pop() if len(names) == 1 else ""
+            tables.append(Control(label or group.name, points[full], group.observed[full]))
+    held = ~blocks.free.any(axis=1) & np.isin(np.arange(len(ids)), own.parts["position"])
+    seen = np.zeros(len(ids), dtype=bool)
+    for group in network.groups:
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point":
+                seen[numbers] = True
+    fixed = np.flatnonzero(held & seen)
+    if len(fixed):
+        labels = {network.point_groups.get(int(p), "") for p in fixed} - {""}
+        tables.append(
+            Control(labels.pop() if len(labels) == 1 else "points", fixed, situation.start["point"][fixed])
+        )
+    return tables
+
+
+def _units(control: Control) -> list[Hypothesis]:
+    return [
+        Hypothesis(
+            "control unit",
+            (control.label, name),
+            partial(with_points, points=control.points, change=partial(np.multiply, factor)),
+            f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
+            len(_UNITS),
+            stretch=control.given.size * float(np.log(factor)),
+            anew={"point": control.points},
+        )
+        for name, factor in _UNITS.items()
+    ]
+
+
+def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
+    turn = situation.network.edge.matrix
+    swap = turn @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ turn.T
+    return [
+        Hypothesis(
+            "axes exchanged",
+            (control.label,),
+            lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
+            f"points, {control.label}: columns: {{x: y, y: x}}",
+            anew={"point": control.points},
+        )
+    ]
+
+
+def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
+    """The pairs that leave least of the misclosures of a similarity to where the other observations have the points."""
+    count = len(control.points)
+    if not 3 <= count <= _POINTS:
+        return []
+    adjusted = situation.values["point"][control.points]
+    sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
+    best = _seen_exchanged(situation, control)
+    best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
+    return [_exchange(situation, control, pair, len(sums)) for pair in best]
+
+
+def _seen_exchanged(situation: Situation, control: Control) -> list[tuple[int, int]]:
+    """Pairs of which the rays to one fit the place of the other."""
+    ids = situation.network.blocks["point"].ids
+    place = {ids[point]: k for k, point in enumerate(control.points.tolist())}
+    found = [(place[a], place[b]) for a, b in mixed_up(situation) if a in place and b in place]
+    pairs = Counter((min(pair), max(pair)) for pair in found)
+    return [pair for pair, _ in pairs.most_common(_PAIRS)]
+
+
+def _swapped(given: FloatArray, pair: tuple[int, int]) -> FloatArray:
+    order = np.arange(len(given))
+    order[list(pair)] = order[list(reversed(pair))]
+    return given[order]
+
+
+def _misfit(situation: Situation, control: Control, adjusted: FloatArray, pair: tuple[int, int]) -> float:
+    """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
+    given = _swapped(control.given, pair)
+    plain = float(np.median(np.linalg.norm(adjusted - given, axis=1)))
+    if len(given) < 4:
+        return float(np.sum((adjusted - given) ** 2))
+    fitted = similarity(adjusted, given)
+    residuals = fitted.residuals if fitted.outcome.usable else adjusted - given
+    return min(float(np.sum(residuals**2)), plain**2 + float(np.sum((adjusted - given) ** 2)))
+
+
+def _exchange(situation: Situation, control: Control, pair: tuple[int, int], candidates: int) -> Hypothesis:
+    names = [situation.network.blocks["point"].ids[control.points[k]] for k in pair]
+    points = control.points[list(pair)]
+    return Hypothesis(
+        "control exchanged",
+        tuple(names),
+        lambda network: with_points(network, points, lambda xyz: xyz[::-1]),
+        f"points, {control.label}: {names[0]} ↔ {names[1]}",
+        candidates,
+        anew={"point": points},
+    )

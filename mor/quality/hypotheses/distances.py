@@ -1,0 +1,76 @@
+"""Distances of one instrument: a common offset, a common scale, slope for horizontal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mor.observations import PLAIN_TYPES
+from mor.parameters.index import Values
+from mor.project.network.build import Network
+from mor.quality.hypotheses.changes import with_group, with_unknown
+from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
+from mor.quality.hypotheses.situation import Situation
+
+DISTANCE, HORIZONTAL_DISTANCE = PLAIN_TYPES["distance"], PLAIN_TYPES["horizontal_distance"]
+_AT_LEAST = 3
+"""Distances that a common error shows in."""
+_COMPONENTS = {"scale": 0, "offset": 1}
+
+
+def distance_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Hypotheses about every group of distances, and about those that share an instrument."""
+    network = situation.network
+    numbers = [k for k, g in enumerate(network.groups) if g.type in (DISTANCE, HORIZONTAL_DISTANCE)]
+    sets: list[tuple[str, tuple[int, ...]]] = [
+        (network.groups[k].name, (k,)) for k in numbers if network.groups[k].count >= _AT_LEAST
+    ]
+    if len(numbers) > 1:
+        sets.append((", ".join(network.groups[k].name for k in numbers), tuple(numbers)))
+    found = []
+    for label, chosen in sets:
+        names = [name for name in _COMPONENTS if not _is_free(network, chosen, name)]
+        found += [_common(network, label, chosen, name, len(sets)) for name in names]
+    return found + [_other_kind(network, k) for k in numbers]
+
+
+def _is_free(network: Network, chosen: tuple[int, ...], name: str) -> bool:
+    free = network.blocks["distance meter"].free[:, _COMPONENTS[name]]
+    return any(bool(free[network.groups[k].blocks[-1]].any()) for k in chosen)
+
+
+def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, sets: int) -> Hypothesis:
+    component = _COMPONENTS[name]
+    number = len(network.blocks["distance meter"].ids)
+    meter = int(network.groups[chosen[0]].blocks[-1][0])
+
+    def change(changed: Network) -> Network:
+        free = changed.blocks["distance meter"].free[meter].copy()
+        free[component] = True
+        value = changed.start["distance meter"][meter]
+        changed, own = with_unknown(changed, "distance meter", value, free)
+        for k in chosen:
+            group = changed.groups[k]
+            blocks = (*group.blocks[:-1], np.full(group.count, own))
+            changed = with_group(changed, k, replace(group, blocks=blocks))
+        return changed
+
+    def amount(values: Values) -> Amount:
+        return Amount(name, float(values["distance meter"][number, component]))
+
+    given = {"offset": "{free: 0}", "scale": "{free: 1}"}[name]
+    line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
+    return Hypothesis(f"distance {name}", (label,), change, line, sets, parameters=1, amount=amount)
+
+
+def _other_kind(network: Network, number: int) -> Hypothesis:
+    group = network.groups[number]
+    other = DISTANCE if group.type == HORIZONTAL_DISTANCE else HORIZONTAL_DISTANCE
+    cause = "slope distance" if other == DISTANCE else "horizontal distance"
+    return Hypothesis(
+        cause,
+        (group.name,),
+        lambda changed: with_group(changed, number, replace(changed.groups[number], type=other)),
+        f"observations, {group.name}: type: {other.key}",
+    )

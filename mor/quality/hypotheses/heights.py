@@ -1,0 +1,140 @@
+"""Heights of instruments and targets: forgotten, or taken with another tape.
+
+Of every station, and of every target at all stations and at each of them, the height is an unknown for once. Which of
+them are worth an adjustment is told by the Lagrange multiplier test: with b the derivatives of the observations by the
+height, T = (bᵀPl)² / (bᵀPb − bᵀPA Q AᵀPb), l the misclosures at the solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
+from mor.adjustment.state import Adjustment
+from mor.arrays import FloatArray, IntArray
+from mor.parameters.index import Values
+from mor.project.network.build import Network
+from mor.quality.hypotheses.changes import with_blocks, with_unknown
+from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
+from mor.quality.hypotheses.situation import Situation
+
+_TRIED = 8
+"""Heights that are tried: those that promise most."""
+_PROMISED = 20.0
+"""Reduction of vᵀPv that is worth an adjustment: less would not be offered."""
+_MOST = 400
+"""Heights that are looked at."""
+_ENTRIES = 20_000_000
+"""Numbers that their test may take."""
+_INSTRUMENT = ("station", "from")
+
+
+class Sights(NamedTuple):
+    """Rows (group, rows, slot of the height) that share a height."""
+
+    cause: str
+    things: tuple[str, ...]
+    rows: tuple[tuple[int, IntArray, int], ...]
+
+
+def height_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """The heights that promise most."""
+    if situation.solution is None or "height" not in situation.network.blocks:
+        return []
+    most = min(_MOST, _ENTRIES // max(situation.solution.problem.index.count, 1))
+    sights = list(_sights(situation.network))[:most]
+    if not sights:
+        return []
+    promised = _reductions(situation.solution, sights)
+    best = np.argsort(-promised, kind="stable")[:_TRIED]
+    return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
+
+
+def _sights(network: Network) -> Iterator[Sights]:
+    """All sets of rows that may share a wrong height."""
+    sets: dict[tuple[str, tuple[str, ...]], list[tuple[int, IntArray, int]]] = {}
+    free = network.blocks["height"].free[:, 0]
+    for number, group in enumerate(network.groups):
+        if not group.type.distances or group.type.between_marks:
+            continue
+        pairs = zip(group.type.references, group.references, strict=True)
+        names = {reference.name: np.array(list(column)) for reference, column in pairs}
+        begin, end = group.type.distances
+        for slot, own in enumerate(group.type.slots):
+            if own.kind != "height" or own.of not in names:
+                continue
+            fixed = np.flatnonzero(~free[group.blocks[slot]])
+            at, to = names[begin][fixed], names[end][fixed]
+            if own.of in _INSTRUMENT:
+                keys = [("instrument height", (a,)) for a in at]
+                _collect(sets, keys, number, fixed, slot)
+            else:
+                _collect(sets, [("target height", (t,)) for t in to], number, fixed, slot)
+                _collect(
+                    sets,
+                    [("target height", (t, a)) for a, t in zip(at, to, strict=True)],
+                    number,
+                    fixed,
+                    slot,
+                )
+    for (cause, things), rows in sets.items():
+        yield Sights(cause, tuple(str(t) for t in things), tuple(rows))
+
+
+def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped-def]
+    """Add the rows of a group to the sets they belong to by their keys."""
+    for key in dict.fromkeys(keys):
+        mine = np.array([k == key for k in keys], dtype=bool)
+        sets.setdefault(key, []).append((number, rows[mine], slot))
+
+
+def _reductions(solution: Adjustment, sights: list[Sights]) -> FloatArray:
+    """(k,) by how much vᵀPv becomes smaller with each height an unknown, to first order."""
+    problem, values = solution.problem, solution.values
+    tangent = rotation_tangents(problem.index, values)
+    coupling = np.zeros((problem.index.count, len(sights)))
+    own, right = np.zeros(len(sights)), np.zeros(len(sights))
+    for k, one in enumerate(sights):
+        for number, rows, slot in one.rows:
+            group = problem.groups[number]
+            blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+            derivative = group.type.equation(blocks, group.constants[rows]).jacobians[slot][:, :, 0]
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            b = np.nan_to_num(derivative) * weight
+            part = linearise(group, problem.index, values, tangent, rows)
+            own[k] += float(np.sum(b**2))
+            right[k] += float(np.sum(b * weight * np.nan_to_num(misclosures(group, values, rows))))
+            products = np.einsum("nm,nmk->nk", b * weight, part.jacobian)
+            free = part.columns >= 0
+            np.add.at(coupling[:, k], part.columns[free], products[free])
+    left = own - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling))
+    good = left > 1e-6 * own
+    return np.where(good, right**2 / np.where(good, left, 1.0), 0.0)
+
+
+def _hypothesis(situation: Situation, sights: Sights, candidates: int) -> Hypothesis:
+    network = situation.network
+    number = len(network.blocks["height"].ids)
+    given = _given(network, sights)
+
+    def change(changed: Network) -> Network:
+        changed, own = with_unknown(changed, "height", np.array([given]), np.array([True]))
+        for group, rows, slot in sights.rows:
+            changed = with_blocks(changed, group, list(rows), {slot: [own] * len(rows)})
+        return changed
+
+    def amount(values: Values) -> Amount:
+        return Amount("height", float(values["height"][number, 0]))
+
+    what = "stations, {}: height" if sights.cause == "instrument height" else "observations, to {}: to_height"
+    line = what.format(", from ".join(sights.things))
+    return Hypothesis(sights.cause, sights.things, change, line, candidates, parameters=1, amount=amount)
+
+
+def _given(network: Network, sights: Sights) -> float:
+    """The height as it is given in the first of the rows."""
+    group, rows, slot = sights.rows[0]
+    return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])

@@ -1,0 +1,200 @@
+"""Image coordinates: y downwards, turned, in another unit; the camera constant, or the size of its pixels, wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup
+from mor.parameters.index import Values
+from mor.project.edge import ImageScale
+from mor.project.network.build import Network
+from mor.quality.hypotheses.changes import with_group, with_observed
+from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
+from mor.quality.hypotheses.situation import Situation
+
+Change = Callable[[FloatArray], FloatArray]
+
+_BAD = 0.5
+"""Part of the rays of an image that do not fit, from which on it is looked at."""
+_IMAGES = 6
+"""Images that are looked at, the worst first."""
+_MIRRORS = {
+    "image flipped": ((1.0, -1.0), "y"),
+    "image turned": ((-1.0, -1.0), "x, y"),
+}
+_CONSTANTS = ("c", "fx", "fy")
+
+
+def image_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Other axes or units, of images that do not fit and of cameras."""
+    groups = enumerate(situation.network.groups)
+    numbers = [k for k, group in groups if group.type.key.startswith(("image/", "follower/"))]
+    return [*_of_images(situation, numbers), *_of_cameras(situation, numbers)]
+
+
+def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """The camera constants that are fixed or observed as unknowns."""
+    cameras = situation.network.things["camera"].ids if "camera" in situation.network.things else ()
+    return [h for k, name in enumerate(cameras) for h in _constant(situation, name, k)]
+
+
+def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:
+    parts: dict[str, list[tuple[int, IntArray]]] = {}
+    bad: dict[str, tuple[int, int]] = {}
+    for number in numbers:
+        names = np.array(list(situation.network.groups[number].references[0]))
+        rows_bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
+        for name in dict.fromkeys(names.tolist()):
+            rows = np.flatnonzero(names == name)
+            parts.setdefault(name, []).append((number, rows))
+            before = bad.get(name, (0, 0))
+            bad[name] = before[0] + int(rows_bad[rows].sum()), before[1] + len(rows)
+    shares = {name: wrong / count for name, (wrong, count) in bad.items() if count >= 3}
+    worst = sorted((n for n in shares if shares[n] >= _BAD), key=lambda n: -shares[n])[:_IMAGES]
+    for name in worst:
+        for cause, (signs, axes) in _MIRRORS.items():
+            yield _mirrored(
+                situation, cause, (name,), parts[name], signs, f"image {name}: −{axes}", True, len(bad)
+            )
+
+
+def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:
+    network = situation.network
+    cameras, images = network.things["camera"], network.things["image"]
+    for k, name in enumerate(cameras.ids):
+        mine = {images.ids[i] for i in np.flatnonzero(images.parts["camera"] == k)}
+        parts = []
+        for number in numbers:
+            names = network.groups[number].references[0]
+            rows = np.flatnonzero([n in mine for n in names])
+            if len(rows):
+                parts.append((number, rows))
+        if not parts:
+            continue
+        other = "centred" if network.project.cameras[name].coordinates == "corner" else "corner"
+        line = f"cameras, {name}: coordinates: {other} (y)"
+        yield _mirrored(
+            situation, "image flipped", (name,), parts, (1.0, -1.0), line, False, len(cameras.ids)
+        )
+        yield from _units(situation, name, parts)
+
+
+def _mirrored(
+    situation: Situation,
+    cause: str,
+    things: tuple[str, ...],
+    parts: list[tuple[int, IntArray]],
+    signs: tuple[float, float],
+    line: str,
+    local: bool,
+    candidates: int,
+) -> Hypothesis:
+    def change(network: Network) -> Network:
+        for number, rows in parts:
+            network = with_observed(network, number, rows, lambda xy: xy * np.array(signs))
+        return network
+
+    anew = _poses(situation.network, parts) if local else {}
+    return Hypothesis(cause, things, change, line, candidates, anew=anew)
+
+
+def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
+    """Position and rotation of the images of some rows."""
+    found: dict[str, list[IntArray]] = {}
+    for number, rows in parts:
+        group = network.groups[number]
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.of == "image" and slot.part in ("position", "rotation"):
+                found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
+    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
+
+
+def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -> Iterator[Hypothesis]:
+    scale = situation.network.scales[name]
+    count = sum(int(np.count_nonzero(situation.network.groups[k].mask[rows])) for k, rows in parts)
+    table = situation.network.groups[parts[0][0]].name
+    for words, change in _readings(scale).items():
+        stretch = count * float(
+            np.log(np.abs(np.diff(change(np.array([[0.0, 0.0], [1.0, 1.0]])), axis=0)[0, 0]))
+        )
+
+        def changed(network: Network, change: Change = change) -> Network:
+            for number, rows in parts:
+                network = with_observed(network, number, rows, change)
+            return network
+
+        unit = words.partition(" ")[0]
+        line = f"observations, {table}: units: {{x: {unit}, y: {unit}}}"
+        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch)
+
+
+def _readings(scale: ImageScale) -> dict[str, Change]:
+    """What image coordinates (k, 2) would be if they had been read in another unit."""
+    if scale.corner:
+        down = np.array([1.0, -1.0])
+        middle = np.array(scale.centre)
+
+        def again(xy: FloatArray, unit: float) -> FloatArray:
+            given = middle + down * xy / scale.pixel  # the numbers as they stand in the table
+            return np.asarray(down * (given * unit - middle * scale.pixel))
+
+        return {"mm for px": lambda xy: again(xy, 1.0), "um for px": lambda xy: again(xy, 0.001)}
+    factors = {"um for mm": 0.001, "m for mm": 1000.0, "cm for mm": 10.0}
+    if np.isfinite(scale.pixel):
+        factors["px for mm"] = scale.pixel
+    return {words: partial(np.multiply, factor) for words, factor in factors.items()}
+
+
+def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothesis]:
+    """The camera constant as an unknown, where it is fixed or observed."""
+    network = situation.network
+    model = network.project.cameras[name].model
+    kind = f"interior/{model}"
+    block = int(network.things["camera"].parts["interior"][camera])
+    names = network.blocks[kind].kind.names
+    columns = [k for k, own in enumerate(names) if own in _CONSTANTS]
+    held = [
+        k for k in columns if not network.blocks[kind].free[block, k] or _is_observed(network, kind, block, k)
+    ]
+    if not held:
+        return
+
+    def change(changed: Network) -> Network:
+        blocks = changed.blocks[kind]
+        free = blocks.free.copy()
+        free[block, held] = True
+        changed = replace(changed, blocks={**changed.blocks, kind: replace(blocks, free=free)})
+        for number, group in enumerate(changed.groups):
+            if group.type.key == f"observed/{kind}":
+                changed = with_group(changed, number, _not_observed(group, block, held))
+        return changed
+
+    def amount(values: Values) -> Amount:
+        return Amount(names[held[0]], float(values[kind][block, held[0]]))
+
+    line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
+    yield Hypothesis(
+        "image scale",
+        (name,),
+        change,
+        line,
+        len(network.things["camera"].ids),
+        parameters=len(held),
+        amount=amount,
+    )
+
+
+def _is_observed(network: Network, kind: str, block: int, component: int) -> bool:
+    return bool(np.isfinite(network.sigma[kind][block, component]))
+
+
+def _not_observed(group: ObservationGroup, block: int, components: list[int]) -> ObservationGroup:
+    observed: FloatArray = group.observed.copy()
+    rows = np.flatnonzero(group.blocks[0] == block)
+    observed[rows[:, None], components] = np.nan
+    return replace(group, observed=observed)

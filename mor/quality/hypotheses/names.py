@@ -1,0 +1,176 @@
+"""Names mixed up: two exchanged in an image or at a station, another one written, a row booked at another station.
+
+A row that does not fit is computed with every other name in its place; names that make it fit are tried. Where two rows
+of one image fit with each other's names, they were exchanged. Rows of several tables with the same names go together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray
+from mor.observations import ObservationGroup, wrap
+from mor.parameters.index import Values
+from mor.project.network.build import Network
+from mor.quality.hypotheses.changes import with_blocks
+from mor.quality.hypotheses.hypothesis import Hypothesis
+from mor.quality.hypotheses.situation import Situation
+
+_ROWS = 40
+"""Rows of a group that are looked at, the worst first."""
+_AS_GOOD = 6.0
+"""|v|/σ up to which another name counts as fitting, or a twentieth of what it is now: poses are not known exactly."""
+_NAMES = 2
+"""Names that are kept for a row and a reference, the best first."""
+_TRIED = 6
+"""Exchanges and names that are tried: those that make rows fit that are off most."""
+_BEGIN = ("station", "from", "image")
+
+
+class Match(NamedTuple):
+    """A row that would fit with another name in one of its references."""
+
+    group: int
+    row: int
+    reference: str
+    names: tuple[str, ...]
+    """All names of the row as they are."""
+    right: str
+    blocks: dict[int, int]
+    """Block numbers by slot with the right name."""
+    candidates: int
+    drop: float
+    """By how much the row fits better, in units of σ."""
+
+
+def name_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Exchanges first, then single names."""
+    matches = _all_matches(situation)
+    exchanges = list(_exchanges(situation.network, matches))
+    together: dict[tuple[str, ...], list[Match]] = {}
+    for match in matches:
+        together.setdefault((match.reference, *match.names, match.right), []).append(match)
+    worst = sorted(together.values(), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
+    return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
+
+
+def mixed_up(situation: Situation) -> list[tuple[str, str]]:
+    """Names of targets as written, and those that the row would fit with, one pair for each such row."""
+    return [
+        (match.names[-1], match.right) for match in _all_matches(situation) if match.reference not in _BEGIN
+    ]
+
+
+def _all_matches(situation: Situation) -> list[Match]:
+    return [
+        match
+        for number, group in enumerate(situation.network.groups)
+        if len(group.type.references) > 1
+        for row in situation.worst_rows(number, _ROWS)
+        for match in _matches(situation, number, group, int(row))
+    ]
+
+
+def _matches(situation: Situation, number: int, group: ObservationGroup, row: int) -> Iterator[Match]:
+    names = tuple(column[row] for column in group.references)
+    now = float(np.sqrt(np.mean(situation.sizes[number][row] ** 2)))
+    for place, reference in enumerate(group.type.references):
+        slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
+        for space in reference.among:
+            things = situation.network.things.get(space)
+            if things is None or not len(things.ids):
+                continue
+            blocks = {
+                slot: things.parts[group.type.slots[slot].part]
+                for slot in slots
+                if group.type.slots[slot].part in things.parts
+            }
+            if not blocks or (space == "station" and names[place] in situation.network.sets):
+                continue
+            sizes = _sizes_with(situation.values, group, row, blocks)
+            same = np.all([values == group.blocks[slot][row] for slot, values in blocks.items()], axis=0)
+            sizes[same | np.isin(things.ids, names)] = np.inf
+            for k in np.argsort(sizes, kind="stable")[:_NAMES]:
+                if sizes[k] <= max(_AS_GOOD, 0.05 * now) and sizes[k] < 0.3 * now:
+                    chosen = {slot: int(values[k]) for slot, values in blocks.items()}
+                    yield Match(
+                        number,
+                        row,
+                        reference.name,
+                        names,
+                        things.ids[k],
+                        chosen,
+                        len(things.ids),
+                        now - sizes[k],
+                    )
+
+
+def _sizes_with(values: Values, group: ObservationGroup, row: int, blocks: dict[int, IntArray]) -> FloatArray:
+    """(k,) root mean square of |v|/σ of a row with other blocks in some slots, one after the other."""
+    count = len(next(iter(blocks.values())))
+    numbers = [blocks.get(k, np.full(count, own[row])) for k, own in enumerate(group.blocks)]
+    given = [values[slot.kind][n] for slot, n in zip(group.type.slots, numbers, strict=True)]
+    with np.errstate(all="ignore"):
+        computed = group.type.equation(given, np.repeat(group.constants[[row]], count, axis=0)).values
+    difference = group.observed[row] - computed
+    wraps = group.type.wraps
+    difference[:, wraps] = wrap(difference[:, wraps])
+    sizes: FloatArray = np.sqrt(np.nanmean((difference / group.given_sigma[row]) ** 2, axis=1))
+    return np.nan_to_num(sizes, nan=np.inf, posinf=np.inf)
+
+
+def _exchanges(network: Network, matches: list[Match]) -> Iterator[Hypothesis]:
+    for k, one in enumerate(matches):
+        for other in matches[k + 1 :]:
+            if (one.group, one.reference) != (other.group, other.reference) or one.row == other.row:
+                continue
+            place = [r.name for r in network.groups[one.group].type.references].index(one.reference)
+            rest = [tuple(n for i, n in enumerate(m.names) if i != place) for m in (one, other)]
+            if rest[0] == rest[1] and one.right == other.names[place] and other.right == one.names[place]:
+                yield _exchange(network, one, other, rest[0])
+
+
+def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]) -> Hypothesis:
+    group = network.groups[one.group]
+    slots = [k for k, slot in enumerate(group.type.slots) if slot.of == one.reference]
+    swapped = {k: [group.blocks[k][other.row], group.blocks[k][one.row]] for k in slots}
+    rows = (one.row, other.row)
+    return Hypothesis(
+        "names exchanged",
+        (*frame, one.right, other.right),
+        lambda changed: with_blocks(changed, one.group, rows, swapped),
+        f"{_where(group, one.row)}: {one.right}; {_where(group, other.row)}: {other.right}",
+        one.candidates,
+        rows=tuple((one.group, row) for row in rows),
+    )
+
+
+def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
+    first = same[0]
+
+    def change(changed: Network) -> Network:
+        for match in same:
+            changed = with_blocks(
+                changed, match.group, [match.row], {k: [b] for k, b in match.blocks.items()}
+            )
+        return changed
+
+    lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
+    return Hypothesis(
+        "wrong station" if first.reference in _BEGIN else "wrong name",
+        (*first.names, first.right),
+        change,
+        f"{lines}: {first.reference} {first.right}",
+        first.candidates,
+        rows=tuple((match.group, match.row) for match in same),
+    )
+
+
+def _where(group: ObservationGroup, row: int) -> str:
+    """File and line of a row, or the name of its table."""
+    if len(group.lines) > row:
+        return f"{group.file}:{int(group.lines[row])}"
+    return f"{group.name}, {', '.join(names[row] for names in group.references)}"

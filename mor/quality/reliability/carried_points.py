@@ -1,0 +1,50 @@
+"""Points that rest on an observation: more than half of their variance, in some direction, comes from it.
+
+An error of σ_i in observation i moves a point by x = (Q Aᵀ P)_i σ_i. Of the variance of the point in any direction it
+has the share of the square of that movement, at most xᵀ Q_pp⁺ x, which is 1 where nothing else determines it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray
+from mor.quality.assess import Quality
+from mor.quality.reliability.influence_on_unknowns import Entry, movements
+
+_HALF = 0.5
+_NUMBERS = 20_000_000
+_FLAT = 1e-10
+"""Part of the largest variance of a point below which it has none in a direction."""
+
+
+def most_at_a_time(quality: Quality) -> int:
+    """Observations whose movements of all unknowns have room."""
+    return max(1, _NUMBERS // max(quality.adjustment.problem.index.count, 1))
+
+
+def carried_points(quality: Quality, entries: list[Entry]) -> list[IntArray]:
+    """Point blocks that each of the observations carries, those first that it carries most of."""
+    if not entries:
+        return []
+    problem = quality.adjustment.problem
+    columns = problem.index.columns["point"]
+    sigma = np.array([problem.groups[e.group].sigma[e.row, e.component] for e in entries])
+    moved = movements(quality, entries, sigma)
+    roots = _inverse_roots(quality.cofactors["point"])
+    found = []
+    for k in range(len(entries)):
+        x = np.where(columns >= 0, moved[columns, k], 0.0)
+        share = np.sum(np.einsum("pij,pj->pi", roots, x) ** 2, axis=1)
+        carried = np.flatnonzero(share > _HALF)
+        found.append(carried[np.argsort(-np.round(share[carried], 6), kind="stable")])
+    return found
+
+
+def _inverse_roots(Q: FloatArray) -> FloatArray:
+    """(p, 3, 3) roots of the pseudo-inverses of cofactor matrices."""
+    eigenvalues, axes = np.linalg.eigh(np.nan_to_num(Q))
+    used = eigenvalues > _FLAT * np.maximum(eigenvalues[:, -1:], 1e-300)
+    scale = np.where(used, 1.0 / np.sqrt(np.where(used, eigenvalues, 1.0)), 0.0)
+    roots: FloatArray = scale[:, :, None] * np.swapaxes(axes, 1, 2)
+    return roots

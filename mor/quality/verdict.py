@@ -1,0 +1,117 @@
+"""What to think of an adjustment: accepted or not, which groups contradict, and what would explain them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mor.adjustment.datum.defect import network_components
+from mor.project.network.build import Network
+from mor.quality.assess import Quality
+from mor.quality.tests.common_effects import CommonEffect, common_effects
+from mor.quality.tests.fixed_coordinates import fixed_point_tests
+from mor.quality.tests.group_tests import GroupTest, GroupTests, group_tests, rows_of_test
+from mor.quality.tests.quadratic_form import Moments, log_tail
+
+EXPLAINED = 20
+"""Groups for which an explanation is looked for; what is worst beside the rest need not be what is wrong."""
+_LEAST_LEFT = 1.0
+"""Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
+_MOST_MOVEMENTS = 7
+"""Movements of a whole network: shifts, turns, scale."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What would bring a rejected group into line with its σ."""
+
+    test: GroupTest
+    flagged: int
+    """Number of its observations that the test of single observations flags."""
+    share_of_flagged: float
+    """Their part of its part of vᵀPv."""
+    effect: CommonEffect | None
+    """The most significant offset or scale, where it is significant."""
+    suffices: bool
+    """True where with the effect the test accepts."""
+
+    @property
+    def gain(self) -> float:
+        """By how much vᵀPv of all observations falls with the effect."""
+        return self.effect.test**2 if self.effect is not None else 0.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The tests of the whole and of the groups together."""
+
+    tests: GroupTests
+    explained: tuple[Explained, ...]
+    """The worst of the rejected groups; those first whose effect explains most of vᵀPv."""
+    all_alike: bool
+    """True where groups are rejected, but none of them beside the others: then all σ are wrong by the same factor."""
+    chosen_only: bool
+    """True where the fixed coordinates are the datum and no more: no observation controls them."""
+
+    @property
+    def contradicted(self) -> bool:
+        """True where the test of a group rejects."""
+        return bool(self.tests.rejected)
+
+
+def verdict(quality: Quality, network: Network) -> Verdict:
+    """The tests of all groups of an adjustment, and what would explain those that reject."""
+    tests = group_tests(quality, network)
+    rejected = tests.rejected
+    limit = float(np.log(tests.level_of_each))
+    alike = bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
+    explained = [] if alike else [_explained(quality, tests, test) for test in rejected[:EXPLAINED]]
+    explained.sort(key=lambda one: -one.gain)
+    return Verdict(tests, tuple(explained), alike, _chosen_only(quality))
+
+
+def _chosen_only(quality: Quality) -> bool:
+    """True where coordinates are held fixed, but so few that nothing controls them."""
+    _, fixed = network_components(quality.adjustment.problem, quality.adjustment.values)
+    if not fixed.any() or np.count_nonzero(fixed) > _MOST_MOVEMENTS:
+        return False
+    return all(test.freedom == 0 for test in fixed_point_tests(quality))
+
+
+def _explained(quality: Quality, tests: GroupTests, test: GroupTest) -> Explained:
+    chosen = tests.rows(test, quality.adjustment.problem)
+    flagged, share = _of_flagged(quality, tests, test)
+    if test.omega < test.redundancy:  # residuals that are too small: no effect makes them so
+        return Explained(test, flagged, share, None, False)
+    rows = rows_of_test(quality, test, tests.partitions[test.partition])
+    effects = [
+        effect
+        for effect in common_effects(quality, rows, chosen, test.redundancy)
+        if abs(effect.test) > quality.critical
+    ]
+    if not effects:
+        return Explained(test, flagged, share, None, False)
+    limit = float(np.log(tests.level_of_each))
+    enough = [effect for effect in effects if _accepted(test, effect, limit)]
+    return Explained(test, flagged, share, (enough or effects)[0], bool(enough))
+
+
+def _accepted(test: GroupTest, effect: CommonEffect, limit: float) -> bool:
+    """True where there is something left to test with an effect, and the test does not reject it."""
+    if effect.redundancy < _LEAST_LEFT:
+        return False
+    share = effect.redundancy / test.redundancy
+    left = Moments(*(share * part for part in test.moments))
+    return bool(log_tail(np.array([effect.omega]), left)[0] >= limit or effect.omega < effect.redundancy)
+
+
+def _of_flagged(quality: Quality, tests: GroupTests, test: GroupTest) -> tuple[int, float]:
+    chosen = tests.rows(test, quality.adjustment.problem)
+    count, part = 0, 0.0
+    for one, flags, mask in zip(quality.groups, quality.flagged, chosen, strict=True):
+        here = flags & mask
+        if here.any():
+            count += int(np.count_nonzero(here))
+            part += float((one.v * one.weighted)[here].sum())
+    return count, part / test.omega if test.omega > 0.0 else 0.0

@@ -1,0 +1,1 @@
+"""Possible causes in reports: as data, and in words."""

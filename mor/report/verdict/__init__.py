@@ -1,0 +1,1 @@
+"""The verdict in reports: tests of groups, the reliability map."""

@@ -1,0 +1,113 @@
+"""The verdict as plain data: tests of groups, what would explain those that reject, what is chosen and not measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mor.quality.reliability.reliability_map import uncontrolled_count
+from mor.quality.solved import Solved
+from mor.quality.tests.common_effects import CommonEffect
+from mor.quality.tests.group_tests import GroupTest
+from mor.quality.verdict import Explained, Verdict
+from mor.report.edge import said, said_differences
+from mor.report.tables.shared import once
+
+MOST = 10_000
+"""Tests that are listed; of more only those that reject."""
+
+
+@once
+def verdict_rows(solved: Solved) -> dict[str, Any] | None:
+    """Accepted or not, tests of groups, explanations; nothing without a solution."""
+    judged = solved.verdict
+    if solved.quality is None or judged is None:
+        return None
+    tests, loose = judged.tests, uncontrolled_count(solved.quality)
+    listed = tests.tests if len(tests.tests) <= MOST else tuple(tests.rejected)
+    return {
+        "accepted": solved.accepted if solved.quality.redundancy > 0 else None,
+        "says": _says(solved, loose),
+        "uncontrolled": loose,
+        "level_of_groups": tests.level,
+        "level_of_each_group": tests.level_of_each,
+        "tests": len(tests.tests),
+        "rejected": len(tests.rejected),
+        "all_alike": judged.all_alike,
+        "groups": [group_test_row(test) for test in listed],
+        "explanations": [_explanation(solved, one) for one in judged.explained],
+        "conventions": _conventions(solved, judged),
+    }
+
+
+def _says(solved: Solved, uncontrolled: int) -> str:
+    if solved.quality is None or solved.quality.redundancy == 0:
+        return "not tested"
+    if not solved.accepted:
+        return "not accepted"
+    return "accepted, observations uncontrolled" if uncontrolled else "accepted"
+
+
+def group_test_row(test: GroupTest) -> dict[str, Any]:
+    """One test."""
+    return {
+        "of": test.of,
+        "name": test.name,
+        "also": [{"of": of, "name": name} for of, name in test.also],
+        "observations": test.count,
+        "redundancy": test.redundancy,
+        "vtpv": test.omega,
+        "sigma_factor": test.factor,
+        "freedom": test.freedom,
+        "p": float(np.exp(test.log_p)),
+        "rejected": test.rejected,
+    }
+
+
+def _explanation(solved: Solved, one: Explained) -> dict[str, Any]:
+    return {
+        "of": one.test.of,
+        "name": one.test.name,
+        "sigma_factor": one.test.factor,
+        "flagged": one.flagged,
+        "share_of_flagged": one.share_of_flagged,
+        "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
+    }
+
+
+def _effect(solved: Solved, effect: CommonEffect, suffices: bool) -> dict[str, Any]:
+    """An effect in project axes and units."""
+    group = solved.adjustment.problem.groups[effect.group]
+    out = said(group)
+    outside = int(np.flatnonzero(out.source == effect.component)[0])
+    size, sigma, unit = effect.size, effect.sigma, "1"
+    if effect.kind == "offset":
+        internal = np.zeros((1, group.observed.shape[1]))
+        internal[0, effect.component] = 1.0
+        unit = out.external.units[outside]
+        in_unit = float(said_differences(group, internal)[0, outside])
+        size, sigma = size * in_unit, sigma * abs(in_unit)
+    return {
+        "kind": effect.kind,
+        "group": group.name,
+        "type": group.type.name,
+        "component": group.type.components[outside].name,
+        "size": float(size),
+        "sigma": float(sigma),
+        "unit": unit,
+        "w": float(abs(effect.test)),
+        "vtpv_falls_by": float(effect.test**2),
+        "sigma_factor_left": effect.factor if np.isfinite(effect.factor) else None,
+        "suffices": suffices,
+    }
+
+
+def _conventions(solved: Solved, judged: Verdict) -> dict[str, Any]:
+    """What no observation says."""
+    movements = list(solved.adjustment.defect.movements)
+    return {
+        "movements": movements,
+        "scale": "scale" in movements,
+        "fixed_coordinates_uncontrolled": judged.chosen_only,
+    }

@@ -1,0 +1,95 @@
+"""One trial: a mistake planted into a sample project, adjusted, and what the program says of it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tests.planted_mistakes import of_images, of_instruments, of_names, of_units
+from tests.planted_mistakes.survey import NAMES, survey
+from tests.planted_mistakes.truth import NotHereError
+from tests.small_projects import mor
+
+KINDS = {
+    function.__name__: function
+    for function in (
+        of_names.exchanged_in_image,
+        of_names.misnumbered_in_image,
+        of_names.exchanged_control,
+        of_names.misnumbered_at_station,
+        of_names.exchanged_at_station,
+        of_names.wrong_station,
+        of_instruments.offset,
+        of_instruments.scale,
+        of_instruments.instrument_height,
+        of_instruments.target_height,
+        of_instruments.circle_in_degrees,
+        of_instruments.counterclockwise,
+        of_instruments.elevation,
+        of_instruments.other_face,
+        of_instruments.slope_for_horizontal,
+        of_instruments.levelling_sign,
+        of_images.flipped,
+        of_images.one_flipped,
+        of_images.turned,
+        of_images.image_unit,
+        of_images.pixel_size,
+        of_images.focal_length,
+        of_units.control_unit,
+        of_units.axes_exchanged,
+        of_units.sigma_unit,
+    )
+}
+_TRIES = 100
+
+
+class Trial(NamedTuple):
+    """What became of a planted mistake."""
+
+    kind: str
+    sample: str
+    things: tuple[str, ...]
+    code: int
+    outcome: str
+    """How the adjustment of all observations ended; ``input`` where it did not begin."""
+    rejected: bool
+    """True where something was rejected or left out, or there is no solution."""
+    place: int | None
+    """Place of the right cause among the hypotheses, from 0; nothing where it is not among them."""
+    offered: tuple[str, ...]
+
+
+def trial(kind: str, seed: int, keep: Path | None = None) -> Trial:
+    """Plant a mistake of a kind into a sample project chosen by the seed, and adjust."""
+    random = np.random.default_rng([seed, list(KINDS).index(kind)])
+    for _ in range(_TRIES):
+        chosen = survey(str(random.choice(NAMES)))
+        try:
+            planted = KINDS[kind](chosen, random)
+        except NotHereError:
+            continue
+        break
+    with tempfile.TemporaryDirectory() as folder:
+        project = chosen.write(keep or Path(folder))
+        run = mor("adjust", project, "--json", "-q")
+    if not run.out:
+        return Trial(
+            kind, chosen.name, tuple(sorted(planted.things)), run.code, "input", True, None, (run.err[:200],)
+        )
+    results = json.loads(run.out)
+    found = results.get("hypotheses", [])
+    places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
+    return Trial(
+        kind,
+        chosen.name,
+        tuple(sorted(planted.things)),
+        run.code,
+        results["suspects"]["outcome"] if results.get("suspects") else results["outcome"],
+        run.code != 0 or not results["global_test"]["accepted"],
+        places[0] if places else None,
+        tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found),
+    )
