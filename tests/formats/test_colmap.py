@@ -12,6 +12,7 @@ from reference_data import missing, network_of, point_results, reference_folder
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.pipeline import read_document, solve_network
 
 from .blocks import MODELS, block, written
@@ -194,3 +195,32 @@ def test_what_colmap_cannot_say_is_told(tmp_path: Path) -> None:
     data["cameras"]["7"].update(model="brown", interior={"c": "1000"})
     with pytest.raises(InputError, match="camera 7: no model of COLMAP says"):
         write_foreign(read_document(written(tmp_path, data)), tmp_path, tmp_path / "m", "colmap")
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [
+        ("SIMPLE_RADIAL_FISHEYE", "700 400 300 -0.05"),
+        ("RADIAL_FISHEYE", "700 400 300 -0.05 0.01"),
+        ("SIMPLE_FISHEYE", "700 400 300"),
+        ("FISHEYE", "700 710 400 300"),
+    ],
+)
+def test_fisheyes_with_few_parameters(tmp_path: Path, model: str, parameters: str) -> None:
+    """pycolmap sees a point where mor's fisheye sees it; one focal length is said to be two unknowns."""
+    pycolmap = pytest.importorskip("pycolmap")
+    folder = _rig(tmp_path, "1 PINHOLE 800 600 700 700 400 300", f"1 {model} 800 600 {parameters}")
+    document = read_foreign(folder)
+    assert ("two unknowns" in " ".join(map(str, document.notes))) == (
+        len(parameters.split()) != 4 or model[0] == "S"
+    )
+    interior = {
+        k: float(v.get("free") or v["fixed"]) for k, v in document.data["cameras"]["1"]["interior"].items()
+    }
+    fisheye = CAMERA_MODELS["fisheye"]
+    row = np.array([[interior.get(c.name, 0.0) for c in fisheye.components]])
+    camera = pycolmap.Reconstruction(str(folder)).cameras[1]
+    for X in ([0.3, -0.2, 1.0], [-2.0, 1.0, 1.5]):
+        star = np.array([[X[0], -X[1], -X[2]]])
+        ours = fisheye.project(star, row, np.zeros((1, 0)), np.zeros((1, 2))).xy[0] * [1, -1]
+        np.testing.assert_allclose(camera.img_from_cam(np.array([X])).ravel(), ours, rtol=0, atol=1e-9)

@@ -163,3 +163,10 @@ def test_a_missing_image_size_is_worked_out(tmp_path):
     image = document.data["cameras"]["1"]["image"]
     assert (image["width"], image["height"]) == ("2272", "1704")
     assert "2272 x 1704 px is worked out" in " ".join(note.message for note in document.notes)
+
+
+def test_a_format_of_no_size_is_told(tmp_path):
+    with pytest.raises(
+        InputError, match=r"export\.txt:4: found the format 0 x 24 mm, expected numbers above 0"
+    ):
+        _read(tmp_path, old="25.5 18.1 12.2 36.0 24.0", new="25.5 18.1 12.2 0 24.0")

@@ -50,7 +50,7 @@ def command(
     datum: str,
     force: bool,
 ) -> None:
-    """Begin PROJECT, a commented project file, from TABLES (CSV).
+    """Begin PROJECT, a commented project file, from TABLES (CSV), or from photographs.
 
     \b
     Examples:
@@ -58,11 +58,13 @@ def command(
       mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000 --pixel "0.006 mm"
       mor new net.yaml directions.csv distances.csv points.csv --angle gon
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
+      mor new wall.yaml photos/*.jpg
 
     The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
     directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
     more. A list id, x, y, z whose names are images has their projection centres. Points and images that only
     observations name are listed; no start values are needed. mor.schema.json beside it is that of this version.
+    Photographs alone say their camera, size, focal length and GNSS position themselves (EXIF; extra formats).
 
     \b
     Exit codes: 0 done; 2 input.
@@ -70,6 +72,7 @@ def command(
     from mor.cli.commands.convert import write_new
     from mor.counting import counted
     from mor.errors import InputError, Problem, nearest
+    from mor.formats.exif import is_photograph
     from mor.project.file.beginning import CameraSettings, begin
     from mor.project.file.recognition import recognise, told_apart
     from mor.project.file.schema import project_schema
@@ -80,6 +83,9 @@ def command(
             raise InputError(
                 [Problem(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
             )
+    if tables and all(map(is_photograph, tables)):
+        _begin_from_photographs(project, tables, force)
+        return
     found = told_apart([recognise(table) for table in tables])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
@@ -88,3 +94,15 @@ def command(
     for table in found:
         click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
     click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)
+
+
+def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force: bool) -> None:
+    from mor.cli.commands.convert import write_new
+    from mor.formats.exif import read_photographs
+    from mor.project.file.writing import project_files
+
+    document = read_photographs(photographs, project)
+    write_new(project_files(document.data, project.parent, project), force)
+    for note in document.notes:
+        click.echo(f"note: {note.message}", err=True)
+    click.echo(f"{project} is there: add observations, then mor check {project}", err=True)

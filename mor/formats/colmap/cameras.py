@@ -4,7 +4,8 @@ COLMAP's axes are right, down, forward, its image coordinates px from the upper 
 With u = X/Z, v = Y/Z and r² = u² + v² (COLMAP source, ``sensor/models.h``):
 
 * one focal length and radial distortion is model ``mor``: c = f, A1 = k1/f², A2 = k2/f⁴, xh = cx − w/2, yh = h/2 − cy;
-* OPENCV and FULL_OPENCV are ``opencv``, OPENCV_FISHEYE is ``fisheye``, with their own numbers and names.
+* OPENCV and FULL_OPENCV are ``opencv``, OPENCV_FISHEYE and FISHEYE are ``fisheye``, with their own numbers and names;
+* fisheyes with one focal length are ``fisheye`` with fx = fy = f at first, two unknowns there.
 """
 
 from __future__ import annotations
@@ -39,20 +40,34 @@ MODELS: dict[str, ColmapCameraModel] = {
     "OPENCV_FISHEYE": ColmapCameraModel(5, (*_TWO, "k1", "k2", "k3", "k4"), "fisheye"),
     "FULL_OPENCV": ColmapCameraModel(6, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "opencv"),
     "FOV": ColmapCameraModel(7, (*_TWO, "omega")),
-    "SIMPLE_RADIAL_FISHEYE": ColmapCameraModel(8, (*_ONE, "k1")),
-    "RADIAL_FISHEYE": ColmapCameraModel(9, (*_ONE, "k1", "k2")),
+    "SIMPLE_RADIAL_FISHEYE": ColmapCameraModel(8, (*_ONE, "k1"), "fisheye"),
+    "RADIAL_FISHEYE": ColmapCameraModel(9, (*_ONE, "k1", "k2"), "fisheye"),
     "THIN_PRISM_FISHEYE": ColmapCameraModel(10, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1")),
     "RAD_TAN_THIN_PRISM_FISHEYE": ColmapCameraModel(
         11, (*_TWO, "k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3")
     ),
+    "SIMPLE_DIVISION": ColmapCameraModel(12, (*_ONE, "k1")),
+    "DIVISION": ColmapCameraModel(13, (*_TWO, "k1")),
+    "SIMPLE_FISHEYE": ColmapCameraModel(14, _ONE, "fisheye"),
+    "FISHEYE": ColmapCameraModel(15, _TWO, "fisheye"),
+    "EUCM": ColmapCameraModel(16, (*_TWO, "alpha", "beta")),
+    "EQUIRECTANGULAR": ColmapCameraModel(17, ("w", "h")),
 }
 """Camera models by name."""
+
+
+def has_one_unknown_more(name: str) -> bool:
+    """True for a model with one focal length whose counterpart in mor has two."""
+    return MODELS[name].ours == "fisheye" and MODELS[name].parameters[0] == "f"
 
 
 def camera_of(camera: ColmapCamera) -> dict[str, Any]:
     """A camera as a project file says it; principal points are fixed, as COLMAP's own adjustment has them."""
     model = MODELS[camera.model]
     given = dict(zip(model.parameters, camera.parameters, strict=True))
+    if model.ours != "mor" and "f" in given:
+        f = given.pop("f")
+        given = {"fx": f, "fy": f, **given}
     interior = _radial(camera, given) if model.ours == "mor" else given
     held = ("xh", "yh", "cx", "cy")
     return {

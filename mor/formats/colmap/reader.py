@@ -11,7 +11,7 @@ import polars as pl
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.colmap import binary, text_files
-from mor.formats.colmap.cameras import MODELS, camera_of
+from mor.formats.colmap.cameras import MODELS, camera_of, has_one_unknown_more
 from mor.formats.colmap.model import NO_POINT, ColmapImage, ColmapModel
 from mor.formats.colmap.poses import ours
 from mor.formats.colmap.rigs import Follower, followers
@@ -38,6 +38,10 @@ def read_colmap(path: Path) -> Document:
     _put_points(model, draft)
     _put_image_points(model, draft)
     draft.put("datum", "free")
+    looser = [str(camera.id) for camera in model.cameras if has_one_unknown_more(camera.model)]
+    if looser:
+        words = "fx and fy are two unknowns, one focal length in COLMAP"
+        draft.note(f"cameras {', '.join(looser[:10])}: {words}")
     draft.note(
         "σ = 1 px for all image points, principal points fixed, all else free; lengths are called m, "
         "whatever the model's unit is; colours, errors and tracks of the points are not read"

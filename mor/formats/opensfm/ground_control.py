@@ -13,11 +13,10 @@ from mor.formats.draft import Draft, number
 from mor.formats.json_text import JsonFile, Wrong, mapping
 from mor.formats.json_text import number as json_number
 from mor.formats.text import read_lines
+from mor.formats.wgs84 import east_north_up
 
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
-_AXIS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
-"""WGS84."""
 
 
 @dataclass
@@ -164,23 +163,5 @@ def _local(latitude: float, longitude: float, height: float, whole: dict[str, An
     if not isinstance(reference, dict):
         return None
     lat0, lon0, h0 = (json_number(reference.get(k, 0.0), k) for k in ("latitude", "longitude", "altitude"))
-    lat, lon = np.radians([lat0, lon0])
-    turn = np.array(
-        [
-            [-np.sin(lon), np.cos(lon), 0.0],
-            [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
-            [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
-        ]
-    )
-    local: FloatArray = turn @ (_geocentric(latitude, longitude, height) - _geocentric(lat0, lon0, h0))
-    return local
-
-
-def _geocentric(latitude: float, longitude: float, height: float) -> FloatArray:
-    lat, lon = np.radians([latitude, longitude])
-    e2 = _FLATTENING * (2.0 - _FLATTENING)
-    normal = _AXIS / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
-    across = (normal + height) * np.cos(lat)
-    return np.array(
-        [across * np.cos(lon), across * np.sin(lon), (normal * (1.0 - e2) + height) * np.sin(lat)]
-    )
+    place = east_north_up(np.array([[latitude, longitude, height]]), np.array([lat0, lon0, h0]))
+    return np.asarray(place[0])

@@ -58,6 +58,11 @@ def read_export(path: Path, draft: Draft) -> Export:
     defaults = _numbers(lines, 2, 1, "default σ of image points, control, points, poses", draft)
     camera = _numbers(lines, 3, 5, "c xp yp, format width and height, K1 K2 K3 P1 P2", draft)
     photos, after = _photos(lines, draft)
+    for values, line in [(camera or [], 4), *((photo.camera, photo.line + 4) for photo in photos)]:
+        if values and min(values[3:5]) <= 0.0:
+            draft.problem(
+                f"found the format {values[3]:g} x {values[4]:g} mm, expected numbers above 0", line
+            )
     if not photos:
         draft.problem("found no photo, expected a photo number and its file name", 6)
     if draft.problems or general is None or defaults is None or camera is None:

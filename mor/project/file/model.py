@@ -64,9 +64,7 @@ class ImageFormat(Strict):
 
     width: Measure = Field(description="Image width in px")
     height: Measure = Field(description="Image height in px")
-    pixel: Measure | None = Field(
-        default=None, description="Pixel size, e.g. 0.00414 mm; a camera in px does without"
-    )
+    pixel: Measure | None = Field(default=None, description="Size of one, e.g. 4.14 um; px need none")
 
 
 class Camera(Strict):
