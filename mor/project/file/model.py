@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
-from mor.project.file.scalars import Measure, Name, Strict, Text, delimiter
+from mor.project.file.scalars import Measure, Name, Strict, Text, one_sign
 
 
 class Units(Strict):
@@ -128,7 +128,7 @@ class Table(Strict):
         Annotated[
             str,
             StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
-            AfterValidator(delimiter),
+            AfterValidator(one_sign),
         ]
         | None
     ) = Field(

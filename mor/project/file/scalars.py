@@ -29,7 +29,7 @@ Name = Annotated[
 ]
 
 
-def delimiter(sign: str) -> str:
+def one_sign(sign: str) -> str:
     """A sign that can stand between the cells of a table; ValueError where it cannot."""
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
         raise ValueError(

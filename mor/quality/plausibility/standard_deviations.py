@@ -57,10 +57,11 @@ def _kind(group: ObservationGroup, component: int) -> str:
 
 
 def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) -> FloatArray:
-    """What a σ is compared with, for each row: 1 rad, the length itself, the widest image coordinate."""
+    """What a σ is compared with, for each row: 1 rad, the length itself, the widest image coordinate; NaN for 0."""
     observed = group.observed[here, component]
     if kind == "angle":
         return np.ones(len(observed))
     if kind == "length":
-        return np.asarray(np.maximum(np.abs(observed), 1e-300))
-    return np.full(len(observed), max(float(np.nanmax(np.abs(group.observed))), 1e-300))
+        return np.where(observed == 0.0, np.nan, np.abs(observed))
+    widest = float(np.nanmax(np.abs(group.observed)))
+    return np.full(len(observed), widest if widest > 0.0 else np.nan)

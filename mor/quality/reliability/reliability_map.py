@@ -22,6 +22,8 @@ from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.influence_on_unknowns import Entry
 from mor.quality.tests.partitions import Partition, partitions
 
+_ALIKE = 1e-9
+"""Difference of redundancy numbers that is round-off."""
 _FRAMES = ("image", "station", "set")
 _OF_FRAMES = ("image", "station", "system")
 
@@ -149,7 +151,8 @@ def _gathered(of: str, names: tuple[str, ...], seen, axes: FloatArray) -> Contro
     weakest = np.full((count, 3), -1, dtype=np.int64)
     for one in seen():
         wanted = np.where(one.classes >= 0, smallest[one.classes], np.nan)
-        row, component = np.nonzero(one.r == wanted[:, None])
+        # Of observations that are equally weak, to round-off, the first: the same ones in every run.
+        row, component = np.nonzero(one.r <= wanted[:, None] * (1.0 + _ALIKE) + _ALIKE)
         classes, first = np.unique(one.classes[row], return_index=True)
         new = weakest[classes, 0] < 0
         classes, first = classes[new], first[new]
