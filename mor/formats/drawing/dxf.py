@@ -21,12 +21,12 @@ _LARGEST_ELLIPSE = 0.05
 def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     """A drawing in metres. Raises :class:`InputError`, also where ezdxf, of the extra ``formats``, is missing."""
     try:
-        import ezdxf
+        from ezdxf.filemanagement import new
     except ImportError:
         words = "DXF needs the extra formats: pip install 'mor-adjustment[formats]'"
         raise InputError([Problem(words, str(target))]) from None
     shown = drawing(document, folder)
-    sheet = ezdxf.new("R2010", setup=False)
+    sheet = new("R2010", setup=False)
     sheet.header["$INSUNITS"] = 6
     for name, colour in LAYERS.items():
         sheet.layers.add(name, color=colour)
