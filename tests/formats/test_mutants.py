@@ -27,7 +27,7 @@ from .mutants import faults, materials
     ],
 )
 def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
-    assert list(faults(name, 2026, 25, tmp_path)) == []
+    assert list(faults(name, 2026, 10, tmp_path)) == []
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
