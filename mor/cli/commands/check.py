@@ -10,7 +10,7 @@ import click
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
-    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them."
+    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(project: Path, everything: bool, quiet: bool) -> int:
@@ -28,7 +28,7 @@ def command(project: Path, everything: bool, quiet: bool) -> int:
     Exit codes: 0 done; 2 input.
     """
     from mor.api.project import read
-    from mor.errors import ExitCode, InputError
+    from mor.errors import ExitCode, InputError, screenful
     from mor.escapes import escaped
 
     try:
@@ -39,7 +39,8 @@ def command(project: Path, everything: bool, quiet: bool) -> int:
         click.echo(str(error), err=True)
         return error.exit_code
     if not quiet:
-        for note in found.notes:
+        notes = found.network.notes
+        for note in notes if everything else screenful(notes):
             click.echo(f"note: {note}", err=True)
         click.echo(escaped(str(found)))
     return ExitCode.DONE
