@@ -29,6 +29,7 @@ from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.entities import thing_of
+from mor.project.network.features import with_lines_turned
 from mor.project.network.reading import TableWatcher, ignore_table
 from mor.project.reduction import with_blocks_held
 from mor.project.tables.columns import MOST_TOLD
@@ -128,7 +129,8 @@ def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
         reduced, start = determinable_start(network)
     except (InputError, NoStartValuesError):
         return None
-    return start if reduced.groups is network.groups else None
+    sizes = [group.count for group in reduced.groups]
+    return start if sizes == [group.count for group in network.groups] else None
 
 
 def _without_gross_errors(
@@ -226,7 +228,8 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
-    start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
+    network, start = with_lines_turned(network, found.start)
+    start, missing = completed(network, start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, map(str, found.remarks))
     if missing:

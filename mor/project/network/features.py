@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
@@ -17,7 +21,12 @@ from mor.units import LENGTH
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
+if TYPE_CHECKING:
+    from mor.project.network.build import Network
+
 _TURNS = 5
+_BESIDE = 0.01
+"""Distance from a line, in parts of the extent, from which on a point is beside it."""
 
 
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
@@ -84,10 +93,12 @@ def _observed_zero(
     observed = np.full((len(members), 3), np.nan)
     if feature.type == "line":
         observed[:, :2] = 0.0
-        beside = _point_beside(reading, coordinates, D, centre)
+        beside = _point_beside(reading, coordinates, feature, D, centre)
         if beside:
             block = reading.shop.things["point"].part(beside, "position")
-            D, turns = _turned_towards(coordinates[block] - centre, D), np.ones_like(turns)
+            turns = np.ones_like(turns)
+            if np.isfinite(coordinates[block]).all():
+                D = _turned_towards(coordinates[block] - centre, D)
             members, names = np.append(members, block), [*names, beside]
             observed = np.append(observed, [[np.nan, 0.0, np.nan]], axis=0)
     else:
@@ -119,14 +130,59 @@ def _add_system(
     return position, rotation, 0, offset
 
 
-def _point_beside(reading: Reading, coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> str:
-    """Name of the point farthest from the line (z axis of D through the centre); empty where all are on it."""
+def _point_beside(
+    reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray
+) -> str:
+    """Name of the point that carries the turn of a line; empty where all points are on it.
+
+    While coordinates are missing any point may be: :func:`with_lines_turned` knows better when there are some.
+    """
     points = reading.shop.things["point"]
-    local = (coordinates[points.parts["position"]] - centre) @ D.T
-    away = np.nan_to_num(np.hypot(local[:, 0], local[:, 1]))
+    positions = points.parts["position"]
+    farthest = _farthest(coordinates[positions], D, centre)
+    if farthest >= 0:
+        return points.ids[farthest]
+    unknown = np.flatnonzero(~np.isfinite(coordinates[positions].sum(axis=1)))
+    return next((points.ids[k] for k in unknown.tolist() if points.ids[k] not in line.points), "")
+
+
+def _farthest(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int:
+    """Number of the point (n, 3) farthest from a line (z axis of D through the centre); -1 where all are on it."""
+    local = np.nan_to_num((coordinates - centre) @ D.T)
+    away = np.hypot(local[:, 0], local[:, 1])
     farthest = int(np.argmax(away))
-    far_enough = away[farthest] > 0.01 * np.abs(np.nan_to_num(local)).max()
-    return points.ids[farthest] if far_enough else ""
+    return farthest if away[farthest] > _BESIDE * np.abs(local).max() else -1
+
+
+def with_lines_turned(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Network, Mapping[str, FloatArray]]:
+    """Lines whose points had no coordinates on reading get the farthest point to carry their turn, and turn to it."""
+    rotations = start["rotation"].copy()
+    positions = network.things["point"].parts["position"]
+    groups = list(network.groups)
+    for number, group in enumerate(groups):
+        if not _has_carrier(group, network) or np.isfinite(network.start["point"][group.blocks[4]]).all():
+            continue
+        members = start["point"][group.blocks[4][:-1]]
+        known = np.isfinite(members).all(axis=1)
+        centre = members[known].mean(axis=0) if known.any() else np.zeros(3)
+        D = rotations[rotation := int(group.blocks[1][0])]
+        farthest = _farthest(start["point"][positions], D, centre)
+        if farthest >= 0:
+            beside = np.append(group.blocks[4][:-1], positions[farthest])
+            names = names_of([*list(group.references[1])[:-1], network.things["point"].ids[farthest]])
+            groups[number] = replace(
+                group, blocks=(*group.blocks[:4], beside), references=(group.references[0], names)
+            )
+            rotations[rotation] = _turned_towards(start["point"][positions[farthest]] - centre, D)
+    return replace(network, groups=tuple(groups)), {**start, "rotation": rotations}
+
+
+def _has_carrier(group: ObservationGroup, network: Network) -> bool:
+    """True for the group of a line with a point beside it that carries its turn."""
+    lines = {feature_label(feature) for feature in network.project.features if feature.type == "line"}
+    return group.name in lines and group.type.key == "local" and bool(np.isnan(group.observed[-1, 0]))
 
 
 def _turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
