@@ -16,8 +16,9 @@ from mor.quality.tests.group_tests import GroupTest, GroupTests, group_tests, ro
 from mor.quality.tests.p_values import log_p_normal, log_p_student
 from mor.quality.tests.quadratic_form import Moments, log_tail
 
-EXPLAINED = 20
-"""Groups for which an explanation is looked for; what is worst beside the rest need not be what is wrong."""
+EXPLAINED, ALWAYS_EXPLAINED = 20, 5
+"""Groups for which an explanation is looked for, at most where they reject beside all others, and in any case: what is
+worst beside the rest need not be what is wrong."""
 _LEAST_LEFT = 1.0
 """Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
 _MOST_MOVEMENTS = 7
@@ -70,7 +71,9 @@ def verdict(quality: Quality, network: Network) -> Verdict:
     rejected = tests.rejected
     limit = float(np.log(tests.level_of_each))
     alike = bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
-    explained = [] if alike else [_explained(quality, tests, test) for test in rejected[:EXPLAINED]]
+    beside = sum(test.log_p_beside_rest <= limit for test in rejected)
+    looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
+    explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     explained.sort(key=lambda one: -one.gain)
     return Verdict(tests, tuple(explained), alike, _chosen_only(quality))
 
