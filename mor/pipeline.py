@@ -47,7 +47,7 @@ from mor.quality.gross_errors.suspects import (
     without_suspects,
 )
 from mor.quality.hypotheses.hypothesis import Offered
-from mor.quality.hypotheses.search import causes
+from mor.quality.hypotheses.search import Looking, causes, ignore_looking
 from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
@@ -83,17 +83,26 @@ def read_network(document: Document, folder: Path, read: TableWatcher = ignore_t
 
 
 def solve_network(
-    network: Network, watch: Watcher | None = None, assessing: Callable[[int], Done] | None = None
+    network: Network,
+    watch: Watcher | None = None,
+    assessing: Callable[[int], Done] | None = None,
+    looking: Looking = ignore_looking,
 ) -> Solved:
     """Adjust a network and assess the outcome.
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
+    ``looking`` is called likewise where something is rejected, with the number of hypotheses that may be tried.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
-        return _solved(network, watch, assessing)
+        return _solved(network, watch, assessing, looking)
 
 
-def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
+def _solved(
+    network: Network,
+    watch: Watcher | None,
+    assessing: Callable[[int], Done] | None,
+    looking: Looking,
+) -> Solved:
     settings = network.project.settings
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
@@ -105,7 +114,9 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
 
     def possible_causes(quality: Quality | None) -> tuple[Offered, ...]:
         solution = adjustment if adjustment.outcome.is_solution else None
-        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing)
+        return causes(
+            whole, network, start, plain, solution, quality, make_problem, _start_or_nothing, looking
+        )
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:

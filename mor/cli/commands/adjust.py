@@ -176,8 +176,13 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
-    phase = "precision and reliability"
-    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(
+        project,
+        snoop,
+        say.iteration,
+        lambda effort: say.phase("precision and reliability", effort),
+        lambda most: say.phase("possible causes", most),
+    ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved
 

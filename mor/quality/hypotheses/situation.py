@@ -20,10 +20,12 @@ from mor.parameters.index import Values, all_known, with_shared_components
 from mor.project.network.build import Network
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
-from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals
+from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
 from mor.sparse.cholesky import NotFiniteError
 
+SMALL = 20_000
+"""Observations up to which graduated weights and many adjustments cost next to nothing."""
 _ITERATIONS = 15
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
@@ -66,11 +68,23 @@ class Situation:
         return self.network.observations
 
     def worst_rows(self, group: int, most: int) -> IntArray:
-        """Rows of a group with an observation that does not fit, the worst first."""
+        """Rows of a group with an observation that does not fit beside the others, the worst first."""
         largest = self.sizes[group].max(axis=1, initial=0.0)
         order = np.argsort(-largest, kind="stable")[:most]
-        worst: IntArray = order[largest[order] > SUSPECT]
+        worst: IntArray = order[largest[order] > self.limit]
         return worst
+
+    @cached_property
+    def limit(self) -> float:
+        """|v|/σ beyond which an observation does not fit beside the others.
+
+        In large networks few errors leave half of all residuals as they are: the median tells how large chance makes
+        them. In small ones an error is in all residuals.
+        """
+        if self.count <= SMALL:
+            return SUSPECT
+        scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
+        return max(SUSPECT, scale * price_of_gross_error(self.count))
 
     @cached_property
     def misfitting(self) -> tuple[BoolArray, ...]:
@@ -154,14 +168,12 @@ class Situation:
     def _fit(self, network: Network, values: Values, cost: float) -> Fit:
         problem = self.make(network, values, values)
         sizes = sizes_of(problem.groups, values)
-        scale = robust_scales(problem, sizes).overall
         used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
         return Fit(
             values,
             float(sum(np.sum(size**2) for size in used)),
             problem.observations - problem.index.count + self._defect,
             cost_of_residuals(used, self.count) + cost,
-            scale**2,
         )
 
     @property

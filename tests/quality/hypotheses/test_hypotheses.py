@@ -37,7 +37,7 @@ def test_a_planted_mistake_is_the_first_hypothesis(kind: str, seed: int) -> None
 def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) -> None:
     solved = _solved(survey(name).write(tmp_path))
     assert solved.quality is not None
-    assert not is_rejected(solved.quality)
+    assert not is_rejected(solved.quality, solved.network)
     assert solved.causes == ()
 
 
