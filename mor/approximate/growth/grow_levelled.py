@@ -106,9 +106,9 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    unknown = np.asarray(np.isnan(part.points[:, :2]).any(axis=1))
+    known = np.isfinite(part.points[:, :2]).all(axis=1).tolist()
     for point, neighbours in distances.neighbours.items():
-        if not unknown[point]:
+        if known[point] or sum(known[other] for other in neighbours) < 3:
             continue
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
@@ -116,7 +116,7 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
         section = arc_section(np.array(centres), np.array(lengths))
         if section.outcome is SectionOutcome.DETERMINED:
             _place(part, point, section.points[0], rule("section of {count} arcs", count=len(lengths)))
-            added = True
+            known[point] = added = True
     return added
 
 
@@ -126,8 +126,8 @@ def known_arcs(
     """Known positions around a point, and the horizontal distances from them."""
     centres, lengths = [], []
     for other in sorted(neighbours):
-        length = distances.between(part, other, point)
-        if _level_known(part, other) and np.isfinite(length):
+        length = distances.between(part, other, point) if _level_known(part, other) else np.nan
+        if np.isfinite(length):
             centres.append(part.points[other, :2])
             lengths.append(length)
     return centres, lengths

@@ -35,6 +35,8 @@ ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
+FEWEST_OF_DATUM = 3
+"""Points with all coordinates in the datum that determine any movement of a network."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -86,9 +88,10 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
     not.
     """
-    values, failed = start, np.zeros(0, dtype=np.int64)
-    found = nearly_parallel(network, start)
+    plain, values, failed = network, start, False
+    found = at_start = nearly_parallel(network, start)
     far = _beyond_reach(network, start, found, means)
+    doubted = np.zeros(0, dtype=np.int64)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
@@ -96,34 +99,55 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
         found = nearly_parallel(network, there)
         if adjustment.outcome.is_solution:
             found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
-        now = _beyond_reach(network, there, found, means)
-        if not adjustment.outcome.is_solution:
-            failed = np.union1d(failed, far.points)
-            if np.isin(now.points, failed).all():
-                break
-            values = start
-            now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
-        elif np.array_equal(np.sort(now.points), np.sort(far.points)):
-            break
-        else:
+            now = _beyond_reach(network, there, found, means)
             values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
+        else:
+            now = _all_narrow(at_start, _beyond_reach(network, there, found, means))
+            values = start
+        if (failed and not adjustment.outcome.is_solution) or _same_points(now, far):
+            break
+        failed |= not adjustment.outcome.is_solution
+        doubted = np.union1d(doubted, far.points)
         far = now
-        network = _with_reference(network, start, values)
+        network = _with_reference(plain, start, values, doubted)
     if len(far.points) and _leaves_out(network):
         # Left out only now: with them the poses are known well enough to tell which points are at infinity.
-        network = _with_reference(network, start, there)
+        network = _with_reference(plain, start, there, doubted)
         values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
         values = values if adjustment.outcome.is_solution else start
         reduced, adjustment = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, adjustment
 
 
-def _with_reference(network: Network, start: Values, values: Values) -> Network:
-    """The network whose datum refers to the first start values, wherever another adjustment of it begins."""
-    if network.datum.reference is not None:
-        return network
-    reference = np.where(np.isnan(start["point"]), values["point"], start["point"])
-    return replace(network, datum=replace(network.datum, reference=reference))
+def _all_narrow(at_start: RayPoints, run_away: RayPoints) -> RayPoints:
+    """Points whose distances were no good to begin with: all that rays at a narrow angle told, and what has run away.
+
+    As directions they do no harm; what distances they have the solution with the directions tells.
+    """
+    narrow = at_start.take(~at_start.from_one_place())
+    others = run_away.take(~np.isin(run_away.points, at_start.points))
+    return RayPoints(*(np.concatenate(pair) for pair in zip(narrow, others, strict=True)))
+
+
+def _same_points(one: RayPoints, other: RayPoints) -> bool:
+    return np.array_equal(np.sort(one.points), np.sort(other.points))
+
+
+def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
+    """The network whose datum refers to the first start values, wherever another adjustment of it begins.
+
+    Points ``doubted``, which were at infinity, do not carry it as long as others do: a distance that nobody knew, on
+    the wrong side perhaps, would outweigh all others.
+    """
+    datum = network.datum
+    mask = datum.mask.copy()
+    mask[doubted] = False
+    if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
+        datum = replace(datum, mask=mask)
+    if datum.reference is None:
+        reference = np.where(np.isnan(start["point"]), values["point"], start["point"])
+        datum = replace(datum, reference=reference)
+    return replace(network, datum=datum)
 
 
 def _leaves_out(network: Network) -> bool:
