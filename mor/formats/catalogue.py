@@ -91,6 +91,7 @@ FORMATS: dict[str, Format] = {
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet.reader", "read_starnet"),
+        Code("mor.formats.starnet.writer", "write_starnet"),
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
     ),
     "textbook": Format(

@@ -88,7 +88,9 @@ def _option(name: str, words: list[str], line: int, network: Network) -> None:
         network.delta = words[:1] == ["ON"]
     elif name == "DATA":
         network.skip("lines after .DATA OFF are read all the same", line)
-    elif name not in ("2D", "3D"):
+    elif name in ("SEP", "SEPARATOR") and words:
+        network.separator = words[0][:1]
+    elif name not in ("1D", "2D", "3D"):
         network.skip(f".{name}", line)
 
 
