@@ -53,6 +53,10 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.opensfm.reader", "read_opensfm"),
         folder=True,
     ),
+    "gcp": Format(
+        "OpenDroneMap ground control (gcp_list.txt)",
+        write=Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+    ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml",
         Code("mor.formats.metashape.reader", "read_metashape"),
@@ -105,6 +109,7 @@ FORMATS: dict[str, Format] = {
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),
+        Code("mor.formats.aicon.writer", "write_aicon"),
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),
