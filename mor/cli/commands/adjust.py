@@ -145,7 +145,7 @@ def command(
 @contextmanager
 def named_in_full(place: Reservation | None) -> Iterator[None]:
     """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
-    from mor.cli import MOST_TOLD
+    from mor.errors import MOST_TOLD
 
     try:
         yield

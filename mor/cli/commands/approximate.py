@@ -96,8 +96,9 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
+    from mor.errors import screenful
 
-    for note in network.notes if not quiet else ():
+    for note in screenful(network.notes) if not quiet else ():
         click.echo(f"note: {note}", err=True)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
         return approximate(network)

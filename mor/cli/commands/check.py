@@ -12,7 +12,7 @@ from mor.cli._format import format_option
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
-    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them."
+    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
 @format_option
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
@@ -31,7 +31,7 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
     Exit codes: 0 done; 2 input.
     """
     from mor.api.project import read
-    from mor.errors import ExitCode, InputError
+    from mor.errors import ExitCode, InputError, screenful
     from mor.escapes import escaped
 
     try:
@@ -42,7 +42,8 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
         click.echo(str(error), err=True)
         return error.exit_code
     if not quiet:
-        for note in found.notes:
+        notes = found.network.notes
+        for note in notes if everything else screenful(notes):
             click.echo(f"note: {note}", err=True)
         click.echo(escaped(str(found)))
     return ExitCode.DONE
