@@ -98,6 +98,11 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.starnet.writer", "write_starnet"),
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
     ),
+    "dynadjust": Format(
+        "DynAdjust DNA files (.stn with .msr): what is Cartesian",
+        Code("mor.formats.dynadjust", "read_dynadjust"),
+        suffixes=(".stn", ".msr"),
+    ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
     ),
