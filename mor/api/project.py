@@ -47,13 +47,14 @@ class Project:
     __repr__ = __str__
 
 
-def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
+def read(source: Source, folder: str | PathLike[str] | None = None, form: str = "") -> Project:
     """Read and check a project.
 
     Args:
         source: a project file, a file or folder in a foreign format, or the project itself as a dictionary with the
             keys of a project file, in which a data frame may stand wherever a file of a table is named.
         folder: where the tables of a dictionary are found from; the current folder.
+        form: format of a foreign file, as ``mor convert --from`` takes it, where its content shall not tell.
 
     Raises:
         InputError: with every mistake that was found: where it stands, what was found, what was expected.
@@ -67,5 +68,5 @@ def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
         document, place = without_empty_keys(build(source)), Path(folder or ".")
     else:
         path = Path(source)
-        document, place = read_document(path), path.parent
+        document, place = read_document(path, form), path.parent
     return Project(document, read_network(document, place), place)

@@ -53,6 +53,10 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.opensfm.reader", "read_opensfm"),
         folder=True,
     ),
+    "gcp": Format(
+        "OpenDroneMap ground control (gcp_list.txt)",
+        write=Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+    ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml",
         Code("mor.formats.metashape.reader", "read_metashape"),
@@ -91,7 +95,13 @@ FORMATS: dict[str, Format] = {
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet.reader", "read_starnet"),
+        Code("mor.formats.starnet.writer", "write_starnet"),
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
+    ),
+    "dynadjust": Format(
+        "DynAdjust DNA files (.stn with .msr): what is Cartesian",
+        Code("mor.formats.dynadjust", "read_dynadjust"),
+        suffixes=(".stn", ".msr"),
     ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
@@ -104,6 +114,7 @@ FORMATS: dict[str, Format] = {
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),
+        Code("mor.formats.aicon.writer", "write_aicon"),
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),

@@ -174,6 +174,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
+    ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),

@@ -73,6 +73,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
     from .test_bal import _bal
     from .test_colmap import RIG
+    from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
     from .test_metashape import XML
     from .test_opensfm import _folder
@@ -101,6 +102,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
+        "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
+from mor.cli._format import format_option
 from mor.cli._language import language_option
 from mor.errors import ExitCode, NoStartValuesError
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     help="Folder of the results.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
@@ -75,6 +77,7 @@ def command(
     project: Path,
     output: Path | None,
     force: bool,
+    source_format: str | None,
     as_json: bool,
     strict: bool,
     snoop: bool,
@@ -97,6 +100,7 @@ def command(
       mor adjust project.yaml --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+      mor adjust network.dat --from starnet
 
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
@@ -117,7 +121,7 @@ def command(
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         say.phase("reading")
-        document = read_inputs(project, folder if writes else None)
+        document = read_inputs(project, folder if writes else None, source_format)
         place = held.enter_context(reserve(folder, force)) if writes else None
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
@@ -154,12 +158,12 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
         raise
 
 
-def read_inputs(project: Path, folder: Path | None) -> Document:
+def read_inputs(project: Path, folder: Path | None, source_format: str | None) -> Document:
     """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
     from mor.pipeline import read_document
     from mor.report.results.folder import check_inputs
 
-    document = read_document(project)
+    document = read_document(project, source_format or "")
     if folder is not None:
         check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
     return document

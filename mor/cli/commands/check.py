@@ -6,14 +6,17 @@ from pathlib import Path
 
 import click
 
+from mor.cli._format import format_option
+
 
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
     "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
+@format_option
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-def command(project: Path, everything: bool, quiet: bool) -> int:
+def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.
 
     \b
@@ -32,7 +35,7 @@ def command(project: Path, everything: bool, quiet: bool) -> int:
     from mor.escapes import escaped
 
     try:
-        found = read(project)
+        found = read(project, form=source_format or "")
     except InputError as error:
         if not everything:
             raise
