@@ -106,6 +106,8 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.input_files import files_read
+    from mor.report.identity import Identity
     from mor.report.results.folder import folder_beside
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
@@ -116,21 +118,23 @@ def command(
     folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
+        files = held.enter_context(files_read())
         say.phase("reading")
         document = read_inputs(project, folder if writes else None)
         place = held.enter_context(reserve(folder, force)) if writes else None
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
+        of = Identity(tuple(files.values()), project.parent, ("--snoop",) if snoop else ())
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
             choice = chosen(solved, tables, table_format, html, lang, say)
-            write_results(solved, document, project.parent, place, choice)
+            write_results(solved, document, of, place, choice)
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
     if as_json:
-        click.echo(results_text(solved), nl=False)
+        click.echo(results_text(solved, of), nl=False)
     if said:
         click.echo(said, err=True)
         if writes:
