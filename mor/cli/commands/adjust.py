@@ -31,7 +31,12 @@ if TYPE_CHECKING:
     show_default="PROJECT.results",
     help="Folder of the results.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option(
+    "-f",
+    "--force",
+    is_flag=True,
+    help="Replace results of other input or options; those of the same command are replaced anyhow.",
+)
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
@@ -109,6 +114,7 @@ def command(
     from mor.input_files import files_read
     from mor.report.identity import Identity
     from mor.report.results.folder import folder_beside
+    from mor.report.results.repetition import is_repeated
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
@@ -121,10 +127,12 @@ def command(
         files = held.enter_context(files_read())
         say.phase("reading")
         document = read_inputs(project, folder if writes else None)
-        place = held.enter_context(reserve(folder, force)) if writes else None
+        options = ("--snoop",) if snoop else ()
+        replaces = force or is_repeated(folder, project, options)
+        place = held.enter_context(reserve(folder, replaces)) if writes else None
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
-        of = Identity(tuple(files.values()), project.parent, ("--snoop",) if snoop else ())
+        of = Identity(tuple(files.values()), project.parent, options)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:

@@ -15,6 +15,8 @@ from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.readme import FILE as README
+from mor.report.readme import may_write, readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, remarks
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
@@ -27,7 +29,7 @@ from mor.report.tables.shared import forget
 from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table
 from mor.report.tables.worst import worst_residuals
 from mor.report.text_report import text_report
-from mor.report.words.language import words_of, words_of_page
+from mor.report.words.language import LANGUAGES, words_of, words_of_page
 
 PROJECT = "project.yaml"
 """Name of a project that is written into a folder of its own."""
@@ -86,7 +88,7 @@ def write_results(
         long = dict(tables.values())
         writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
-            write_folder(place, {**starts, **writers})
+            write_folder(place, {**_readme([*starts, *writers], place, choice), **starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -116,6 +118,13 @@ def _reports(
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, of, file, choice.language)
     return reports
+
+
+def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Writer]:
+    """The readme of the folder; where somebody put one of their own there, that one stays."""
+    if not may_write(place.folder, [words_of(language) for language in LANGUAGES]):
+        return {}
+    return {README: _text(readme(names, words_of(choice.language)))}
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
