@@ -20,6 +20,7 @@ from mor.report.html.page_data import PageData, page_data
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
 from mor.report.html.verdict import headline, statements
 from mor.report.layout import DIGITS
+from mor.report.text.identity import persons
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 
@@ -84,6 +85,8 @@ def _content(data: PageData) -> dict[str, Any]:
     return {
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
+        "identity": view.identity,
+        "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
         "cameras": [_camera(camera) for camera in view.cameras],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
 from mor.report.layout import fixed, in_words, short
@@ -22,8 +24,8 @@ NAMED = 3
 """Observations that nothing controls that are named one by one."""
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
-    """Verdict and key figures."""
+def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str, str]] = ()) -> str:
+    """Verdict and key figures, with ``persons``: who, for whom and when."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
     lines = [title, "=" * len(title), "", *verdict(solved, words), ""]
@@ -56,7 +58,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             ("units", words("lengths {length}, angles {angle}", **data["units"])),
             ("residuals", words("v = adjusted - observed")),
         ]
-    rows = [(words(name), value) for name, value in rows]
+    rows = [*persons, *((words(name), value) for name, value in rows)]
     width = max(len(name) for name, _ in rows)
     lines += [f"{name.ljust(width)}  {value}" for name, value in rows]
     return "\n".join(lines)
