@@ -29,7 +29,6 @@ from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
 from mor.project.network.build import Network, build_network
 from mor.project.network.entities import thing_of
-from mor.project.network.features import with_lines_turned
 from mor.project.network.reading import TableWatcher, ignore_table
 from mor.project.reduction import with_blocks_held
 from mor.project.tables.columns import MOST_TOLD
@@ -223,6 +222,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
         return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
+    from mor.approximate.parts.lines import with_lines_turned
 
     found = approximate(network)
     replaced = tuple(

@@ -106,7 +106,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    known: BoolArray = np.isfinite(part.points[:, :2]).all(axis=1)
+    known: BoolArray = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
     for point, neighbours in distances.neighbours.items():
         if known[point] or np.count_nonzero(known[list(neighbours)]) < 3:
             continue

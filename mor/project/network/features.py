@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
@@ -21,9 +17,6 @@ from mor.units import LENGTH
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
-if TYPE_CHECKING:
-    from mor.project.network.build import Network
-
 _TURNS = 5
 _BESIDE = 0.01
 """Distance from a line, in parts of the extent, from which on a point is beside it."""
@@ -98,7 +91,7 @@ def _observed_zero(
             block = reading.shop.things["point"].part(beside, "position")
             turns = np.ones_like(turns)
             if np.isfinite(coordinates[block]).all():
-                D = _turned_towards(coordinates[block] - centre, D)
+                D = turned_towards(coordinates[block] - centre, D)
             members, names = np.append(members, block), [*names, beside]
             observed = np.append(observed, [[np.nan, 0.0, np.nan]], axis=0)
     else:
@@ -135,18 +128,18 @@ def _point_beside(
 ) -> str:
     """Name of the point that carries the turn of a line; empty where all points are on it.
 
-    While coordinates are missing any point may be: :func:`with_lines_turned` knows better when there are some.
+    While coordinates are missing any point may be: :mod:`mor.approximate.parts.lines` knows better when there are some.
     """
     points = reading.shop.things["point"]
     positions = points.parts["position"]
-    farthest = _farthest(coordinates[positions], D, centre)
+    farthest = farthest_from_line(coordinates[positions], D, centre)
     if farthest >= 0:
         return points.ids[farthest]
     unknown = np.flatnonzero(~np.isfinite(coordinates[positions].sum(axis=1)))
     return next((points.ids[k] for k in unknown.tolist() if points.ids[k] not in line.points), "")
 
 
-def _farthest(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int:
+def farthest_from_line(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int:
     """Number of the point (n, 3) farthest from a line (z axis of D through the centre); -1 where all are on it."""
     local = np.nan_to_num((coordinates - centre) @ D.T)
     away = np.hypot(local[:, 0], local[:, 1])
@@ -154,38 +147,7 @@ def _farthest(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int
     return farthest if away[farthest] > _BESIDE * np.abs(local).max() else -1
 
 
-def with_lines_turned(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Network, Mapping[str, FloatArray]]:
-    """Lines whose points had no coordinates on reading get the farthest point to carry their turn, and turn to it."""
-    rotations = start["rotation"].copy()
-    positions = network.things["point"].parts["position"]
-    groups = list(network.groups)
-    for number, group in enumerate(groups):
-        if not _has_carrier(group, network) or np.isfinite(network.start["point"][group.blocks[4]]).all():
-            continue
-        members = start["point"][group.blocks[4][:-1]]
-        known = np.isfinite(members).all(axis=1)
-        centre = members[known].mean(axis=0) if known.any() else np.zeros(3)
-        D = rotations[rotation := int(group.blocks[1][0])]
-        farthest = _farthest(start["point"][positions], D, centre)
-        if farthest >= 0:
-            beside = np.append(group.blocks[4][:-1], positions[farthest])
-            names = names_of([*list(group.references[1])[:-1], network.things["point"].ids[farthest]])
-            groups[number] = replace(
-                group, blocks=(*group.blocks[:4], beside), references=(group.references[0], names)
-            )
-            rotations[rotation] = _turned_towards(start["point"][positions[farthest]] - centre, D)
-    return replace(network, groups=tuple(groups)), {**start, "rotation": rotations}
-
-
-def _has_carrier(group: ObservationGroup, network: Network) -> bool:
-    """True for the group of a line with a point beside it that carries its turn."""
-    lines = {feature_label(feature) for feature in network.project.features if feature.type == "line"}
-    return group.name in lines and group.type.key == "local" and bool(np.isnan(group.observed[-1, 0]))
-
-
-def _turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
+def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
     """Rotation with the z axis of D whose x axis points to the side of a direction."""
     across = direction - D[2] * (D[2] @ direction)
     x = across / np.linalg.norm(across)
