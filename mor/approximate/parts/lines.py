@@ -18,6 +18,8 @@ def with_lines_turned(
     network: Network, start: Mapping[str, FloatArray]
 ) -> tuple[Network, Mapping[str, FloatArray]]:
     """Lines whose points had no coordinates on reading get the farthest point to carry their turn, and turn to it."""
+    if not any(feature.type == "line" for feature in network.project.features):
+        return network, start
     rotations = start["rotation"].copy()
     positions = network.things["point"].parts["position"]
     groups = list(network.groups)
