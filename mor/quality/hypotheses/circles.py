@@ -43,10 +43,9 @@ def face_hypotheses(situation: Situation) -> list[Hypothesis]:
 def _sets(
     situation: Situation, number: int, group: ObservationGroup
 ) -> Iterator[tuple[tuple[str, ...], IntArray]]:
-    """The whole group, and the rows of each station that fit badly."""
+    """The whole group, which may fit a mirrored place of its stations, and the rows of each station that fit badly."""
     bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
-    if bad.any():
-        yield (group.name,), np.arange(group.count)
+    yield (group.name,), np.arange(group.count)
     stations = np.array(list(group.references[0]))
     names = list(dict.fromkeys(stations.tolist()))
     shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
@@ -62,7 +61,7 @@ def _of_rows(
     unit = "deg" if edge.units.angle == "dms" else edge.units.angle
     for other in _UNITS:
         factor = ANGLE_UNITS[other] / ANGLE_UNITS[_given_unit(group, unit)]
-        if factor != 1.0:
+        if factor != 1.0 and _is_on_circle(group, rows, factor):
             yield _hypothesis(
                 "circle unit",
                 (*things, other),
@@ -95,6 +94,12 @@ def _of_rows(
             f"observations, {things[0]}: type: directions",
             0.0,
         )
+
+
+def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
+    """True where the angles (n, m) of some rows, times a factor, do not go beyond a full circle."""
+    angles = np.abs(group.observed[rows][:, group.type.wraps])
+    return bool(factor * np.nanmax(angles, initial=0.0) <= 2.0 * np.pi)
 
 
 def _given_unit(group: ObservationGroup, unit: str) -> str:
