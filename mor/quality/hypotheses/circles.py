@@ -10,6 +10,8 @@ import numpy as np
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
+from mor.project.network.build import Network
+from mor.project.observations.observation_rows import group_name
 from mor.quality.hypotheses.changes import with_observed
 from mor.quality.hypotheses.hypothesis import Hypothesis
 from mor.quality.hypotheses.situation import Situation
@@ -58,9 +60,9 @@ def _of_rows(
     situation: Situation, number: int, group: ObservationGroup, things: tuple[str, ...], rows: IntArray
 ) -> Iterator[Hypothesis]:
     edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
-    unit = "deg" if edge.units.angle == "dms" else edge.units.angle
+    given = _given_unit(situation.network, group)
     for other in _UNITS:
-        factor = ANGLE_UNITS[other] / ANGLE_UNITS[_given_unit(group, unit)]
+        factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
         if factor != 1.0 and _is_on_circle(group, rows, factor):
             yield _hypothesis(
                 "circle unit",
@@ -102,13 +104,15 @@ def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> boo
     return bool(factor * np.nanmax(angles, initial=0.0) <= 2.0 * np.pi)
 
 
-def _given_unit(group: ObservationGroup, unit: str) -> str:
-    """Unit in which the angles of a group were given."""
-    return (
-        group.external.units[0]
-        if group.external is not None and group.external.units[0] in ANGLE_UNITS
-        else unit
-    )
+def _given_unit(network: Network, group: ObservationGroup) -> str:
+    """Unit in which the angles of a group were given: that of its table, or of the project."""
+    unit: str = network.edge.units.angle
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
+    for number, entry in enumerate(network.project.observations):
+        if group_name(entry, number) == group.name:
+            own = entry.units if isinstance(entry.units, dict) else dict.fromkeys(angles, entry.units)
+            unit = next((own[name] for name in angles if own.get(name)), unit)
+    return unit if unit in _UNITS else "deg"
 
 
 def _hypothesis(

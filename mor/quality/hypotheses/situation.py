@@ -88,6 +88,18 @@ class Situation:
         scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
         return max(SUSPECT, scale * price_of_gross_error(self.count))
 
+    def without_row(self, group: int, row: int) -> Values:
+        """Where the others lead without a row; where most fit, if they have no solution."""
+        try:
+            problem = self.make(self.network, self.start, self.values)
+            masks = [own.left_out.copy() for own in problem.groups]
+            masks[group][row] = True
+            with np.errstate(all="ignore"):
+                found = adjust(exclude(problem, masks), self.values, Settings(_ITERATIONS), _impatient())
+        except (InputError, NotFiniteError, HopelessError):
+            return self.values
+        return found.values if found.outcome.is_solution else self.values
+
     @cached_property
     def misfitting(self) -> tuple[BoolArray, ...]:
         """(n, m) observations that do not fit."""
@@ -126,7 +138,7 @@ class Situation:
         return best
 
     def _beginnings(self, network: Network, hypothesis: Hypothesis) -> Iterator[Values]:
-        """Where to begin: where most observations fit; for what is not local, at start values of the changed network too.
+        """Where to begin: where most observations fit; for what is not local, at new start values, too.
 
         Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
         """
