@@ -27,8 +27,9 @@ from mor.quality.hypotheses.hypothesis import Fit, Hypothesis, Offered
 from mor.quality.hypotheses.images import camera_constant_hypotheses, image_hypotheses
 from mor.quality.hypotheses.levelling import levelling_hypotheses
 from mor.quality.hypotheses.names import name_hypotheses
+from mor.quality.hypotheses.reintersection import reintersected
 from mor.quality.hypotheses.sigmas import sigma_hypotheses
-from mor.quality.hypotheses.situation import SMALL, Begin, Make, Situation, sizes_of
+from mor.quality.hypotheses.situation import SMALL, SUSPECT, Begin, Make, Situation, sizes_of
 from mor.quality.tests.group_tests import group_tests
 from mor.quality.tests.levels import sidak
 from mor.quality.tests.p_values import log_p_chi2, log_p_normal
@@ -186,11 +187,14 @@ def _graduated(problem: Problem, begin: Values) -> Values:
 def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     """The solution, or where graduated weights lead from the start values or from it: what costs least."""
     problem = plain.problem
+    if solution is not None and problem.observations > SMALL:
+        return solution.values
     known = [plain.values] if solution is None else [solution.values]
     begin = plain.start if solution is None else plain.values
-    if solution is None or (solution is plain and problem.observations <= SMALL):
+    if solution is None or solution is plain:
         known.append(_graduated(problem, begin))
-    if len(known) == 1:
-        return known[0]
     costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
-    return known[int(np.argmin(costs))]
+    best = known[int(np.argmin(costs))]
+    if problem.observations > SMALL:
+        return best
+    return reintersected(problem, best, sizes_of(problem.groups, best), SUSPECT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -29,6 +29,8 @@ SMALL = 20_000
 _ITERATIONS = 15
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
+_AS_EXPECTED = 2.0
+"""vᵀPv over its degrees of freedom up to which no other beginning is tried."""
 _PATIENCE = 2
 """Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
 SUSPECT = 4.5
@@ -86,6 +88,18 @@ class Situation:
         scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
         return max(SUSPECT, scale * price_of_gross_error(self.count))
 
+    def without_row(self, group: int, row: int) -> Values:
+        """Where the others lead without a row; where most fit, if they have no solution."""
+        try:
+            problem = self.make(self.network, self.start, self.values)
+            masks = [own.left_out.copy() for own in problem.groups]
+            masks[group][row] = True
+            with np.errstate(all="ignore"):
+                found = adjust(exclude(problem, masks), self.values, Settings(_ITERATIONS), _impatient())
+        except (InputError, NotFiniteError, HopelessError):
+            return self.values
+        return found.values if found.outcome.is_solution else self.values
+
     @cached_property
     def misfitting(self) -> tuple[BoolArray, ...]:
         """(n, m) observations that do not fit."""
@@ -115,11 +129,21 @@ class Situation:
         """The network changed and adjusted; nothing where that does not converge."""
         network = hypothesis.change(self.network)
         cost = cost_of_choice(self.count, hypothesis.candidates, hypothesis.parameters, hypothesis.stretch)
-        values = self._adjusted(network, self._beginning(network, hypothesis), hypothesis)
-        return None if values is None else self._fit(network, values, cost)
+        best: Fit | None = None
+        for begin in self._beginnings(network, hypothesis):
+            values = self._adjusted(network, begin, hypothesis)
+            fit = None if values is None else self._fit(network, values, cost)
+            if fit is not None and (best is None or fit.length < best.length):
+                best = fit
+            if best is not None and best.omega <= _AS_EXPECTED * best.freedom:
+                break
+        return best
 
-    def _beginning(self, network: Network, hypothesis: Hypothesis) -> Values:
-        """Where to begin: for what is local where most observations fit, else there or at the start values."""
+    def _beginnings(self, network: Network, hypothesis: Hypothesis) -> Iterator[Values]:
+        """Where to begin: where most observations fit; for what is not local, at new start values, too.
+
+        Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
+        """
         here = {kind: _longer(values, network.start[kind]) for kind, values in self.values.items()}
         for kind, blocks in hypothesis.anew.items():
             given = network.start[kind][blocks]
@@ -127,14 +151,11 @@ class Situation:
             here[kind] = here[kind].copy()
             here[kind][blocks[told]] = given[told]
         here = with_shared_components(network.blocks, here)
-        if hypothesis.rows:
-            return here
-        known: list[Values] = [here]
-        if hypothesis.afresh or all_known(network.start):
+        yield here
+        if not hypothesis.rows and (hypothesis.afresh or all_known(network.start)):
             begin = self.begin(network)
-            known += [begin] if begin is not None else []
-        costs = [cost_of_residuals(sizes_of(network.groups, values), self.count) for values in known]
-        return known[int(np.argmin(costs))]
+            if begin is not None:
+                yield begin
 
     def _adjusted(self, network: Network, begin: Values, hypothesis: Hypothesis) -> Values | None:
         """Values of the changed network; with a change of few observations the others that do not fit are left out."""
