@@ -106,9 +106,9 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    known = np.isfinite(part.points[:, :2]).all(axis=1).tolist()
+    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
     for point, neighbours in distances.neighbours.items():
-        if known[point] or sum(known[other] for other in neighbours) < 3:
+        if known[point] or np.count_nonzero(known[list(neighbours)]) < 3:
             continue
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
