@@ -269,10 +269,14 @@ def _means(
             rescued.append((adjustment, suspects))
         return adjustment
 
+    def complete(adjustment: Adjustment) -> bool:
+        return adjustment.outcome.is_solution and all(found is not adjustment for found, _ in rescued)
+
     return Means(
         lambda network, start: make_problem(network, start, start),
         solve,
         critical_value(settings.snooping_level),
+        complete,
     )
 
 

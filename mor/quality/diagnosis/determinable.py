@@ -33,6 +33,7 @@ from mor.quality.diagnosis.unsettled import only_here
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
+NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
 FEWEST_OF_DATUM = 3
@@ -48,6 +49,8 @@ class Means:
     make: Callable[[Network, Values], Problem]
     solve: Callable[[Network, Values], Adjustment]
     critical: float
+    complete: Callable[[Adjustment], bool]
+    """Whether it is a solution, of all observations."""
 
 
 def completed(
@@ -86,12 +89,34 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     """The network as far as it is adjusted, and its adjustment.
 
     Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
-    not.
+    not. Where there is no solution, or one that observations had to be left out for, points seen under a narrow angle
+    may be at fault, whose start values are hardly better than none: it is begun once more where the others come to
+    without them.
     """
-    plain, values, failed = network, start, False
-    found = at_start = nearly_parallel(network, start)
-    far = _beyond_reach(network, start, found, means)
-    doubted = np.zeros(0, dtype=np.int64)
+    found = nearly_parallel(network, start)
+    first = _with_far_points(network, start, start, found, means)
+    if len(found.points) == 0 or means.complete(first[1]):
+        return first
+    others = without_points(network, found.points, NARROW_ANGLE)
+    if not any(group.count for group in others.groups):
+        return first
+    adjustment = means.solve(others, start)
+    if not adjustment.outcome.is_solution:
+        return first
+    there = _values_of(network, adjustment.values, found.points)
+    again = nearly_parallel(network, there)
+    begun = _with_coordinates(there, again)
+    second = _with_far_points(network, start, begun, again, means)
+    return second if means.complete(second[1]) else first
+
+
+def _with_far_points(
+    network: Network, start: Values, values: Values, found: RayPoints, means: Means
+) -> tuple[Network, Adjustment]:
+    """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
+    plain, first, doubted = network, values, found.points
+    failed = np.zeros(0, dtype=np.int64)
+    far = _beyond_reach(network, values, found, means)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
@@ -99,15 +124,17 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
         found = nearly_parallel(network, there)
         if adjustment.outcome.is_solution:
             found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
-            now = _beyond_reach(network, there, found, means)
-            values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
-        else:
-            now = _all_narrow(at_start, _beyond_reach(network, there, found, means))
-            values = start
-        if (failed and not adjustment.outcome.is_solution) or _same_points(now, far):
+        now = _beyond_reach(network, there, found, means)
+        if not adjustment.outcome.is_solution:
+            failed = np.union1d(failed, far.points)
+            if np.isin(now.points, failed).all():
+                break
+            values = first
+            now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
+        elif np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
-        failed |= not adjustment.outcome.is_solution
-        doubted = np.union1d(doubted, far.points)
+        else:
+            values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
         far = now
         network = _with_reference(plain, start, values, doubted)
     if len(far.points) and _leaves_out(network):
@@ -119,25 +146,11 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     return reduced, adjustment
 
 
-def _all_narrow(at_start: RayPoints, run_away: RayPoints) -> RayPoints:
-    """Points whose distances were no good to begin with: all that rays at a narrow angle told, and what has run away.
-
-    As directions they do no harm; what distances they have the solution with the directions tells.
-    """
-    narrow = at_start.take(~at_start.from_one_place())
-    others = run_away.take(~np.isin(run_away.points, at_start.points))
-    return RayPoints(*(np.concatenate(pair) for pair in zip(narrow, others, strict=True)))
-
-
-def _same_points(one: RayPoints, other: RayPoints) -> bool:
-    return np.array_equal(np.sort(one.points), np.sort(other.points))
-
-
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
-    """The network whose datum refers to the first start values, wherever another adjustment of it begins.
+    """The network whose datum refers to the start values that were given, wherever another adjustment of it begins.
 
-    Points ``doubted``, which were at infinity, do not carry it as long as others do: a distance that nobody knew, on
-    the wrong side perhaps, would outweigh all others.
+    Where none were, it refers to where that adjustment begins. Points ``doubted``, which were at infinity, do not
+    carry it as long as others do: a distance that nobody knew, on the wrong side perhaps, would outweigh all others.
     """
     datum = network.datum
     mask = datum.mask.copy()
@@ -145,7 +158,8 @@ def _with_reference(network: Network, start: Values, values: Values, doubted: In
     if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
         datum = replace(datum, mask=mask)
     if datum.reference is None:
-        reference = np.where(np.isnan(start["point"]), values["point"], start["point"])
+        known = np.isfinite(network.start["point"]) | np.isnan(values["point"])
+        reference = np.where(known, start["point"], values["point"])
         datum = replace(datum, reference=reference)
     return replace(network, datum=datum)
 
