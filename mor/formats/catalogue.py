@@ -61,7 +61,12 @@ FORMATS: dict[str, Format] = {
         "Metashape cameras.xml, markers.xml",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
-        untried="no whole file of Metashape could be had: tried on files of its own writer, and on published excerpts",
+        untried="no whole file of Metashape could be had: tried on files of its own writer and excerpts of real ones",
+    ),
+    "metashape-reference": Format(
+        "Metashape reference pane as text: markers or cameras",
+        Code("mor.formats.metashape.reference", "read_reference"),
+        untried="no export of the reference pane could be had: this reader was written from the manual",
     ),
     "bal": Format(
         "BAL, bundle adjustment in the large",

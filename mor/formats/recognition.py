@@ -53,9 +53,12 @@ def format_of(path: Path) -> str | None:
     """Key of the format of a file or folder; ``None`` for mor's own files and where nothing tells."""
     if is_stem(path):
         return "aicon"
-    if path.suffix.lower() in _OWN:
+    suffix = path.suffix.lower()
+    if suffix in _OWN and suffix != ".csv":
         return None
     sample = _sample(path)
+    if suffix == ".csv":
+        return "metashape-reference" if _reference_pane(sample) else None
     for key, holds in _RULES:
         if key in FORMATS and holds(sample):
             return key
@@ -166,11 +169,17 @@ def _aicon(sample: Sample) -> bool:
     return any(name.endswith((".ior", ".ior.gz")) for name in sample.names)
 
 
+def _reference_pane(sample: Sample) -> bool:
+    lines = sample.text.split("\n")[:6]
+    return any(re.match(r"#?\s*label\s*[,;\t]\s*x/", line, re.IGNORECASE) for line in lines)
+
+
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
+    ("metashape-reference", _reference_pane),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
