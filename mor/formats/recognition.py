@@ -116,6 +116,11 @@ def _opensfm(sample: Sample) -> bool:
     )
 
 
+def _alicevision(sample: Sample) -> bool:
+    head = sample.text.lstrip()[:1] == "{" and '"version"' in sample.text
+    return head and any(f'"{name}"' in sample.text for name in ("featuresFolders", "viewId", "intrinsicId"))
+
+
 def _photomodeler(sample: Sample) -> bool:
     """Tolerance and iterations, nine σ, then the camera: lines 2, 3 and 4."""
     counts = [_numbers(words) for words in sample.lines[1:4]]
@@ -176,6 +181,8 @@ def _reference_pane(sample: Sample) -> bool:
 
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
+    ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
+    ("alicevision", _alicevision),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
