@@ -43,7 +43,10 @@ CHAPTERS = {
     ),
     "Formats": (
         "formats/index",
-        *(f"formats/{page}" for page in ("colmap", "opensfm", "metashape", "photomodeler", "bal", "aicon")),
+        *(
+            f"formats/{page}"
+            for page in ("colmap", "opensfm", "openmvg", "metashape", "photomodeler", "bal", "aicon")
+        ),
         *(
             f"formats/{page}"
             for page in ("gkf", "textbook", "starnet", "dynadjust", "field-books", "drawings")

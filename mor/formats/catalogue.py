@@ -57,11 +57,27 @@ FORMATS: dict[str, Format] = {
         "OpenDroneMap ground control (gcp_list.txt)",
         write=Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
     ),
+    "openmvg": Format(
+        "openMVG sfm_data.json",
+        Code("mor.formats.sfm_data.openmvg", "read_openmvg"),
+        untried="no reconstruction of openMVG could be had: this reader was written from its source",
+    ),
+    "alicevision": Format(
+        "AliceVision, Meshroom (.sfm)",
+        Code("mor.formats.sfm_data.alicevision", "read_alicevision"),
+        suffixes=(".sfm",),
+        untried="of a real file only cameras and poses could be tried; image points were written from the source",
+    ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
-        untried="no whole file of Metashape could be had: tried on files of its own writer, and on published excerpts",
+        untried="no whole file of Metashape could be had: tried on files of its own writer and excerpts of real ones",
+    ),
+    "metashape-reference": Format(
+        "Metashape reference pane as text: markers or cameras",
+        Code("mor.formats.metashape.reference", "read_reference"),
+        untried="no export of the reference pane could be had: this reader was written from the manual",
     ),
     "bal": Format(
         "BAL, bundle adjustment in the large",
