@@ -194,7 +194,9 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
 
 def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
     return (
-        pl.DataFrame(rows, infer_schema_length=None) if rows else pl.DataFrame({"id": []}, {"id": pl.String})
+        pl.DataFrame(rows, infer_schema_length=None)
+        if rows
+        else pl.DataFrame(schema=dict.fromkeys(("id", "camera"), pl.String))
     )
 
 

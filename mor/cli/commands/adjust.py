@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     "-f",
     "--force",
     is_flag=True,
-    help="Replace results of other input or options; those of the same command are replaced anyhow.",
+    help="Replace results of other input or options that are there already.",
 )
 @format_option
 @click.option(
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     help="Data snooping: take flagged observations out one by one until the rest is clean.",
 )
 @language_option("report.txt, report.html and of what the terminal says")
+@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
 @click.option(
     "--html/--no-html",
     default=None,
@@ -87,6 +89,7 @@ def command(
     strict: bool,
     snoop: bool,
     lang: str,
+    full: bool,
     html: bool | None,
     tables: Literal["none", "worst", "all"] | None,
     table_format: Literal["csv", "parquet"],
@@ -141,7 +144,7 @@ def command(
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
             choice = chosen(solved, tables, table_format, html, lang, say)
-            write_results(solved, document, of, place, choice)
+            write_results(solved, document, of, place, replace(choice, full=full))
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mor.quality.solved import Solved
+from mor.report.html.paper import running_heads
 from mor.report.layout import fixed, short
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
@@ -46,6 +47,7 @@ def failure_page(solved: Solved, identity: dict[str, Any], words: Words = ENGLIS
         "more": max(0, len(data["undeterminable"]) - SHOWN),
         "failure": failure(solved) or {},
         "say": words,
+        "running": running_heads(data["title"] or words("Adjustment"), identity, words),
         "style": Markup(files("mor.report.html").joinpath("assets", "page.css").read_text(encoding="utf-8")),
     }
     return environment.get_template("failure.html.j2").render(**content)

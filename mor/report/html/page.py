@@ -17,6 +17,7 @@ from mor.report.html.figures.layout import small_unit
 from mor.report.html.figures.tests import test_figures
 from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
+from mor.report.html.paper import running_heads
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
 from mor.report.html.verdict import headline, statements
 from mor.report.layout import DIGITS
@@ -54,6 +55,9 @@ def page(view: View, words: Words = ENGLISH) -> str:
         payload=Markup(payload(data, figures)),
         library=Markup(chart_library()),
         style=Markup(_asset("page.css")),
+        running=running_heads(
+            data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
+        ),
         scripts=[Markup(_asset(name)) for name in SCRIPTS],
     )
 

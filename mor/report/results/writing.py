@@ -51,6 +51,8 @@ class Choice:
     """True for the page for people, ``report.html``."""
     language: str = "en"
     """Language of the reports: en, de."""
+    full: bool = False
+    """True for a text report that leaves nothing to the tables beside it."""
     done: Callable[[int], None] = lambda rows: None
     """Told how many more rows of the table of residuals are written."""
 
@@ -110,7 +112,7 @@ def _reports(
     """The reports by their names, each as what makes its text; ``names`` are those of the tables beside them."""
     reports: dict[str, Callable[[], str]] = {
         "results.json": lambda: to_json(results(solved, names, of)),
-        "report.txt": lambda: text_report(solved, words_of(choice.language), of),
+        "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
     }
     if solved.quality is None and choice.html:
         reports["report.html"] = lambda: _failure_page(solved, of, choice.language)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
+from mor.report.columns import WIDTH
 from mor.report.layout import fixed, in_words, short
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
@@ -28,7 +29,7 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
     """Verdict and key figures, with ``persons``: who, for whom and when."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
-    lines = [title, "=" * len(title), "", *verdict(solved, words), ""]
+    lines = [title, "=" * min(len(title), WIDTH), "", *verdict(solved, words), ""]
     movements = ", ".join(words.listed(name) for name in data["movements"])
     rows = [
         ("observations n", str(data["observations"])),
