@@ -139,7 +139,8 @@ def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
         reduced, start = determinable_start(network)
     except (InputError, NoStartValuesError):
         return None
-    return start if reduced.groups is network.groups else None
+    sizes = [group.count for group in reduced.groups]
+    return start if sizes == [group.count for group in network.groups] else None
 
 
 def _without_gross_errors(
@@ -221,6 +222,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
         return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
+    from mor.approximate.parts.lines import with_lines_turned
 
     found = approximate(network)
     replaced = tuple(
@@ -237,7 +239,8 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
-    start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
+    network, start = with_lines_turned(network, found.start)
+    start, missing = completed(network, start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, map(str, found.remarks))
     if missing:
@@ -266,10 +269,14 @@ def _means(
             rescued.append((adjustment, suspects))
         return adjustment
 
+    def complete(adjustment: Adjustment) -> bool:
+        return adjustment.outcome.is_solution and all(found is not adjustment for found, _ in rescued)
+
     return Means(
         lambda network, start: make_problem(network, start, start),
         solve,
         critical_value(settings.snooping_level),
+        complete,
     )
 
 

@@ -108,7 +108,9 @@ class Situation:
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:
         """True where half of a group, of an image or of a station does not fit: only then a change of all of it may."""
-        for group, bad in zip(self.network.groups, self.misfitting, strict=True):
+        for group, bad in zip(
+            self.network.groups, self.misfitting, strict=False
+        ):  # checks, left out, come last
             rows = bad.any(axis=1)
             if group.count >= _AT_LEAST and 2 * np.count_nonzero(rows) >= group.count:
                 return True
