@@ -38,7 +38,7 @@ from mor.quality.tests.quadratic_form import Moments, log_tail
 LEVEL = 1e-3
 """Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 OFFERED = 5
-_MOST, _LEAST = 40, 3
+_MOST, _LEAST = 60, 3
 """Adjustments that are tried at most, in small networks and in large ones."""
 
 Looking = Callable[[int], Done]
@@ -108,7 +108,7 @@ def possible_causes(situation: Situation, plain: Adjustment, looking: Looking) -
         candidates = list(different.values())[: most - count]
         count += len(candidates)
         for hypothesis in candidates:
-            fit = situation.tried(hypothesis)
+            fit = situation.tried(hypothesis, afresh=not any(nothing_is_left(one) for _, one in found))
             found += [(hypothesis, fit)] if fit is not None else []
             done(1)
         if any(h.rows and nothing_is_left(fit) for h, fit in found):

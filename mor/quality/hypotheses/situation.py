@@ -125,12 +125,15 @@ class Situation:
         """How well the network fits as it is."""
         return self._fit(self.network, self.values, 0.0)
 
-    def tried(self, hypothesis: Hypothesis) -> Fit | None:
-        """The network changed and adjusted; nothing where that does not converge."""
+    def tried(self, hypothesis: Hypothesis, afresh: bool = True) -> Fit | None:
+        """The network changed and adjusted; nothing where that does not converge.
+
+        ``afresh`` allows that start values are worked out for it, which takes longer than all else.
+        """
         network = hypothesis.change(self.network)
         cost = cost_of_choice(self.count, hypothesis.candidates, hypothesis.parameters, hypothesis.stretch)
         best: Fit | None = None
-        for begin in self._beginnings(network, hypothesis):
+        for begin in self._beginnings(network, hypothesis, afresh):
             values = self._adjusted(network, begin, hypothesis)
             fit = None if values is None else self._fit(network, values, cost)
             if fit is not None and (best is None or fit.length < best.length):
@@ -139,7 +142,7 @@ class Situation:
                 break
         return best
 
-    def _beginnings(self, network: Network, hypothesis: Hypothesis) -> Iterator[Values]:
+    def _beginnings(self, network: Network, hypothesis: Hypothesis, afresh: bool) -> Iterator[Values]:
         """Where to begin: where most observations fit; for what is not local, at new start values, too.
 
         Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
@@ -152,7 +155,7 @@ class Situation:
             here[kind][blocks[told]] = given[told]
         here = with_shared_components(network.blocks, here)
         yield here
-        if not hypothesis.rows and (hypothesis.afresh or all_known(network.start)):
+        if not hypothesis.rows and ((afresh and hypothesis.afresh) or all_known(network.start)):
             begin = self.begin(network)
             if begin is not None:
                 yield begin
