@@ -108,6 +108,12 @@ FORMATS: dict[str, Format] = {
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
     ),
+    "jobxml": Format(
+        "Trimble JobXML",
+        _book("jobxml", "read_jobxml"),
+        suffixes=(".jxl",),
+        untried="no file of Trimble Access could be had: this reader was written from its schema",
+    ),
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet.reader", "read_starnet"),

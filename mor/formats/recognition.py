@@ -187,6 +187,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("aicon", _aicon),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
+    ("jobxml", lambda sample: sample.root == "JOBFile"),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
