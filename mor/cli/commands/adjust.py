@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
@@ -32,7 +33,12 @@ if TYPE_CHECKING:
     show_default="PROJECT.results",
     help="Folder of the results.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option(
+    "-f",
+    "--force",
+    is_flag=True,
+    help="Replace results of other input or options that are there already.",
+)
 @format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
@@ -46,6 +52,7 @@ if TYPE_CHECKING:
     help="Data snooping: take flagged observations out one by one until the rest is clean.",
 )
 @language_option("report.txt, report.html and of what the terminal says")
+@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
 @click.option(
     "--html/--no-html",
     default=None,
@@ -82,6 +89,7 @@ def command(
     strict: bool,
     snoop: bool,
     lang: str,
+    full: bool,
     html: bool | None,
     tables: Literal["none", "worst", "all"] | None,
     table_format: Literal["csv", "parquet"],
@@ -110,7 +118,10 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.input_files import files_read
+    from mor.report.identity import Identity
     from mor.report.results.folder import folder_beside
+    from mor.report.results.repetition import is_repeated
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
@@ -120,21 +131,25 @@ def command(
     folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
+        files = held.enter_context(files_read())
         say.phase("reading")
         document = read_inputs(project, folder if writes else None, source_format)
-        place = held.enter_context(reserve(folder, force)) if writes else None
+        options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
+        replaces = force or is_repeated(folder, project, options)
+        place = held.enter_context(reserve(folder, replaces)) if writes else None
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
+        of = Identity(tuple(files.values()), project.parent, options)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
             choice = chosen(solved, tables, table_format, html, lang, say)
-            write_results(solved, document, project.parent, place, choice)
+            write_results(solved, document, of, place, replace(choice, full=full))
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
     if as_json:
-        click.echo(results_text(solved), nl=False)
+        click.echo(results_text(solved, of), nl=False)
     if said:
         click.echo(said, err=True)
         if writes:
@@ -180,8 +195,13 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
-    phase = "precision and reliability"
-    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(
+        project,
+        snoop,
+        say.iteration,
+        lambda effort: say.phase("precision and reliability", effort),
+        lambda most: say.phase("possible causes", most),
+    ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved
 

@@ -17,9 +17,11 @@ from mor.report.html.figures.layout import small_unit
 from mor.report.html.figures.tests import test_figures
 from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
+from mor.report.html.paper import running_heads
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
 from mor.report.html.verdict import headline, statements
 from mor.report.layout import DIGITS
+from mor.report.text.identity import persons
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 
@@ -53,6 +55,9 @@ def page(view: View, words: Words = ENGLISH) -> str:
         payload=Markup(payload(data, figures)),
         library=Markup(chart_library()),
         style=Markup(_asset("page.css")),
+        running=running_heads(
+            data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
+        ),
         scripts=[Markup(_asset(name)) for name in SCRIPTS],
     )
 
@@ -84,6 +89,8 @@ def _content(data: PageData) -> dict[str, Any]:
     return {
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
+        "identity": view.identity,
+        "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
         "cameras": [_camera(camera) for camera in view.cameras],

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
@@ -37,8 +38,17 @@ def test_a_planted_mistake_is_the_first_hypothesis(kind: str, seed: int) -> None
 def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) -> None:
     solved = _solved(survey(name).write(tmp_path))
     assert solved.quality is not None
-    assert not is_rejected(solved.quality)
+    assert not is_rejected(solved.quality, solved.network)
     assert solved.causes == ()
+
+
+def test_a_rejected_network_with_checks(tmp_path: Path) -> None:
+    check = (
+        "checks:\n  - {type: height_difference, columns: [from, to, dz, sigma], rows: [[A, B, 1, 0.001]]}\n"
+    )
+    solved = _solved(write(tmp_path, LEVELLING.replace("1.002", "1.102") + check))
+    assert solved.quality is not None
+    assert is_rejected(solved.quality, solved.network)
 
 
 def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Path) -> None:
