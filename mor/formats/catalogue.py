@@ -125,6 +125,13 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.dynadjust", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
+    "jag3d": Format(
+        "JAG3D column text (folder, names of files tell their kinds)",
+        Code("mor.formats.jag3d.reader", "read_jag3d"),
+        Code("mor.formats.jag3d.writer", "write_jag3d"),
+        folder=True,
+        untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
+    ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
     ),

@@ -76,6 +76,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_colmap import RIG
     from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
+    from .test_jag3d import FILES
     from .test_metashape import PANE, XML
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
@@ -104,6 +105,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
+        "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
         "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
