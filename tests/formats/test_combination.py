@@ -76,14 +76,14 @@ def test_the_command_takes_several_sources(tmp_path: Path) -> None:
 
 
 def test_adjust_and_check_take_the_format(tmp_path: Path) -> None:
-    """A file whose content tells nothing: no line of it names two points."""
     path = tmp_path / "net.txt"
-    path.write_text("C A 0 0 ! !\n")
-    assert mor("check", str(path)).code == 2
-    assert mor("check", str(path), "--from", "starnet").code == 0
     path.write_text("C A 0 0 ! !\nC B 0 100 ! !\nC P 50 50\nD A-P 70.71 0.01\nD B-P 70.71 0.01\n")
-    assert mor("adjust", str(path), "--from", "starnet", "-o", str(tmp_path / "r"), "--no-html").code == 0
-    assert mor("adjust", str(path), "--from", "starnets", "-o", str(tmp_path / "s")).code == 2
+    for command in ("check", "adjust", "approximate"):
+        place = [] if command == "check" else ["-o", str(tmp_path / command)]
+        assert mor(command, str(path), "--from", "starnet", *place).code == 0
+        wrong = mor(command, str(path), "--from", "starnets", *place, *(["--force"] if place else []))
+        assert wrong.code == 2
+        assert "unknown format 'starnets'; did you mean 'starnet'" in wrong.err
 
 
 def _document(file: str, units: dict[str, str], **sections: object) -> Document:
