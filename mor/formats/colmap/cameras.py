@@ -94,7 +94,7 @@ def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
         raise ValueError("it has no image: {width, height}, which COLMAP needs")
     scale = image_scale(camera, edge.units)
     width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
-    values = _values(camera, edge, scale)
+    values = interior_values(camera, edge, scale)
     if camera.model in ("mor", "brown-forward"):
         name, parameters = _from_radial(_as_mor(camera, values, edge, scale), (width, height), scale.pixel)
     elif camera.model == "opencv":
@@ -111,7 +111,7 @@ def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
     return ColmapCamera(number, name, round(width), round(height), tuple(parameters))
 
 
-def _values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:
+def interior_values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:
     """Components that are given, in the unit of the camera: the start value where there is one."""
     known = {component.name: component for component in CAMERA_MODELS[camera.model].components}
     values = {}
