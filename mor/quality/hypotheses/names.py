@@ -19,6 +19,7 @@ from mor.project.network.build import Network
 from mor.quality.hypotheses.changes import with_blocks
 from mor.quality.hypotheses.hypothesis import Hypothesis
 from mor.quality.hypotheses.situation import Situation, sizes_of
+from mor.quality.hypotheses.station_alone import exchanges_at_stations
 
 _ROWS = 40
 """Rows of a group that are looked at, the worst first."""
@@ -52,7 +53,7 @@ class Match(NamedTuple):
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Exchanges first, then single names."""
     matches = _all_matches(situation)
-    exchanges = list(_exchanges(situation.network, matches))
+    exchanges = [*_exchanges(situation.network, matches), *_at_spoiled_stations(situation)]
     together: dict[tuple[str, ...], list[Match]] = {}
     for match in matches:
         together.setdefault((match.reference, *match.names, match.right), []).append(match)
@@ -140,6 +141,18 @@ def _exchanges(network: Network, matches: list[Match]) -> Iterator[Hypothesis]:
             rest = [tuple(n for i, n in enumerate(m.names) if i != place) for m in (one, other)]
             if rest[0] == rest[1] and one.right == other.names[place] and other.right == one.names[place]:
                 yield _exchange(network, one, other, rest[0])
+
+
+def _at_spoiled_stations(situation: Situation) -> Iterator[Hypothesis]:
+    for found in exchanges_at_stations(situation):
+        group = situation.network.groups[found.group]
+        target = group.type.references[-1].name
+        names = [tuple(column[row] for column in group.references) for row in found.rows]
+        one, other = (
+            Match(found.group, row, target, own, right[-1], {}, found.candidates, 0.0)
+            for row, own, right in zip(found.rows, names, reversed(names), strict=True)
+        )
+        yield _exchange(situation.network, one, other, names[0][:-1])
 
 
 def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]) -> Hypothesis:
