@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import os
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.errors import InputError, Problem
 
@@ -23,6 +28,45 @@ _PART = 1 << 22
 """Bytes that are unpacked together."""
 _DENSEST = 1032
 """Bytes that one byte of a gzip file may unpack to."""
+
+
+class ReadFile(NamedTuple):
+    """A file as it was when it was read."""
+
+    path: Path
+    size: int
+    """Bytes."""
+    sha256: str
+    modified: float
+    """Seconds since 1970, UTC."""
+
+
+_READ: ContextVar[dict[Path, ReadFile] | None] = ContextVar("files that were read", default=None)
+
+
+@contextmanager
+def files_read() -> Iterator[dict[Path, ReadFile]]:
+    """Every file that is read inside, in the order of reading: whatever the format, nothing can be forgotten."""
+    files: dict[Path, ReadFile] = {}
+    token = _READ.set(files)
+    try:
+        yield files
+    finally:
+        _READ.reset(token)
+
+
+def note_file(path: Path, content: bytes | None = None) -> None:
+    """Remember that a file was read, where somebody wants to know; ``content`` are its bytes, else they are read."""
+    files = _READ.get()
+    if files is None or path in files:
+        return
+    status = path.stat()
+    if content is not None:
+        sha256 = hashlib.sha256(content).hexdigest()
+    else:
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    files[path] = ReadFile(path, status.st_size, sha256, status.st_mtime)
 
 
 def limit(name: str) -> int:
@@ -53,6 +97,7 @@ def read_bytes(path: Path, most: str = TABLE) -> bytes:
         size = path.stat().st_size
         check_size(_unpacked_size(path, limit(most) * _MB) if packed else size, path, most)
         content = path.read_bytes()
+        note_file(path, content)
         return gzip.decompress(content) if packed else content
     except (OSError, EOFError, zlib.error) as error:
         words = getattr(error, "strerror", None) or str(error)

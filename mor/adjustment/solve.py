@@ -20,9 +20,18 @@ from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.state import A_WEAK_TURN, STANDS_STILL, Adjustment, Iteration, Outcome, Stride, Watcher
+from mor.adjustment.state import (
+    A_WEAK_TURN,
+    RAN_AWAY,
+    STANDS_STILL,
+    Adjustment,
+    Iteration,
+    Outcome,
+    Stride,
+    Watcher,
+)
 from mor.adjustment.step_control import Taken, accept
-from mor.arrays import FloatArray
+from mor.arrays import LARGEST, FloatArray
 from mor.memory import check_room
 from mor.parameters.index import Values, move
 
@@ -106,6 +115,8 @@ def _advance(state: Adjustment) -> Adjustment:
     taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
+    if any(np.abs(values).max(initial=0.0) > LARGEST for values in taken.values.values()):
+        return replace(state, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)
     moved = _at(state, taken, (*state.iterations, iteration), last=over)
     moved = replace(moved, stride=Stride(stride.whole, stride.share * taken.share))

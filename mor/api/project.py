@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mor.input_files import ReadFile
     from mor.project.file.nodes import Document
     from mor.project.network.build import Network
 
@@ -23,11 +24,13 @@ class Project:
         document: the plain data of the project file, with the places they stand at.
         network: blocks of unknowns, groups of observations, datum, start values, in internal units and axes.
         folder: where its tables are found from.
+        files: what it was read from.
     """
 
     document: Document
     network: Network
     folder: Path
+    files: tuple[ReadFile, ...] = ()
 
     @property
     def title(self) -> str:
@@ -47,17 +50,19 @@ class Project:
     __repr__ = __str__
 
 
-def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
+def read(source: Source, folder: str | PathLike[str] | None = None, form: str = "") -> Project:
     """Read and check a project.
 
     Args:
         source: a project file, a file or folder in a foreign format, or the project itself as a dictionary with the
             keys of a project file, in which a data frame may stand wherever a file of a table is named.
         folder: where the tables of a dictionary are found from; the current folder.
+        form: format of a foreign file, as ``mor convert --from`` takes it, where its content shall not tell.
 
     Raises:
         InputError: with every mistake that was found: where it stands, what was found, what was expected.
     """
+    from mor.input_files import files_read
     from mor.pipeline import read_document, read_network
 
     if isinstance(source, Mapping):
@@ -65,7 +70,11 @@ def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
         from mor.project.file.validation import without_empty_keys
 
         document, place = without_empty_keys(build(source)), Path(folder or ".")
+        with files_read() as files:
+            network = read_network(document, place)
     else:
         path = Path(source)
-        document, place = read_document(path), path.parent
-    return Project(document, read_network(document, place), place)
+        with files_read() as files:
+            document, place = read_document(path, form), path.parent
+            network = read_network(document, place)
+    return Project(document, network, place, tuple(files.values()))

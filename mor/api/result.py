@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mor.api.project import Project
     from mor.quality.assess import Quality
     from mor.quality.solved import Solved
+    from mor.report.identity import Identity
     from mor.report.results.covariance import Labelled
 
 
@@ -170,13 +171,13 @@ class Result:
         from mor.report.text_report import text_report
         from mor.report.words.language import words_of
 
-        return text_report(self.solved, words_of(language))
+        return text_report(self.solved, words_of(language), self._identity)
 
     def to_dict(self) -> dict[str, Any]:
         """What ``results.json`` holds, as plain data."""
         from mor.report.results.json import results
 
-        return results(self.solved, {}, beside=False)
+        return results(self.solved, {}, self._identity, beside=False)
 
     def write(
         self,
@@ -196,9 +197,8 @@ class Result:
         from mor.report.results.writing import Choice, write_results
 
         choice = Choice(tables=tables, kind=table_format, html=html, language=language)
-        project = self.project
         with reserve(Path(folder), force) as place:
-            write_results(self.solved, project.document, project.folder, place, choice)
+            write_results(self.solved, self.project.document, self._identity, place, choice)
 
     def __str__(self) -> str:
         from mor.report.text.screen import screen
@@ -212,6 +212,12 @@ class Result:
         from mor.api.notebook import summary_and_network
 
         return summary_and_network(self.solved)
+
+    @property
+    def _identity(self) -> Identity:
+        from mor.report.identity import Identity
+
+        return Identity(self.project.files, self.project.folder)
 
     @property
     def _solution(self) -> Solved:

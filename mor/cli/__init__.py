@@ -17,6 +17,8 @@ COMMANDS = {
     "convert": "Write a foreign file as a project file.",
     "approximate": "Find start values, write a project that has them.",
     "orient": "Orient images without start values: two images (Rinner), a plane object (Killian).",
+    "report": "Print the report of results as PDF, or write its page in another language.",
+    "certificate": "Write the certificate of one camera, or its calibration for another program.",
     "plot": "Draw a picture of results: network, ellipses, residuals, camera, histogram.",
     "datum": "Carry results into another datum, without a new adjustment.",
     "covariance": "Write covariances of points, or of all unknowns, with labels.",
@@ -119,12 +121,11 @@ def _out_of_memory(error: MemoryError) -> str:
 OUT_OF_MEMORY = (
     "What helps: --no-html and --tables worst, fewer observations at a time, a machine with more memory."
 )
-MOST_TOLD = 20
-"""Mistakes that fill a screen."""
 
 
 def _tell(error: MorError) -> None:
     """What is wrong, on one screen at most, and how to see the rest."""
+    from mor.errors import MOST_TOLD
     from mor.escapes import shortened
 
     lines = [shortened(line) for line in str(error).splitlines()]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from mor.escapes import escaped
+from mor.report.columns import WIDTH, drawn
 from mor.report.tables.worst import component_of
 from mor.report.words.language import ENGLISH, Words
 
@@ -18,9 +18,11 @@ ANGLE_DIGITS = {"gon": 5, "deg": 6, "rad": 8, "mrad": 5, "mgon": 3}
 
 def heading(title: str) -> str:
     """A section heading, in the words of its language."""
-    return f"{title}\n{'-' * len(title)}"
+    return f"{title}\n{'-' * min(len(title), WIDTH)}"
 
 
+ALL = 1_000_000_000
+"""Rows of a section of which nothing is left out."""
 LISTED = ("status", "flag", "action", "kind")
 """Columns that hold words of the program, not names of the user."""
 
@@ -31,6 +33,7 @@ def table(
     left: int = 1,
     words: Words = ENGLISH,
     last_left: bool = False,
+    margin: int = 0,
 ) -> str:
     """A table of texts: the first ``left`` columns, and the last where wanted, to the left, numbers to the right."""
     texts = {*range(left), *([len(headers) - 1] if last_left else [])}
@@ -41,24 +44,7 @@ def table(
         ]
         for row in rows
     ]
-    return _drawn([words.header(header) for header in headers], rows, texts)
-
-
-def _drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
-    """Columns as wide as their widest cell and at least two wider than their header, a line under the headers."""
-    widths = [len(header) + 2 for header in headers]
-    cells = [[escaped(cell.strip()) for cell in row] for row in (headers, *rows)]
-    for row in cells:
-        widths = [max(width, len(cell)) for width, cell in zip(widths, row, strict=True)]
-    lines = [
-        [
-            cell.ljust(width) if k in left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        for row in cells
-    ]
-    lines.insert(1, ["-" * width for width in widths])
-    return "\n".join("  ".join(line).rstrip() for line in lines)
+    return drawn([words.header(header) for header in headers], rows, texts, margin)
 
 
 def fixed(value: float | None, digits: int) -> str:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from mor.escapes import escaped
 from mor.quality.solved import Solved
+from mor.report.columns import paragraphs
+from mor.report.identity import Identity, identity_of
+from mor.report.layout import ALL
 from mor.report.text import (
     cameras,
     checks,
     features,
     groups,
     head,
+    identity,
     images,
     others,
     points,
@@ -24,26 +28,39 @@ from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
 
-def text_report(solved: Solved, words: Words = ENGLISH) -> str:
-    """The whole report in a language. Sections without content are left out."""
+def text_report(
+    solved: Solved,
+    words: Words = ENGLISH,
+    of: Identity = Identity(),  # noqa: B008 - frozen
+    full: bool = False,
+) -> str:
+    """The whole report in a language, ``of`` what was read; ``full`` with nothing left to the tables beside it.
+
+    Sections without content are left out. No line is longer than :data:`mor.report.columns.WIDTH`, but for single
+    words that are.
+    """
+    about = identity_of(solved.network.project, of)
+    shown: dict[str, int] = {"shown": ALL} if full else {}
     sections = [
-        head.section(solved, words),
+        head.section(solved, words, identity.persons(about, words)),
         undetermined.section(solved, words),
-        undetermined.listed(solved, words),
-        unsettled.section(solved, words),
-        suspects.section(solved, words),
+        undetermined.listed(solved, words, **shown),
+        unsettled.section(solved, words, **shown),
+        suspects.section(solved, words, **shown),
         hypotheses.section(solved, words),
         checks.section(solved, words),
-        sentences.section(solved, words),
-        words_of_reliability.section(solved, words),
-        reliability.section(solved, words),
+        sentences.section(solved, words, **shown),
+        words_of_reliability.section(solved, words, **({"weakest": ALL, "named": ALL} if full else {})),
+        reliability.section(solved, words, **shown),
         groups.section(solved, words),
         cameras.section(solved, words),
         images.section(solved, words),
         stations.section(solved, words),
         features.section(solved, words),
         others.section(solved, words),
-        points.section(solved, words),
+        points.section(solved, words, **shown),
         residuals.section(solved, words),
+        residuals.listed(solved, words) if full else "",
+        identity.section(about, words),
     ]
-    return escaped("\n\n".join(section for section in sections if section)) + "\n"
+    return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"

@@ -16,6 +16,7 @@ from mor.errors import InputError, Problem
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
+from mor.report.identity import Identity, identity_of
 from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.estimates import (
@@ -38,6 +39,7 @@ class View:
     """Tables of one adjustment, in project axes and units, as they stand in ``results.json``."""
 
     summary: dict[str, Any]
+    identity: dict[str, Any]
     points: pl.DataFrame
     images: pl.DataFrame
     stations: pl.DataFrame
@@ -82,13 +84,19 @@ def is_ray(residuals: pl.DataFrame) -> pl.Series:
     return residuals["type"] == "image"
 
 
-def view_of(solved: Solved, residuals: pl.DataFrame, file: str = "residuals.csv") -> View:
-    """The view of an adjustment that converged, with its table of residuals, and the file that has it."""
+def view_of(
+    solved: Solved,
+    residuals: pl.DataFrame,
+    file: str = "residuals.csv",
+    of: Identity = Identity(),  # noqa: B008 - frozen
+) -> View:
+    """The view of an adjustment that converged, with its table of residuals, the file that has it, what was read."""
     images = image_table(solved)
     centres = projection_centres(solved)
     images = images.with_columns(*(pl.Series(name, centres[:, k]) for k, name in enumerate("xyz")))
     return View(
         summary=summary(solved),
+        identity=identity_of(solved.network.project, of),
         points=_placed(point_table(solved)),
         images=_placed(images.with_columns(pl.col("x", "y", "z").fill_nan(None))),
         stations=station_table(solved),
@@ -132,6 +140,7 @@ def view_of_folder(folder: Path) -> View:
 def _view(data: dict[str, Any], folder: Path) -> View:
     return View(
         summary=data,
+        identity=data["identity"],
         points=_placed(_table(data, "points", folder)),
         images=_placed(_table(data, "images", folder)),
         stations=_frame(data["stations"]),
@@ -185,7 +194,9 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
 
 def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
     return (
-        pl.DataFrame(rows, infer_schema_length=None) if rows else pl.DataFrame({"id": []}, {"id": pl.String})
+        pl.DataFrame(rows, infer_schema_length=None)
+        if rows
+        else pl.DataFrame(schema=dict.fromkeys(("id", "camera"), pl.String))
     )
 
 

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from small_projects import mor
 
 from mor.cli import run
 
@@ -44,3 +45,12 @@ def test_the_wheel_ships_every_sample() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     shipped = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     assert shipped == {f"sample_projects/{name}": f"mor/examples/{name}" for name in NAMES}
+
+
+def test_a_copy_that_is_there_already_is_enough(tmp_path: Path) -> None:
+    assert mor("examples", "facade", "-o", tmp_path / "mine").code == 0
+    (tmp_path / "mine" / "project.results").mkdir()
+    assert mor("examples", "facade", "-o", tmp_path / "mine").code == 0
+    with (tmp_path / "mine" / "project.yaml").open("a") as file:
+        file.write("# mine\n")
+    assert mor("examples", "facade", "-o", tmp_path / "mine").code == 2

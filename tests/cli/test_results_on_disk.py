@@ -51,11 +51,50 @@ class TestOverwriting:
         assert mor("adjust", project, "--force").code == 0
         assert content(folder) != before
 
+    def test_the_same_command_on_the_same_input_may(self, tmp_path: Path) -> None:
+        project = write(tmp_path, LEVELLING)
+        before = project.stat()
+        assert mor("adjust", project, "--lang", "de").code == 0
+        folder = tmp_path / "project.results"
+        (folder / "notes.txt").write_text("mine")
+        assert "Was in diesem Ordner liegt" in (folder / "README.txt").read_text(encoding="utf-8")
+        assert mor("adjust", project).code == 0
+        assert mor("adjust", project, "-o", folder).code == 0
+        written = content(folder)
+        assert written["README.txt"].startswith(b"What is in this folder")
+        assert all(
+            name.encode() in written["README.txt"] for name in set(written) - {"README.txt", "notes.txt"}
+        )
+        assert mor("adjust", project).code == 0
+        assert content(folder) == written
+        for options in (["--snoop"], ["--strict", "--snoop"]):
+            assert mor("adjust", project, *options).code == 2
+        other = write(tmp_path / "other", LEVELLING + "title: another one\n")
+        assert mor("adjust", other, "-o", folder).code == 2
+        project.write_text(LEVELLING + "# a remark\n")
+        os.utime(project, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert mor("adjust", project).code == 2
+
+    @pytest.mark.parametrize("spoilt", ["{", "[]", "{}", '{"identity": {"inputs": [{}]}}'])
+    def test_not_where_results_cannot_be_read(self, tmp_path: Path, spoilt: str) -> None:
+        project = write(tmp_path, LEVELLING)
+        assert mor("adjust", project).code == 0
+        (tmp_path / "project.results" / "results.json").write_text(spoilt)
+        assert mor("adjust", project).code == 2
+
+    def test_a_readme_of_the_user_stays(self, tmp_path: Path) -> None:
+        project = write(tmp_path, LEVELLING)
+        (tmp_path / "project.results").mkdir()
+        (tmp_path / "project.results" / "README.txt").write_text("mine")
+        assert mor("adjust", project, "--force").code == 0
+        assert (tmp_path / "project.results" / "README.txt").read_text() == "mine"
+
     def test_refused_before_anything_is_computed(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         project = write(tmp_path, LEVELLING)
         assert mor("adjust", project).code == 0
+        project.write_text(LEVELLING + "# a remark\n")
         monkeypatch.setattr("mor.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
         assert mor("adjust", project).code == 2
 
@@ -102,7 +141,12 @@ class TestOverwriting:
         assert mor("adjust", project).code == 0
         project.write_text(BLOCK.replace("datum: free\n", ""))
         assert mor("adjust", project, "--force").code == 4
-        assert set(content(tmp_path / "project.results")) == {"results.json", "report.txt", "report.html"}
+        assert set(content(tmp_path / "project.results")) == {
+            "README.txt",
+            "results.json",
+            "report.txt",
+            "report.html",
+        }
 
 
 def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> None:
@@ -162,7 +206,7 @@ class TestInterruption:
 def test_all_results_are_known_as_such(tmp_path: Path) -> None:
     """What is not in the list would neither be taken away nor protected as an input."""
     assert mor("adjust", write_block(tmp_path)).code == 0
-    for name in content(tmp_path / "project.results"):
+    for name in set(content(tmp_path / "project.results")) - {"README.txt"}:  # which may be the user's
         assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
 
 

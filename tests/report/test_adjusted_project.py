@@ -11,7 +11,7 @@ from kinds_of_projects import KINDS, known_block, write_pixels
 from published_schemas import mistakes
 from small_projects import BLOCK, mor, write_block
 
-NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum"}
+NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum", "identity"}
 
 
 def adjust(project: Path, folder: Path) -> dict[str, Any]:

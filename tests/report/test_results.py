@@ -135,10 +135,11 @@ class TestJson:
             assert float(one["v"]) == other["v"]
 
     def test_no_names_of_machines_or_times(self, tmp_path: Path) -> None:
-        adjust(write_block(tmp_path), tmp_path / "out")
+        date = adjust(write_block(tmp_path), tmp_path / "out")["identity"]["date"]
         for path in (tmp_path / "out").iterdir():
             text = path.read_text()
             assert str(tmp_path) not in text
+            text = text.replace(date, "")  # of the data, not of the run
             assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\b\d\d:\d\d:\d\d\b", text), path.name
 
 
@@ -310,7 +311,8 @@ def test_table_with_skipped_and_renamed_columns(tmp_path: Path) -> None:
     columns = "{photo: image, target: point, u: x, v: y, junk: null}"
     text = BLOCK.replace("file: rays.csv", f"file: rays.csv\n    columns: {columns}")
     plain = adjust(write_block(tmp_path / "plain"), tmp_path / "one")
-    assert adjust(write_block(tmp_path / "renamed", text, rays=rays), tmp_path / "two") == plain
+    other = adjust(write_block(tmp_path / "renamed", text, rays=rays), tmp_path / "two")
+    assert {**other, "identity": plain["identity"]} == plain
 
 
 def test_table_without_header_with_comments_and_spaces(tmp_path: Path) -> None:
@@ -325,4 +327,4 @@ def test_table_without_header_with_comments_and_spaces(tmp_path: Path) -> None:
     )
     plain = adjust(write_block(tmp_path / "plain"), tmp_path / "one")
     other = adjust(write_block(tmp_path / "bare", text, rays="\n".join(lines) + "\n"), tmp_path / "two")
-    assert other == plain
+    assert {**other, "identity": plain["identity"]} == plain

@@ -13,6 +13,7 @@ from small_projects import block, mor, write_block
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
+from mor.report.identity import Identity
 from mor.report.results import json as results_json
 from mor.report.results import writing as write_module
 from mor.report.results.reservation import reserve
@@ -166,7 +167,7 @@ def test_pictures_need_all_residuals_and_say_so(
 
 def _write(solved: Solved, document: Document, source: Path, folder: Path, choice: Choice) -> None:
     with reserve(folder, force=True) as place:
-        write_results(solved, document, source, place, choice)
+        write_results(solved, document, Identity((), source), place, choice)
 
 
 @pytest.mark.usefixtures("small_pieces")

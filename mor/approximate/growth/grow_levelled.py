@@ -11,7 +11,7 @@ from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_se
 from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
 from mor.approximate.terrestrial.polar import orient
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
@@ -106,7 +106,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
+    known: BoolArray = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
     for point, neighbours in distances.neighbours.items():
         if known[point] or np.count_nonzero(known[list(neighbours)]) < 3:
             continue

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
+from mor.cli._format import format_option
 from mor.cli._language import language_option
 from mor.errors import ExitCode, NoStartValuesError
 
@@ -31,7 +33,13 @@ if TYPE_CHECKING:
     show_default="PROJECT.results",
     help="Folder of the results.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option(
+    "-f",
+    "--force",
+    is_flag=True,
+    help="Replace results of other input or options that are there already.",
+)
+@format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
@@ -44,6 +52,7 @@ if TYPE_CHECKING:
     help="Data snooping: take flagged observations out one by one until the rest is clean.",
 )
 @language_option("report.txt, report.html and of what the terminal says")
+@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
 @click.option(
     "--html/--no-html",
     default=None,
@@ -75,10 +84,12 @@ def command(
     project: Path,
     output: Path | None,
     force: bool,
+    source_format: str | None,
     as_json: bool,
     strict: bool,
     snoop: bool,
     lang: str,
+    full: bool,
     html: bool | None,
     tables: Literal["none", "worst", "all"] | None,
     table_format: Literal["csv", "parquet"],
@@ -97,6 +108,7 @@ def command(
       mor adjust project.yaml --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+      mor adjust network.dat --from starnet
 
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
@@ -106,7 +118,10 @@ def command(
     """
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.input_files import files_read
+    from mor.report.identity import Identity
     from mor.report.results.folder import folder_beside
+    from mor.report.results.repetition import is_repeated
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import results_text, write_results
     from mor.report.text.screen import screen
@@ -116,21 +131,25 @@ def command(
     folder = output or folder_beside(project, ".results")
     words = words_of(lang)
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
+        files = held.enter_context(files_read())
         say.phase("reading")
-        document = read_inputs(project, folder if writes else None)
-        place = held.enter_context(reserve(folder, force)) if writes else None
+        document = read_inputs(project, folder if writes else None, source_format)
+        options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
+        replaces = force or is_repeated(folder, project, options)
+        place = held.enter_context(reserve(folder, replaces)) if writes else None
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
+        of = Identity(tuple(files.values()), project.parent, options)
         say.phase("writing")
         said = "" if quiet and solved.quality is not None else screen(solved, words)
         if place is not None:
             choice = chosen(solved, tables, table_format, html, lang, say)
-            write_results(solved, document, project.parent, place, choice)
+            write_results(solved, document, of, place, replace(choice, full=full))
         code = exit_code(solved, strict)
         written = str(folder) if writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
     if as_json:
-        click.echo(results_text(solved), nl=False)
+        click.echo(results_text(solved, of), nl=False)
     if said:
         click.echo(said, err=True)
         if writes:
@@ -141,7 +160,7 @@ def command(
 @contextmanager
 def named_in_full(place: Reservation | None) -> Iterator[None]:
     """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
-    from mor.cli import MOST_TOLD
+    from mor.errors import MOST_TOLD
 
     try:
         yield
@@ -154,12 +173,12 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
         raise
 
 
-def read_inputs(project: Path, folder: Path | None) -> Document:
+def read_inputs(project: Path, folder: Path | None, source_format: str | None) -> Document:
     """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
     from mor.pipeline import read_document
     from mor.report.results.folder import check_inputs
 
-    document = read_document(project)
+    document = read_document(project, source_format or "")
     if folder is not None:
         check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
     return document
@@ -176,8 +195,13 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
-    phase = "precision and reliability"
-    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(
+        project,
+        snoop,
+        say.iteration,
+        lambda effort: say.phase("precision and reliability", effort),
+        lambda most: say.phase("possible causes", most),
+    ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved
 

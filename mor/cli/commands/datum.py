@@ -40,6 +40,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.reopened import in_datum, reopen
+    from mor.report.identity import Identity
     from mor.report.results.folder import check_inputs
     from mor.report.results.reservation import check_free, reserve
     from mor.report.results.writing import Choice, tables_by_size, write_results
@@ -60,7 +61,8 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)
         with reserve(output, force) as place:
-            write_results(solved, project.document, project.folder, place, choice)
+            of = Identity(project.files, project.folder, ("--to", target))
+            write_results(solved, project.document, of, place, choice)
         click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:
         from mor.project.tables.guarded import csv_lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -59,7 +60,10 @@ def title(folder: Path) -> str:
 
 
 def copy_sample(name: str, target: Path) -> None:
-    """Copy a sample into a folder that does not exist or is empty. Raises :class:`mor.errors.InputError`."""
+    """Copy a sample into a folder that does not exist, is empty, or has that copy already.
+
+    Raises :class:`mor.errors.InputError`.
+    """
     import shutil
 
     from mor.errors import InputError, Problem, nearest
@@ -68,7 +72,20 @@ def copy_sample(name: str, target: Path) -> None:
     if name not in known:
         words = f"unknown sample project {name!r}{nearest(name, known)} (known: {', '.join(known)})"
         raise InputError([Problem(words)])
+    ignored = ("__pycache__", "expected.json", "*.results")
+    if _is_copy(target, known[name], ignored):
+        return
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputError([Problem("this exists and is not an empty folder; -o names another", str(target))])
-    ignored = shutil.ignore_patterns("__pycache__", "expected.json", "*.results")
-    shutil.copytree(known[name], target, ignore=ignored, dirs_exist_ok=True)
+    shutil.copytree(known[name], target, ignore=shutil.ignore_patterns(*ignored), dirs_exist_ok=True)
+
+
+def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
+    """True where all files of a sample stand in a folder as they are; results beside them do not matter."""
+    import filecmp
+    import shutil
+
+    files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]
+    left_out = shutil.ignore_patterns(*ignored)
+    wanted = [str(path) for path in files if not left_out("", list(path.parts))]
+    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted

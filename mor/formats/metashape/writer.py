@@ -9,7 +9,15 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.colmap.cameras import MODELS, camera_from
-from mor.formats.content import Content, content_of, image_points, images, not_carried, points
+from mor.formats.content import (
+    Content,
+    content_of,
+    image_points,
+    images,
+    interior_values,
+    not_carried,
+    points,
+)
 from mor.formats.metashape.sensors import NAMES
 from mor.formats.written import Written
 from mor.geometry.rotations import rotation_from_angles
@@ -65,7 +73,7 @@ def _transform(pose: np.ndarray) -> str:
 
 
 def _sensor(number: int, name: str, camera: Camera, content: Content) -> str:
-    values, free = _interior(camera, content)
+    values, free = interior_of(camera, content)
     if camera.image is None:
         raise ValueError("it has no image: {width, height}, which Metashape needs")
     width, height = (round(split(text)[0]) for text in (camera.image.width, camera.image.height))
@@ -79,7 +87,7 @@ def _sensor(number: int, name: str, camera: Camera, content: Content) -> str:
     )
 
 
-def _interior(camera: Camera, content: Content) -> tuple[dict[str, float], list[str]]:
+def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], list[str]]:
     """Metashape's numbers and the names of the free ones. Raises ``ValueError`` where they say something else."""
     free = [
         k for k, s in camera.interior.items() if isinstance(s, Value) and s.fixed is None and s.sigma != "0"
@@ -87,12 +95,8 @@ def _interior(camera: Camera, content: Content) -> tuple[dict[str, float], list[
     if camera.model == "metashape":
         scale = image_scale(camera, content.project.units)
         pixel = 1.0 if np.isnan(scale.pixel) else scale.pixel
-        values = {}
-        for name, setting in camera.interior.items():
-            text = setting
-            if isinstance(setting, Value):
-                text = setting.start or setting.free or setting.fixed or setting.observed or "0"
-            values[name] = split(str(text))[0] / (pixel if name in NAMES[:5] else 1.0)
+        given = interior_values(camera, content.edge, scale)
+        values = {name: value / (pixel if name in NAMES[:5] else 1.0) for name, value in given.items()}
         return values, free
     theirs = camera_from(1, camera, content.edge)
     given = dict(zip(MODELS[theirs.model].parameters, theirs.parameters, strict=True))

@@ -331,11 +331,22 @@ class Settings(Strict):
     )
 
 
+class Report(Strict):
+    """Who and what stands on the reports; nothing of it changes a number."""
+
+    operator: Text | None = Field(default=None, description="Who measured or adjusted")
+    client: Text | None = Field(default=None, description="Whom it was done for")
+    remarks: str | None = Field(default=None, description="Anything else, of several lines where wanted")
+
+
 class Project(Strict):
     """A project file of mor, version 1."""
 
     mor: Literal["1"] = Field(description="Version of the project file")
     title: str = Field(default="", description="Heads the reports")
+    report: Report = Field(
+        default=Report(), description="Operator, client and remarks that stand on the reports"
+    )
     units: Units = Field(default=Units(), description="Units of all values that carry none of their own")
     axes: Axes = Field(default=Axes(), description="Axes of the object system, senses and zeros of angles")
     cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from mor.errors import InputError, Problem, nearest
-from mor.input_files import TABLE, check_regular, check_size, is_folder, limit, read_bytes
+from mor.input_files import TABLE, check_regular, check_size, is_folder, limit, note_file, read_bytes
 from mor.project.file.model import Table
 from mor.project.tables.columns import Column, Place, Source
 from mor.project.tables.texts import COLUMNS, from_text, our_name, too_many_columns, wrong_length
@@ -74,6 +74,7 @@ def _read_parquet(path: Path) -> pl.DataFrame:
         raise InputError([Problem(too_many_columns(columns), str(path))])
     rows = lazy.select(pl.len()).collect().item()
     check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
+    note_file(path)
     return lazy.collect()
 
 

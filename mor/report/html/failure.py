@@ -12,10 +12,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mor.quality.solved import Solved
+from mor.report.html.paper import running_heads
 from mor.report.layout import fixed, short
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.text.head import verdict
+from mor.report.text.identity import persons
 from mor.report.text.undetermined import section
 from mor.report.words.language import ENGLISH, Words
 
@@ -23,7 +25,7 @@ SHOWN = 1000
 """Things that nothing determines that are listed."""
 
 
-def failure_page(solved: Solved, words: Words = ENGLISH) -> str:
+def failure_page(solved: Solved, identity: dict[str, Any], words: Words = ENGLISH) -> str:
     """The page of an outcome that is no solution, in a language: HTML that needs nothing else."""
     environment = Environment(
         loader=PackageLoader("mor.report.html"),
@@ -37,12 +39,15 @@ def failure_page(solved: Solved, words: Words = ENGLISH) -> str:
     content: dict[str, Any] = {
         "title": data["title"] or words("Adjustment"),
         "summary": data,
+        "identity": identity,
+        "persons": persons(identity, words),
         "verdict": verdict(solved, words),
         "explained": section(solved, words).splitlines()[2:],
         "things": data["undeterminable"][:SHOWN],
         "more": max(0, len(data["undeterminable"]) - SHOWN),
         "failure": failure(solved) or {},
         "say": words,
+        "running": running_heads(data["title"] or words("Adjustment"), identity, words),
         "style": Markup(files("mor.report.html").joinpath("assets", "page.css").read_text(encoding="utf-8")),
     }
     return environment.get_template("failure.html.j2").render(**content)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 IGNORED = {
     "program",
+    "identity",
     "title",
     "iterations",
     "iteration_log",

@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
+from mor.report.identity import Identity, identity_of
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -37,14 +38,15 @@ INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
 
 
-def results(solved: Solved, tables: dict[str, str], beside: bool = True) -> dict[str, Any]:
-    """Content of ``results.json``; ``tables`` names the files beside it.
+def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool = True) -> dict[str, Any]:
+    """Content of ``results.json``, ``of`` what was read; ``tables`` names the files beside it.
 
     Long tables of points and images are only there; where nothing stands ``beside`` it, they are in it all the same.
     """
     points, images = point_table(solved), image_table(solved)
     return {
         **summary(solved),
+        "identity": identity_of(solved.network.project, of),
         "verdict": verdict_rows(solved),
         "reliability": reliability_rows(solved),
         "points": _rows(points, beside),

@@ -21,6 +21,7 @@ from mor.report.results.model_parts import (
     FixedPoint,
     GlobalTest,
     Group,
+    Identity,
     Image,
     Number,
     Other,
@@ -45,6 +46,7 @@ class Results(Part):
     schema_version: Literal[2] = Field(description="Version of its keys")
     program: str = Field(description="Program and version")
     title: str = Field(description="Title of the project")
+    identity: Identity = Field(default=Identity(), description="What the results are of")
     units: Units = Field(description="Units of all values that say none of their own")
     axes: Axes = Field(description="Axes and senses of the project")
     outcome: Literal["converged", "not converged", "diverged", "singular"] = Field(

@@ -17,6 +17,29 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True)
 
 
+class Input(Part):
+    """A file that was read."""
+
+    file: str = Field(description="Name, counted from the folder of the project")
+    bytes: int = Field(description="Size as it was read")
+    sha256: str = Field(description="SHA-256 of it, as sha256sum prints it")
+
+
+class Identity(Part):
+    """What the results are of: program, who and for whom, from which files."""
+
+    program: str = Field(default="", description="Program and version")
+    project_version: str = Field(default="1", description="Version of the project file, its key mor")
+    operator: str | None = Field(default=None, description="report: {operator} of the project")
+    client: str | None = Field(default=None, description="report: {client} of the project")
+    remarks: str | None = Field(default=None, description="report: {remarks} of the project")
+    date: str | None = Field(
+        default=None, description="Day of the newest input file (UTC), or of SOURCE_DATE_EPOCH"
+    )
+    options: list[str] = Field(default_factory=list, description="Options that numbers depend on")
+    inputs: list[Input] = Field(default_factory=list, description="Files that were read, in that order")
+
+
 class Units(Part):
     """Units of all values that say none of their own."""
 

@@ -14,6 +14,9 @@ from mor.errors import Undeterminable
 from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
+from mor.report.identity import Identity, identity_of
+from mor.report.readme import FILE as README
+from mor.report.readme import may_write, readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, remarks
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
@@ -26,7 +29,7 @@ from mor.report.tables.shared import forget
 from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table
 from mor.report.tables.worst import worst_residuals
 from mor.report.text_report import text_report
-from mor.report.words.language import words_of, words_of_page
+from mor.report.words.language import LANGUAGES, words_of, words_of_page
 
 PROJECT = "project.yaml"
 """Name of a project that is written into a folder of its own."""
@@ -48,6 +51,8 @@ class Choice:
     """True for the page for people, ``report.html``."""
     language: str = "en"
     """Language of the reports: en, de."""
+    full: bool = False
+    """True for a text report that leaves nothing to the tables beside it."""
     done: Callable[[int], None] = lambda rows: None
     """Told how many more rows of the table of residuals are written."""
 
@@ -63,7 +68,11 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 
 
 def write_results(
-    solved: Solved, document: Document, source: Path, place: Reservation, choice: Choice | None = None
+    solved: Solved,
+    document: Document,
+    of: Identity,
+    place: Reservation,
+    choice: Choice | None = None,
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
@@ -73,15 +82,15 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    starts = _starts(solved, document, source, place.folder) if solved.quality is not None else {}
+    starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
     starts |= _undeterminable(solved)
     with ThreadPoolExecutor(1) as beside:
-        made = {name: beside.submit(make) for name, make in _reports(solved, names, choice).items()}
+        made = {name: beside.submit(make) for name, make in _reports(solved, of, names, choice).items()}
         reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
         long = dict(tables.values())
         writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
-            write_folder(place, {**starts, **writers})
+            write_folder(place, {**_readme([*starts, *writers], place, choice), **starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -97,18 +106,27 @@ def _undeterminable(solved: Solved) -> dict[str, Writer]:
     return {FILE: table_writer(undeterminable_table(rows))} if rows else {}
 
 
-def _reports(solved: Solved, names: dict[str, str], choice: Choice) -> dict[str, Callable[[], str]]:
+def _reports(
+    solved: Solved, of: Identity, names: dict[str, str], choice: Choice
+) -> dict[str, Callable[[], str]]:
     """The reports by their names, each as what makes its text; ``names`` are those of the tables beside them."""
     reports: dict[str, Callable[[], str]] = {
-        "results.json": lambda: to_json(results(solved, names)),
-        "report.txt": lambda: text_report(solved, words_of(choice.language)),
+        "results.json": lambda: to_json(results(solved, names, of)),
+        "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
     }
     if solved.quality is None and choice.html:
-        reports["report.html"] = lambda: _failure_page(solved, choice.language)
+        reports["report.html"] = lambda: _failure_page(solved, of, choice.language)
     if solved.quality is not None and choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
-        reports["report.html"] = lambda: _page(solved, file, choice.language)
+        reports["report.html"] = lambda: _page(solved, of, file, choice.language)
     return reports
+
+
+def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Writer]:
+    """The readme of the folder; where somebody put one of their own there, that one stays."""
+    if not may_write(place.folder, [words_of(language) for language in LANGUAGES]):
+        return {}
+    return {README: _text(readme(names, words_of(choice.language)))}
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
@@ -183,22 +201,22 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
     write_folder(place, {**writers, PROJECT: _text(text)})
 
 
-def results_text(solved: Solved) -> str:
+def results_text(solved: Solved, of: Identity) -> str:
     """``results.json`` as text, for programs that read standard output."""
-    return to_json(results(solved, {}, beside=False))
+    return to_json(results(solved, {}, of, beside=False))
 
 
-def _page(solved: Solved, file: str, language: str) -> str:
+def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
     from mor.report.html.page import page
     from mor.report.view import view_of
 
-    return page(view_of(solved, observation_table(solved, SHOWN), file), words_of_page(language))
+    return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
 
 
-def _failure_page(solved: Solved, language: str) -> str:
+def _failure_page(solved: Solved, of: Identity, language: str) -> str:
     from mor.report.html.failure import failure_page
 
-    return failure_page(solved, words_of_page(language))
+    return failure_page(solved, identity_of(solved.network.project, of), words_of_page(language))
 
 
 def _made(text: Future[str]) -> Writer:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mor.adjustment.state import STANDS_STILL, Outcome
 from mor.quality.solved import Solved
+from mor.report.columns import WIDTH
 from mor.report.layout import fixed, in_words, short
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
@@ -22,11 +25,11 @@ NAMED = 3
 """Observations that nothing controls that are named one by one."""
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
-    """Verdict and key figures."""
+def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str, str]] = ()) -> str:
+    """Verdict and key figures, with ``persons``: who, for whom and when."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
-    lines = [title, "=" * len(title), "", *verdict(solved, words), ""]
+    lines = [title, "=" * min(len(title), WIDTH), "", *verdict(solved, words), ""]
     movements = ", ".join(words.listed(name) for name in data["movements"])
     rows = [
         ("observations n", str(data["observations"])),
@@ -56,7 +59,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             ("units", words("lengths {length}, angles {angle}", **data["units"])),
             ("residuals", words("v = adjusted - observed")),
         ]
-    rows = [(words(name), value) for name, value in rows]
+    rows = [*persons, *((words(name), value) for name, value in rows)]
     width = max(len(name) for name, _ in rows)
     lines += [f"{name.ljust(width)}  {value}" for name, value in rows]
     return "\n".join(lines)

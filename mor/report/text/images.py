@@ -16,12 +16,21 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
+    units = {name: camera.unit for name, camera in solved.network.project.cameras.items()}
     positions, attitudes = [], []
     for row in frame.to_dicts():
         sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
         values = [fixed(row[name], d) for name in "xyz"]
         positions.append(
-            [row["id"], row["camera"], *values, *sigmas, str(row["points"]), fixed(row["rms"], 5)]
+            [
+                row["id"],
+                row["camera"],
+                *values,
+                *sigmas,
+                str(row["points"]),
+                fixed(row["rms"], 5),
+                units[row["camera"]],
+            ]
         )
         angles = [fixed(row[name], a) for name in ("omega", "phi", "kappa")]
         attitudes.append([row["id"], *angles, *(fixed(row[f"s{n}"], a) for n in ("omega", "phi", "kappa"))])
@@ -35,7 +44,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join(
         [
             heading(words("Images")),
-            table([*headers, "rms v [image unit]"], positions, 2, words),
+            table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
             "",
             table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
         ]

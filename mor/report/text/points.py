@@ -14,7 +14,7 @@ SHOWN = 2000
 """Points a text report lists; the full table stands beside it."""
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point."""
     frame = point_table(solved)
     if frame.height == 0:
@@ -22,16 +22,16 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     rows = []
-    for row in frame.head(SHOWN).to_dicts():
+    for row in frame.head(shown).to_dicts():
         coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
         rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
     lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
-    if frame.height > SHOWN:
+    if frame.height > shown:
         lines.append(
-            words("{count:more point is|more points are} in the table of points.", count=frame.height - SHOWN)
+            words("{count:more point is|more points are} in the table of points.", count=frame.height - shown)
         )
     if solved.quality is not None:
         free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))

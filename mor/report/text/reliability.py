@@ -13,7 +13,7 @@ from mor.report.words.language import ENGLISH, Words
 SHOWN = 40
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """Levels first, then each suspicious observation in one sentence."""
     data = gross_errors(solved)
     if not data:
@@ -34,11 +34,11 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     flagged = [row for row in data["suspicious"] if row["flagged"]]
     if data["suspicious"]:
         lines.append(words("Flagged:") if flagged else words("Nothing is flagged. The largest test values:"))
-    lines += [f"  {_sentence(row, unit, words)}" for row in (flagged or data["suspicious"])[:SHOWN]]
+    lines += [f"  {_sentence(row, unit, words)}" for row in (flagged or data["suspicious"])[:shown]]
     parts = (
-        _fixed_points(solved, unit, words),
-        _snooping(data["snooping"], words),
-        _robust(data["robust"], unit, words),
+        _fixed_points(solved, unit, words, shown),
+        _snooping(data["snooping"], words, shown),
+        _robust(data["robust"], unit, words, shown),
     )
     for part in parts:
         lines += ["", *part] if part else []
@@ -75,7 +75,7 @@ def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
     )
 
 
-def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
+def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[str]:
     """Fixed points that the observations would rather have elsewhere."""
     tests = fixed_point_rows(solved)
     alpha = solved.quality.levels.snooping if solved.quality is not None else 0.0
@@ -86,7 +86,7 @@ def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
     lines = [
         words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")
     ]
-    for row in moved[:SHOWN]:
+    for row in moved[:shown]:
         where = ", ".join(
             f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True)
         )
@@ -103,7 +103,7 @@ def _fixed_points(solved: Solved, unit: str, words: Words) -> list[str]:
     return lines
 
 
-def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
+def _snooping(data: dict[str, Any] | None, words: Words, shown: int) -> list[str]:
     if data is None:
         return []
     out = sum(step["action"] == "excluded" for step in data["steps"])
@@ -111,10 +111,10 @@ def _snooping(data: dict[str, Any] | None, words: Words) -> list[str]:
     lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
         lines.append(words("NOT CLEAN: something that is still flagged could not be excluded."))
-    lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:SHOWN]]
+    lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:shown]]
     rows = [
         [str(step["round"]), step["action"], in_words(step, words), fixed(step["w"], 2)]
-        for step in data["steps"][: 5 * SHOWN]
+        for step in data["steps"][: 5 * shown]
     ]
     if rows:
         lines.append(table(["round", "action", "observation", "w [1]"], rows, 3, words))
@@ -135,7 +135,7 @@ def mostly_out_in_words(row: dict[str, Any], words: Words) -> str:
     )
 
 
-def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
+def _robust(data: dict[str, Any] | None, unit: str, words: Words, shown: int) -> list[str]:
     if data is None:
         return []
     d = DIGITS[unit]
@@ -150,7 +150,7 @@ def _robust(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
             largest=fixed(data["largest_shift"], d),
         ),
     ]
-    lines += [f"  {in_words(row, words)}" for row in data["rejected"][:SHOWN]]
-    if len(data["rejected"]) > SHOWN:
-        lines.append(words("  and {count} more", count=len(data["rejected"]) - SHOWN))
+    lines += [f"  {in_words(row, words)}" for row in data["rejected"][:shown]]
+    if len(data["rejected"]) > shown:
+        lines.append(words("  and {count} more", count=len(data["rejected"]) - shown))
     return lines

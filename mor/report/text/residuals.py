@@ -6,6 +6,7 @@ import polars as pl
 
 from mor.quality.solved import Solved
 from mor.report.layout import fixed, heading, short, table
+from mor.report.tables.observations import observation_table
 from mor.report.tables.worst import uncontrolled_residuals, worst_residuals
 from mor.report.words.language import ENGLISH, Words
 
@@ -31,6 +32,13 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         if count > SHOWN:
             parts.append(words("and {count} more in the table of residuals", count=count - SHOWN))
     return "\n".join(parts)
+
+
+def listed(solved: Solved, words: Words = ENGLISH) -> str:
+    """All observations in the order of the input, those that were kept out among them."""
+    if solved.quality is None:
+        return ""
+    return "\n".join([heading(words("All observations")), _table(observation_table(solved), words)])
 
 
 def _table(frame: pl.DataFrame, words: Words) -> str:

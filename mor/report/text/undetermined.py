@@ -27,7 +27,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join([heading(words("What is not determined")), *explain_singularity(solved, words)])
 
 
-def listed(solved: Solved, words: Words = ENGLISH) -> str:
+def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """What was left out, what is at infinity, what stops the adjustment."""
     things = solved.network.undeterminable
     if not things:
@@ -39,12 +39,12 @@ def listed(solved: Solved, words: Words = ENGLISH) -> str:
             words.listed(thing.treatment) if thing.treatment else "-",
             words.listed(thing.reason),
         ]
-        for thing in things[:SHOWN]
+        for thing in things[:shown]
     ]
     headers = ["thing", "id", "treatment", "reason"]
     lines = [heading(words("What nothing determines")), table(headers, rows, 4, words)]
-    if len(things) > SHOWN:
-        lines.append(words("{count} more stand in undetermined.csv.", count=len(things) - SHOWN))
+    if len(things) > shown:
+        lines.append(words("{count} more stand in undetermined.csv.", count=len(things) - shown))
     return "\n".join(lines)
 
 

@@ -10,11 +10,16 @@ from mor.report.words.language import ENGLISH, Words
 SHOWN = 40
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """Iterations, movements and misfits; nothing where there is a solution."""
     if solved.quality is not None:
         return ""
-    parts = [_iterations(solved, words), _moving(solved, words), _worst(solved, words), _warning(words)]
+    parts = [
+        _iterations(solved, words),
+        _moving(solved, words),
+        _worst(solved, words, shown),
+        _warning(words),
+    ]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -52,7 +57,7 @@ def _moving(solved: Solved, words: Words) -> str:
     return "\n".join([heading(words("What does not come to rest")), table(headers, rows, 4, words)])
 
 
-def _worst(solved: Solved, words: Words) -> str:
+def _worst(solved: Solved, words: Words, shown: int) -> str:
     rows = [
         [
             row["type"],
@@ -64,7 +69,7 @@ def _worst(solved: Solved, words: Words) -> str:
             short(row["sigma"], 3),
             fixed(row["misfit"], 1),
         ]
-        for row in worst_misfits(solved, SHOWN).to_dicts()
+        for row in worst_misfits(solved, shown).to_dicts()
     ]
     if not rows:
         return ""

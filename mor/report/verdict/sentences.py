@@ -15,7 +15,7 @@ SHOWN = 40
 """Tests that the report lists: those that reject, then those of tables."""
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """All that rejects, and the tests of tables."""
     data = verdict_rows(solved)
     if data is None or not (data["tests"] or said_conventions(data, words)):
@@ -34,9 +34,9 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     rejected = [row for row in data["groups"] if row["rejected"]]
     rows = rejected + [row for row in data["groups"] if not row["rejected"] and row["of"] == "group"]
     if rows:
-        lines.append(table(_HEADERS, [_cells(row, words) for row in rows[:SHOWN]], 3, words))
-    if len(rows) > SHOWN:
-        lines.append(words("and {count} more in results.json", count=len(rows) - SHOWN))
+        lines.append(table(_HEADERS, [_cells(row, words) for row in rows[:shown]], 3, words))
+    if len(rows) > shown:
+        lines.append(words("and {count} more in results.json", count=len(rows) - shown))
     return "\n".join(lines)
 
 

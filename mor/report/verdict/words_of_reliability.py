@@ -19,21 +19,21 @@ _KINDS = {"points": "point", "images": "image", "stations": "station", "sets": "
 _HEADERS = ("weakest", "id", "observation", "n", "smallest r [1]", "nabla", "unit")
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
-    """Uncontrolled observations, then the weakest of each kind."""
+def section(solved: Solved, words: Words = ENGLISH, weakest: int = WEAKEST, named: int = NAMED) -> str:
+    """So many uncontrolled observations, then so many weakest of each kind."""
     data = reliability_rows(solved)
     if data is None:
         return ""
-    lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words)]
+    lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words, named)]
     unit = solved.network.project.units.length
     rows = [
         [words(kind), *_cells(row, words)]
         for key, kind in _KINDS.items()
-        for row in sorted(data[key], key=lambda row: float(row["smallest_r"]))[:WEAKEST]
+        for row in sorted(data[key], key=lambda row: float(row["smallest_r"]))[:weakest]
     ]
     if rows:
         headers = [*_HEADERS, f"shift at most [{unit}]"]
-        lines += [f"  {line}" for line in table(headers, rows, 3, words).splitlines()]
+        lines.append(table(headers, rows, 3, words, margin=2))
     return "\n".join(lines)
 
 
@@ -43,7 +43,7 @@ def _cells(row: dict[str, Any], words: Words) -> list[str]:
     return [row["id"], in_words(weakest, words), *numbers, weakest["unit"], short(row["shift"], 3)]
 
 
-def uncontrolled_in_words(data: dict[str, Any], words: Words) -> list[str]:
+def uncontrolled_in_words(data: dict[str, Any], words: Words, named: int = NAMED) -> list[str]:
     """One line on each of the first uncontrolled observations, and how many there are."""
     if not data["uncontrolled"]:
         return [words("No observation is uncontrolled (r < {limit}).", limit=f"{data['least_redundancy']:g}")]
@@ -54,9 +54,10 @@ def uncontrolled_in_words(data: dict[str, Any], words: Words) -> list[str]:
             limit=f"{data['least_redundancy']:g}",
         )
     ]
-    lines += [f"  {uncontrolled_sentence(row, words)}" for row in data["observations"][:NAMED]]
-    if data["uncontrolled"] > NAMED:
-        lines.append(words("  and {count} more", count=data["uncontrolled"] - NAMED))
+    lines += [f"  {uncontrolled_sentence(row, words)}" for row in data["observations"][:named]]
+    left = data["uncontrolled"] - len(data["observations"][:named])
+    if left > 0:
+        lines.append(words("  and {count} more", count=left))
     return lines
 
 

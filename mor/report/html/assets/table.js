@@ -1,11 +1,12 @@
 "use strict";
 // Long tables: only the rows in sight exist; sorted and filtered as numbers or texts.
 const ROW = 24;
-const PRINTED = 60;
+const PRINTED = { points: 20000, images: 20000, stations: 20000, residuals: 5000 };
 
 class LongTable {
   constructor(element, table, columns, options = {}) {
     this.element = element;
+    this.printed = PRINTED[element.dataset.table];
     this.table = table;
     this.columns = columns.filter((column) => filled(table.columns[column.key]));
     for (const { key } of this.columns.filter((column) => column.words)) table.columns[key].shown = table.columns[key].t.map((word) => say(word));
@@ -58,7 +59,7 @@ class LongTable {
     this.scroller.scrollTop = 0;
     this.show();
     const words = rows.length === this.table.rows ? say("{count:row|rows}.", { count: rows.length }) : say("{count} of {all} rows.", { count: rows.length, all: this.table.rows });
-    const noted = rows.length > PRINTED ? ` ${say("In print: the first {count} in the order shown.", { count: PRINTED })}` : "";
+    const noted = rows.length > this.printed ? ` ${say("In print: the first {count} in the order shown.", { count: this.printed })}` : "";
     this.element.querySelector(".state").textContent = words + noted;
   }
 
@@ -93,7 +94,7 @@ class LongTable {
   // The rows in sight, with room for the others above and below.
   show(all) {
     const first = all ? 0 : Math.max(0, Math.floor(this.scroller.scrollTop / ROW) - 10);
-    const last = Math.min(this.rows.length, all ? PRINTED : first + Math.ceil(this.scroller.clientHeight / ROW) + 24);
+    const last = Math.min(this.rows.length, all ? this.printed : first + Math.ceil(this.scroller.clientHeight / ROW) + 24);
     const parts = [document.createDocumentFragment()];
     parts[0].append(this.space(first));
     for (let place = first; place < last; place++) parts[0].append(this.line(this.rows[place]));
@@ -114,7 +115,7 @@ class LongTable {
     for (const column of this.columns) {
       const cell = row.insertCell();
       cell.textContent = shown(column.words ? this.word(column.key, number) : value(this.table, column.key, number), column);
-      if (column.text) { cell.className = "text"; cell.title = cell.textContent; }
+      if (column.text) { cell.className = cell.textContent.length > 16 ? "text breaks" : "text"; cell.title = cell.textContent; }
     }
     const flag = value(this.table, "flag", number);
     if (flag === "gross") row.className = "gross"; else if (flag) row.className = "soft";

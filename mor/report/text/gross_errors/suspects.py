@@ -13,13 +13,13 @@ from mor.report.words.language import ENGLISH, Words
 SHOWN = 200
 
 
-def section(solved: Solved, words: Words = ENGLISH) -> str:
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """The suspects, the worst first; nothing where there are none."""
     data = suspects(solved)
     if data is None:
         return ""
     rows = [
-        [_place(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:SHOWN]
+        [_place(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:shown]
     ]
     lines = [
         heading(words("Left out: suspects of gross errors")),

@@ -1,0 +1,107 @@
+"""``mor report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli._language import language_option
+
+if TYPE_CHECKING:
+    from mor.report.words.language import Words
+
+
+@click.command(name="report")
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option("--pdf", is_flag=True, help="Print the report as PDF.")
+@click.option(
+    "--paper",
+    type=click.Choice(["A4", "Letter"]),
+    default="A4",
+    show_default=True,
+    help="Paper of the PDF.",
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    show_default="report.pdf or report.html in RESULTS",
+    help="The file that is written.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a file of -o that is there already.")
+@language_option("the page; a PDF has that of the report it is made of")
+def command(results: Path, pdf: bool, paper: str, output: Path | None, force: bool, lang: str) -> None:
+    """Print the report in RESULTS as PDF, or write its page anew in another language.
+
+    \b
+    Examples:
+      mor report project.results --pdf
+      mor report project.results --pdf --paper Letter -o signed.pdf
+      mor report project.results --lang de -o bericht.html
+
+    RESULTS is a folder of results. The PDF is printed by the first browser that is found (Chromium, Chrome, Edge;
+    MOR_BROWSER names another); without one it has the text of report.txt, for which matplotlib is needed.
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.errors import InputError, Problem
+
+    target = output or results / ("report.pdf" if pdf else "report.html")
+    if output is not None and output.exists() and not force:
+        raise InputError([Problem("this file exists; --force replaces it", str(output))])
+    if not (results / "results.json").is_file():
+        raise InputError([Problem("there is no results.json in this folder", str(results))])
+    if pdf:
+        _print(results, target, paper)
+    else:
+        _write_page(results, target, lang)
+    click.echo(str(target), err=True)
+
+
+def _print(results: Path, target: Path, paper: str) -> None:
+    """PDF of the page where a browser is found, of the text otherwise."""
+    from mor.errors import InputError, Problem
+    from mor.report.html.paper import browser, print_page
+
+    page, program = results / "report.html", browser()
+    if program is not None and page.is_file():
+        print_page(program, page, target, paper)
+        return
+    text = results / "report.txt"
+    if not text.is_file():
+        raise InputError(
+            [Problem("there is neither report.html nor report.txt in this folder", str(results))]
+        )
+    why = "there is no report.html" if program is not None else "no browser was found"
+    click.echo(f"note: {why}: the PDF has the text of report.txt, without pictures", err=True)
+    _print_text(text, target, paper)
+
+
+def _print_text(text: Path, target: Path, paper: str) -> None:
+    from mor.input_files import TABLE, read_text
+    from mor.report.plots.text_pages import write_text_pages
+    from mor.report.words.language import words_of_page
+
+    said = read_text(text, TABLE)
+    write_text_pages(said, said.split("\n", 1)[0], target, paper, words_of_page(_language(said)))
+
+
+def _language(report: str) -> str:
+    """Language of a text report, by the heading of its last section."""
+    from mor.report.words.language import LANGUAGES, words_of
+
+    title = "About this report"
+    return next((name for name in LANGUAGES if f"\n{words_of(name)(title)}\n" in report), LANGUAGES[0])
+
+
+def _write_page(results: Path, target: Path, lang: str) -> None:
+    from mor.report.html.page import page
+    from mor.report.view import view_of_folder
+    from mor.report.words.language import words_of_page
+
+    words: Words = words_of_page(lang)
+    target.write_text(page(view_of_folder(results), words), encoding="utf-8")
