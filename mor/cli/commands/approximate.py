@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,6 +67,7 @@ def command(
     """
     from mor.errors import ExitCode, InputError, Problem
     from mor.pipeline import read_document, read_network
+    from mor.quality.diagnosis.determinable import AT_INFINITY
     from mor.report.results.adjusted.start_columns import Placed
     from mor.report.results.folder import check_inputs, folder_beside
     from mor.report.results.reservation import check_free, reserve
@@ -82,9 +84,9 @@ def command(
         network = read_network(document, project.parent)
         approximation = _approximated(network, quiet)
         _report(network, approximation, as_json, plot, lang)
-        refused = approximation.missing and network.project.settings.undetermined == "refuse"
-        if refused:
-            count = counted(len(approximation.missing), "thing stays", "things stay")
+        missing = [thing for thing in approximation.missing if thing.treatment != AT_INFINITY]
+        if missing and network.project.settings.undetermined == "refuse":
+            count = counted(len(missing), "thing stays", "things stay")
             raise InputError([Problem(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
@@ -97,11 +99,16 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
     from mor.errors import screenful
+    from mor.quality.diagnosis.determinable import completed_or_at_infinity
+    from mor.quality.tests.test_statistics import critical_value
 
     for note in screenful(network.notes) if not quiet else ():
         click.echo(f"note: {note}", err=True)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
-        return approximate(network)
+        found = approximate(network)
+    critical = critical_value(network.project.settings.snooping_level)
+    start, missing = completed_or_at_infinity(network, found.start, found.missing, critical)
+    return replace(found, start=start, missing=missing)
 
 
 def _report(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from mor.quality.diagnosis.parallax import with_free_poses
 from mor.quality.diagnosis.unsettled import only_here
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
+AT_INFINITY: Final = "at infinity"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
 NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
@@ -70,6 +72,17 @@ def completed(
     known = {("point", ids[p]) for p in found.points.tolist()}
     left = tuple(thing for thing in missing if (thing.kind, thing.name) not in known)
     return {**start, "point": points}, left
+
+
+def completed_or_at_infinity(
+    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
+) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    """The same with the points at infinity among what is missing, named as that."""
+    values, left = completed(network, start, missing, critical)
+    known: BoolArray = np.asarray(np.isfinite(values["point"]).all(axis=1))
+    placed = {("point", name) for name, k in zip(network.blocks["point"].ids, known, strict=True) if k}
+    far = [thing for thing in missing if thing not in left and (thing.kind, thing.name) not in placed]
+    return values, (*left, *(thing._replace(reason=PARALLEL, treatment=AT_INFINITY) for thing in far))
 
 
 def without_unknown(network: Network, start: Values, missing: Sequence[Undeterminable]) -> Network:
@@ -226,7 +239,7 @@ def _without_far(
         return without_points(network, far.points, PARALLEL), begun
     rays = rows_of_points(network)
     things = [
-        Undeterminable("point", ids[p], PARALLEL, "at infinity", int(rays[p])) for p in far.points.tolist()
+        Undeterminable("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
     ]
     return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
 

@@ -23,6 +23,8 @@ sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from tests.mixtures.ingredients import mixture
 from tests.mixtures.project_file import write_project
+from tests.undeterminable.plantings import write as write_world
+from tests.undeterminable.street import street
 
 ROOT = Path(approximations.__file__).parent
 REPORT = Path(report.__file__).parent
@@ -167,3 +169,15 @@ def test_replaced_values_are_said(tmp_path: Path) -> None:
     changed = replace(found, start=start)
     rows = start_values(network, changed, make_problem(network, start, start))
     assert [(row.kind, row.what) for row in rows if row.status == "replaced"] == [("image", "attitude")]
+
+
+def test_points_at_infinity_are_called_that_and_do_not_refuse_the_rest(tmp_path: Path) -> None:
+    world, far = street(0, 6, 4, 2, free=True)
+    world.given = False
+    run = mor(
+        "approximate", write_world(tmp_path, world, "refuse"), "-o", tmp_path / "o", "--json", "--quiet"
+    )
+    assert run.code == 0
+    missing = json.loads(run.out)["missing"]
+    assert {thing["id"] for thing in missing} == far
+    assert all("a direction, and no distance" in thing["reason"] for thing in missing)
