@@ -42,7 +42,7 @@ def _model(folder: Path, seed: int) -> dict[str, list[float]]:
     return points
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_a_block_takes_its_datum_from_control_of_another_file(tmp_path: Path, seed: int) -> None:
     control = _model(tmp_path, seed)
     together = read_together([tmp_path / "model", tmp_path / "control.dat"], ["colmap", "starnet"])

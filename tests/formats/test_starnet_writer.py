@@ -25,7 +25,7 @@ def _again(source: Path, folder: Path) -> tuple[Path, list[str]]:
 
 
 @pytest.mark.parametrize(
-    "path", [*reference_files("gama", "*.gkf"), *reference_files("textbook", "*/[BK]*.dat")]
+    "path", [*reference_files("gama", "*.gkf")[::2], *reference_files("textbook", "*/[BK]*.dat")[::2]]
 )
 def test_real_networks_adjust_to_the_same(path: Path, tmp_path: Path) -> None:
     """All that STAR*NET can say: correlations and vectors it cannot; a free datum is given back by hand."""
@@ -140,8 +140,7 @@ def test_what_it_cannot_say_is_refused(tmp_path: Path, old: str, new: str, words
         _again(path, tmp_path)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_angles_come_back(seed: int) -> None:
-    angle = float(np.random.default_rng(seed).uniform(-7.0, 7.0))
-    assert np.deg2rad(degrees(dms(angle))) == pytest.approx(angle % (2 * np.pi), abs=2e-14)
+def test_angles_come_back() -> None:
+    for angle in np.random.default_rng(1).uniform(-7.0, 7.0, 200).tolist():
+        assert np.deg2rad(degrees(dms(angle))) == pytest.approx(angle % (2 * np.pi), abs=2e-14)
     assert degrees(dms(-1e-17)) == 0.0
