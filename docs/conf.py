@@ -43,8 +43,14 @@ CHAPTERS = {
     ),
     "Formats": (
         "formats/index",
-        *(f"formats/{page}" for page in ("colmap", "opensfm", "metashape", "photomodeler", "bal", "aicon")),
-        *(f"formats/{page}" for page in ("gkf", "textbook", "starnet", "field-books", "drawings")),
+        *(
+            f"formats/{page}"
+            for page in ("colmap", "opensfm", "openmvg", "metashape", "photomodeler", "bal", "aicon")
+        ),
+        *(
+            f"formats/{page}"
+            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "field-books", "drawings")
+        ),
     ),
     "Results": ("reports", "results", "statistics", "reliability"),
     "Scripts and developers": (

@@ -16,6 +16,9 @@ AnyIntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 """Numbers that are only looked up: of ten million rows they are kept as small as they go."""
 SmallestIntArray: TypeAlias = NDArray[np.int8]
 """Numbers of components of a row."""
+LARGEST = 1e50
+"""Numbers that are read and computed with. (v/σ)² of the worst of them is 1e200, and leaves room for sums and products
+of derivatives; nothing that is measured, in whatever unit, comes near."""
 
 
 def ranges(starts: IntArray, lengths: IntArray) -> IntArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -38,6 +38,18 @@ class Problem:
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
         return escaped(f"{place}{self.message}")
+
+
+MOST_TOLD = 20
+"""Mistakes or notes that fill a screen."""
+
+
+def screenful(notes: Sequence[Problem]) -> Sequence[Problem]:
+    """Notes that a terminal is given: all, or the first ones and how many more there are."""
+    more = len(notes) - MOST_TOLD
+    if more <= 0:
+        return notes
+    return [*notes[:MOST_TOLD], Problem(f"… and {more} more notes; mor check --all tells all of them")]
 
 
 class Undeterminable(NamedTuple):

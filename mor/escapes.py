@@ -17,9 +17,10 @@ def escaped(text: str) -> str:
     return _UNSEEN.sub(_spelled, text) if not text.isascii() or not text.isprintable() else text
 
 
-def shortened(line: str) -> str:
-    """A line that fits the terminal; what is left out of its middle is marked."""
-    return line if len(line) <= LONGEST else f"{line[: LONGEST - 100]} … {line[-97:]}"
+def shortened(line: str, longest: int = LONGEST) -> str:
+    """A line that fits the terminal, or another width; what is left out of its middle is marked."""
+    tail = longest // 5
+    return line if len(line) <= longest else f"{line[: longest - tail]} … {line[3 - tail :]}"
 
 
 def _spelled(match: re.Match[str]) -> str:

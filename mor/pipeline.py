@@ -46,7 +46,7 @@ from mor.quality.gross_errors.suspects import (
     without_suspects,
 )
 from mor.quality.hypotheses.hypothesis import Offered
-from mor.quality.hypotheses.search import causes
+from mor.quality.hypotheses.search import Looking, causes, ignore_looking
 from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
@@ -82,17 +82,26 @@ def read_network(document: Document, folder: Path, read: TableWatcher = ignore_t
 
 
 def solve_network(
-    network: Network, watch: Watcher | None = None, assessing: Callable[[int], Done] | None = None
+    network: Network,
+    watch: Watcher | None = None,
+    assessing: Callable[[int], Done] | None = None,
+    looking: Looking = ignore_looking,
 ) -> Solved:
     """Adjust a network and assess the outcome.
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
+    ``looking`` is called likewise where something is rejected, with the number of hypotheses that may be tried.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
-        return _solved(network, watch, assessing)
+        return _solved(network, watch, assessing, looking)
 
 
-def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> Solved:
+def _solved(
+    network: Network,
+    watch: Watcher | None,
+    assessing: Callable[[int], Done] | None,
+    looking: Looking,
+) -> Solved:
     settings = network.project.settings
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
@@ -104,7 +113,9 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
 
     def possible_causes(quality: Quality | None) -> tuple[Offered, ...]:
         solution = adjustment if adjustment.outcome.is_solution else None
-        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing)
+        return causes(
+            whole, network, start, plain, solution, quality, make_problem, _start_or_nothing, looking
+        )
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
@@ -128,7 +139,8 @@ def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
         reduced, start = determinable_start(network)
     except (InputError, NoStartValuesError):
         return None
-    return start if reduced.groups is network.groups else None
+    sizes = [group.count for group in reduced.groups]
+    return start if sizes == [group.count for group in network.groups] else None
 
 
 def _without_gross_errors(
@@ -210,6 +222,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
         return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
+    from mor.approximate.parts.lines import with_lines_turned
 
     found = approximate(network)
     replaced = tuple(
@@ -226,7 +239,8 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
     settings = network.project.settings
     start: Mapping[str, FloatArray]
-    start, missing = completed(network, found.start, found.missing, critical_value(settings.snooping_level))
+    network, start = with_lines_turned(network, found.start)
+    start, missing = completed(network, start, found.missing, critical_value(settings.snooping_level))
     if missing and settings.undetermined == "refuse":
         raise NoStartValuesError(missing, map(str, found.remarks))
     if missing:
@@ -255,10 +269,14 @@ def _means(
             rescued.append((adjustment, suspects))
         return adjustment
 
+    def complete(adjustment: Adjustment) -> bool:
+        return adjustment.outcome.is_solution and all(found is not adjustment for found, _ in rescued)
+
     return Means(
         lambda network, start: make_problem(network, start, start),
         solve,
         critical_value(settings.snooping_level),
+        complete,
     )
 
 

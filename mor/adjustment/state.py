@@ -22,6 +22,7 @@ _SHORTEST = 0.02
 """Part of a step along weak directions that is taken at least."""
 
 A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
+RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
 STANDS_STILL = "the iteration stands still"
 """Reasons of outcomes."""
 

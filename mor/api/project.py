@@ -50,13 +50,14 @@ class Project:
     __repr__ = __str__
 
 
-def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
+def read(source: Source, folder: str | PathLike[str] | None = None, form: str = "") -> Project:
     """Read and check a project.
 
     Args:
         source: a project file, a file or folder in a foreign format, or the project itself as a dictionary with the
             keys of a project file, in which a data frame may stand wherever a file of a table is named.
         folder: where the tables of a dictionary are found from; the current folder.
+        form: format of a foreign file, as ``mor convert --from`` takes it, where its content shall not tell.
 
     Raises:
         InputError: with every mistake that was found: where it stands, what was found, what was expected.
@@ -74,6 +75,6 @@ def read(source: Source, folder: str | PathLike[str] | None = None) -> Project:
     else:
         path = Path(source)
         with files_read() as files:
-            document, place = read_document(path), path.parent
+            document, place = read_document(path, form), path.parent
             network = read_network(document, place)
     return Project(document, network, place, tuple(files.values()))

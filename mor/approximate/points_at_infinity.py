@@ -111,19 +111,21 @@ def _only_rays(network: Network) -> BoolArray:
     foreign = blocks.owner != np.arange(count)[:, None]
     only: BoolArray = blocks.free.all(axis=1) & ~foreign.any(axis=1)
     only[blocks.owner[foreign]] = False
+    seen = np.zeros(count, dtype=bool)
     for group in network.groups:
         target = target_slot(group.type) if can_be_at_infinity(group.type) else -1
         for k, (slot, numbers) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
             if slot.kind == "point" and k != target:
                 only[numbers] = False
-        if target >= 0 and not group.mask.all():
+        if target >= 0:
+            seen[group.blocks[target]] = True
             only[group.blocks[target][~group.mask.all(axis=1)]] = False
     for cluster in network.correlations:
         for g, row in zip(cluster.groups, cluster.rows, strict=True):
             group = network.groups[g]
             if can_be_at_infinity(group.type):
                 only[group.blocks[target_slot(group.type)][row]] = False
-    return only
+    return only & seen
 
 
 def _met(network: Network, given: FloatArray) -> RayPoints:

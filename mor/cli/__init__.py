@@ -121,12 +121,11 @@ def _out_of_memory(error: MemoryError) -> str:
 OUT_OF_MEMORY = (
     "What helps: --no-html and --tables worst, fewer observations at a time, a machine with more memory."
 )
-MOST_TOLD = 20
-"""Mistakes that fill a screen."""
 
 
 def _tell(error: MorError) -> None:
     """What is wrong, on one screen at most, and how to see the rest."""
+    from mor.errors import MOST_TOLD
     from mor.escapes import shortened
 
     lines = [shortened(line) for line in str(error).splitlines()]

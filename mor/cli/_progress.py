@@ -86,12 +86,15 @@ class Progress:
         return lambda name: more(sizes.get(name or "", 0))
 
     def notes(self, notes: Iterable[Problem]) -> None:
-        """What a reader left out or decided on its own."""
-        for note in notes:
+        """What a reader left out or decided on its own; the terminal is given a screenful of it."""
+        from mor.errors import screenful
+
+        told = list(notes)
+        for note in told:
             self.event("note", message=note.message, file=note.file, line=note.line)
-            if not self.quiet:
-                said = replace(note, message=self.words.listed(note.message))
-                click.echo(self.words("note: {text}", text=said), err=True)
+        for note in () if self.quiet else screenful(told):
+            said = replace(note, message=self.words.listed(note.message))
+            click.echo(self.words("note: {text}", text=said), err=True)
 
     def note(self, words: str, /, **values: object) -> None:
         """Something the user should know, with values for the places in braces."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -39,6 +39,21 @@ def read_foreign(path: Path, key: str = "") -> Document:
     if not form.untried:
         return document
     return replace(document, notes=(Problem(form.untried, str(path)), *document.notes))
+
+
+def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
+    """The project that foreign files describe together; ``keys`` name the formats of the first ones.
+
+    Raises :class:`InputError` with every mistake found, and for project files of mor's own.
+    """
+    from mor.formats.combination import combined
+
+    own = [path for path in paths if path.suffix.lower() in (".yaml", ".yml")]
+    if own:
+        words = "a project file is not put together with other files: name their tables in it"
+        raise InputError([Problem(words, str(path)) for path in own])
+    by_path = (*keys, *[""] * len(paths))
+    return combined([read_foreign(path, key) for path, key in zip(paths, by_path, strict=False)])
 
 
 def write_foreign(document: Document, folder: Path, target: Path, key: str) -> Written:
@@ -78,4 +93,12 @@ def _unknown(path: Path, key: str) -> str:
     return f"nothing in this file tells its format; --from says it (known: {readable})"
 
 
-__all__ = ["FORMATS", "format_of", "format_to_write", "is_foreign", "read_foreign", "write_foreign"]
+__all__ = [
+    "FORMATS",
+    "format_of",
+    "format_to_write",
+    "is_foreign",
+    "read_foreign",
+    "read_together",
+    "write_foreign",
+]

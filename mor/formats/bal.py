@@ -15,14 +15,22 @@ import polars as pl
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
-from mor.formats.content import Content, content_of, image_points, images, not_carried, points
+from mor.formats.content import (
+    Content,
+    content_of,
+    image_points,
+    images,
+    interior_values,
+    not_carried,
+    points,
+)
 from mor.formats.draft import Draft, Row
 from mor.formats.text import decoded
 from mor.formats.written import Written
 from mor.geometry.rotations import angles_from_rotation, exponential, rotation_from_angles
 from mor.input_files import TABLE, read_bytes
 from mor.project.edge import image_scale, split
-from mor.project.file.model import Camera, Value
+from mor.project.file.model import Camera
 from mor.project.file.nodes import Document
 
 _CAMERA = 9
@@ -239,13 +247,12 @@ def _interior(
     content: Content, name: str, camera: Camera, problems: list[Problem]
 ) -> tuple[float, float, float]:
     """f, k1, k2 in px."""
-    values: dict[str, float] = {}
     scale = image_scale(camera, content.project.units)
-    for key, setting in camera.interior.items():
-        text = setting
-        if isinstance(setting, Value):
-            text = setting.start or setting.free or setting.fixed or setting.observed or "0"
-        values[key] = split(str(text))[0]
+    try:
+        values = interior_values(camera, content.edge, scale)
+    except ValueError as error:
+        problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
+        return 1.0, 0.0, 0.0
     others = [key for key, value in values.items() if key not in ("c", "A1", "A2") and value]
     plain = camera.unit == "px" or not np.isnan(scale.pixel)
     if camera.model != "mor" or others or "c" not in values or not plain or split(camera.r0 or "0")[0]:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from mor.errors import InputError, Problem, nearest
-from mor.formats.colmap.cameras import camera_from, interior_values
+from mor.formats.colmap.cameras import camera_from
 from mor.formats.colmap.writer import camera_line
-from mor.formats.content import Content, content_of
+from mor.formats.content import Content, content_of, interior_values
 from mor.formats.metashape.writer import interior_of
 from mor.formats.opencv_file import write_opencv
 from mor.project.edge import image_scale, split

@@ -53,11 +53,31 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.opensfm.reader", "read_opensfm"),
         folder=True,
     ),
+    "gcp": Format(
+        "OpenDroneMap ground control (gcp_list.txt)",
+        write=Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+    ),
+    "openmvg": Format(
+        "openMVG sfm_data.json",
+        Code("mor.formats.sfm_data.openmvg", "read_openmvg"),
+        untried="no reconstruction of openMVG could be had: this reader was written from its source",
+    ),
+    "alicevision": Format(
+        "AliceVision, Meshroom (.sfm)",
+        Code("mor.formats.sfm_data.alicevision", "read_alicevision"),
+        suffixes=(".sfm",),
+        untried="of a real file only cameras and poses could be tried; image points were written from the source",
+    ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
-        untried="no whole file of Metashape could be had: tried on files of its own writer, and on published excerpts",
+        untried="no whole file of Metashape could be had: tried on files of its own writer and excerpts of real ones",
+    ),
+    "metashape-reference": Format(
+        "Metashape reference pane as text: markers or cameras",
+        Code("mor.formats.metashape.reference", "read_reference"),
+        untried="no export of the reference pane could be had: this reader was written from the manual",
     ),
     "bal": Format(
         "BAL, bundle adjustment in the large",
@@ -88,10 +108,29 @@ FORMATS: dict[str, Format] = {
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
     ),
+    "jobxml": Format(
+        "Trimble JobXML",
+        _book("jobxml", "read_jobxml"),
+        suffixes=(".jxl",),
+        untried="no file of Trimble Access could be had: this reader was written from its schema",
+    ),
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet.reader", "read_starnet"),
+        Code("mor.formats.starnet.writer", "write_starnet"),
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
+    ),
+    "dynadjust": Format(
+        "DynAdjust DNA files (.stn with .msr): what is Cartesian",
+        Code("mor.formats.dynadjust", "read_dynadjust"),
+        suffixes=(".stn", ".msr"),
+    ),
+    "jag3d": Format(
+        "JAG3D column text (folder, names of files tell their kinds)",
+        Code("mor.formats.jag3d.reader", "read_jag3d"),
+        Code("mor.formats.jag3d.writer", "write_jag3d"),
+        folder=True,
+        untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
     ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
@@ -104,6 +143,7 @@ FORMATS: dict[str, Format] = {
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),
+        Code("mor.formats.aicon.writer", "write_aicon"),
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),

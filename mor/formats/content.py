@@ -11,9 +11,10 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge, ImageScale, image_scale
-from mor.project.file.model import Observations, Project, Table
+from mor.project.file.model import Camera, Observations, Project, Table, Value
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
@@ -213,3 +214,21 @@ def not_carried(
         if found and section not in sections:
             notes.append(counted(len(found), f"entry of {section}", f"entries of {section}"))
     return [Problem(f"{what} has no place for: {', '.join(notes)}", file)] if notes else []
+
+
+def interior_values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:
+    """Components of the interior orientation that are given, in the unit of the camera, as they start.
+
+    Raises ``ValueError`` where the first component (c or fx) is missing.
+    """
+    known = {component.name: component for component in CAMERA_MODELS[camera.model].components}
+    values = {}
+    for name, setting in camera.interior.items():
+        text = setting
+        if isinstance(setting, Value):
+            text = setting.start or setting.free or setting.fixed or setting.observed or "0"
+        values[name] = edge.number(str(text), known[name].quantity, "", scale)
+    first = CAMERA_MODELS[camera.model].components[0].name
+    if first not in values:
+        raise ValueError(f"it has no {first}")
+    return values

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
+from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.text import decoded
 from mor.input_files import is_folder
 
@@ -53,9 +54,12 @@ def format_of(path: Path) -> str | None:
     """Key of the format of a file or folder; ``None`` for mor's own files and where nothing tells."""
     if is_stem(path):
         return "aicon"
-    if path.suffix.lower() in _OWN:
+    suffix = path.suffix.lower()
+    if suffix in _OWN and suffix != ".csv":
         return None
     sample = _sample(path)
+    if suffix == ".csv":
+        return "metashape-reference" if _reference_pane(sample) else None
     for key, holds in _RULES:
         if key in FORMATS and holds(sample):
             return key
@@ -113,6 +117,17 @@ def _opensfm(sample: Sample) -> bool:
     )
 
 
+def _jag3d(sample: Sample) -> bool:
+    return any(POINT_FILE.match(name) for name in sample.names) and any(
+        OBSERVATION_FILE.match(name) for name in sample.names
+    )
+
+
+def _alicevision(sample: Sample) -> bool:
+    head = sample.text.lstrip()[:1] == "{" and '"version"' in sample.text
+    return head and any(f'"{name}"' in sample.text for name in ("featuresFolders", "viewId", "intrinsicId"))
+
+
 def _photomodeler(sample: Sample) -> bool:
     """Tolerance and iterations, nine σ, then the camera: lines 2, 3 and 4."""
     counts = [_numbers(words) for words in sample.lines[1:4]]
@@ -166,14 +181,25 @@ def _aicon(sample: Sample) -> bool:
     return any(name.endswith((".ior", ".ior.gz")) for name in sample.names)
 
 
+def _reference_pane(sample: Sample) -> bool:
+    lines = sample.text.split("\n")[:6]
+    return any(re.match(r"#?\s*label\s*[,;\t]\s*x/", line, re.IGNORECASE) for line in lines)
+
+
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
+    ("jag3d", _jag3d),
+    ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
+    ("alicevision", _alicevision),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
+    ("metashape-reference", _reference_pane),
+    ("jobxml", lambda sample: sample.root == "JOBFile"),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
+    ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),

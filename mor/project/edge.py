@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.arrays import LARGEST, FloatArray
 from mor.project.file.model import Axes, Camera, Units
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
 
@@ -113,9 +113,8 @@ def split(text: str) -> tuple[float, str]:
     return value, match[2] or ""
 
 
-LARGEST, SMALLEST_SIGMA = 1e50, 1e-50
-"""Numbers that are read, and σ of observations. (v/σ)² of the worst of them is 1e200, and leaves room for sums and
-products of derivatives; nothing that is measured, in whatever unit, comes near."""
+SMALLEST_SIGMA = 1e-50
+"""σ of observations."""
 
 
 def beyond(text: str, value: float) -> str:

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from mor.adjustment.datum.defect import network_components
+from mor.arrays import BoolArray
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.tests.common_effects import CommonEffect, common_effects
 from mor.quality.tests.fixed_coordinates import fixed_point_tests
 from mor.quality.tests.group_tests import GroupTest, GroupTests, group_tests, rows_of_test
+from mor.quality.tests.p_values import log_p_normal, log_p_student
 from mor.quality.tests.quadratic_form import Moments, log_tail
 
-EXPLAINED = 20
-"""Groups for which an explanation is looked for; what is worst beside the rest need not be what is wrong."""
+EXPLAINED, ALWAYS_EXPLAINED = 20, 5
+"""Groups for which an explanation is looked for, at most where they reject beside all others, and in any case: what is
+worst beside the rest need not be what is wrong."""
 _LEAST_LEFT = 1.0
 """Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
 _MOST_MOVEMENTS = 7
@@ -31,15 +34,17 @@ class Explained:
     """Number of its observations that the test of single observations flags."""
     share_of_flagged: float
     """Their part of its part of vᵀPv."""
+    largest: float
+    """The largest |w| of these, 0 where none is flagged."""
     effect: CommonEffect | None
-    """The most significant offset or scale, where it is significant."""
+    """The most significant offset or scale, where it is significant beside what it leaves."""
     suffices: bool
     """True where with the effect the test accepts."""
 
     @property
     def gain(self) -> float:
-        """By how much vᵀPv of all observations falls with the effect."""
-        return self.effect.test**2 if self.effect is not None else 0.0
+        """By how much vᵀPv of all falls with the effect, or without the worst observation: one more unknown each."""
+        return max(self.effect.test**2 if self.effect is not None else 0.0, self.largest**2)
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class Verdict:
 
     tests: GroupTests
     explained: tuple[Explained, ...]
-    """The worst of the rejected groups; those first whose effect explains most of vᵀPv."""
+    """The worst of the rejected groups; those first of which an effect or an observation explains most of vᵀPv."""
     all_alike: bool
     """True where groups are rejected, but none of them beside the others: then all σ are wrong by the same factor."""
     chosen_only: bool
@@ -66,7 +71,9 @@ def verdict(quality: Quality, network: Network) -> Verdict:
     rejected = tests.rejected
     limit = float(np.log(tests.level_of_each))
     alike = bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
-    explained = [] if alike else [_explained(quality, tests, test) for test in rejected[:EXPLAINED]]
+    beside = sum(test.log_p_beside_rest <= limit for test in rejected)
+    looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
+    explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     explained.sort(key=lambda one: -one.gain)
     return Verdict(tests, tuple(explained), alike, _chosen_only(quality))
 
@@ -81,20 +88,27 @@ def _chosen_only(quality: Quality) -> bool:
 
 def _explained(quality: Quality, tests: GroupTests, test: GroupTest) -> Explained:
     chosen = tests.rows(test, quality.adjustment.problem)
-    flagged, share = _of_flagged(quality, tests, test)
+    single = _single_observations(quality, chosen, test.omega)
     if test.omega < test.redundancy:  # residuals that are too small: no effect makes them so
-        return Explained(test, flagged, share, None, False)
+        return Explained(test, *single, None, False)
     rows = rows_of_test(quality, test, tests.partitions[test.partition])
     effects = [
         effect
         for effect in common_effects(quality, rows, chosen, test.redundancy)
         if abs(effect.test) > quality.critical
     ]
-    if not effects:
-        return Explained(test, flagged, share, None, False)
     limit = float(np.log(tests.level_of_each))
     enough = [effect for effect in effects if _accepted(test, effect, limit)]
-    return Explained(test, flagged, share, (enough or effects)[0], bool(enough))
+    found = enough or [effect for effect in effects if _beside_what_is_left(effect, quality.critical)]
+    return Explained(test, *single, found[0] if found else None, bool(enough))
+
+
+def _beside_what_is_left(effect: CommonEffect, critical: float) -> bool:
+    """True where an effect is significant beside the residuals it leaves: those of a gross error have any offset."""
+    if effect.redundancy < _LEAST_LEFT:
+        return False
+    square = np.array([(effect.test / effect.factor) ** 2])
+    return bool(log_p_student(square, effect.redundancy)[0] < log_p_normal(np.array([critical]))[0])
 
 
 def _accepted(test: GroupTest, effect: CommonEffect, limit: float) -> bool:
@@ -106,12 +120,16 @@ def _accepted(test: GroupTest, effect: CommonEffect, limit: float) -> bool:
     return bool(log_tail(np.array([effect.omega]), left)[0] >= limit or effect.omega < effect.redundancy)
 
 
-def _of_flagged(quality: Quality, tests: GroupTests, test: GroupTest) -> tuple[int, float]:
-    chosen = tests.rows(test, quality.adjustment.problem)
-    count, part = 0, 0.0
-    for one, flags, mask in zip(quality.groups, quality.flagged, chosen, strict=True):
-        here = flags & mask
-        if here.any():
+def _single_observations(quality: Quality, chosen: list[BoolArray], omega: float) -> tuple[int, float, float]:
+    """Number of flagged ones among the chosen, their share of ``omega``, and the largest |w|."""
+    count, part, largest = 0, 0.0, 0.0
+    for one, reliability, flags, mask in zip(
+        quality.groups, quality.reliability, quality.flagged, chosen, strict=True
+    ):
+        rows = np.flatnonzero((flags & mask).any(axis=1))
+        if len(rows):
+            here, some = (flags & mask)[rows], one.at(rows)
             count += int(np.count_nonzero(here))
-            part += float((one.v * one.weighted)[here].sum())
-    return count, part / test.omega if test.omega > 0.0 else 0.0
+            part += float((some.v * some.weighted)[here].sum())
+            largest = max(largest, float(np.abs(reliability.at(rows).test[here]).max()))
+    return count, part / omega if omega > 0.0 else 0.0, largest

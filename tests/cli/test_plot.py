@@ -106,6 +106,19 @@ def test_a_picture_is_not_replaced_unasked(results: Path, tmp_path: Path) -> Non
     assert run(["plot", "histogram", str(results), "-o", str(path), "--force"]) == 0
 
 
+def test_a_long_title_leaves_the_network_its_size(results: Path, tmp_path: Path) -> None:
+    from mor.report.plots.network import network
+    from mor.report.plots.sheet import save
+
+    view: View = view_of_source(results)
+    sizes = []
+    for title in ("short", "very long " * 40):
+        figure = network(replace(view, summary={**view.summary, "title": title}))
+        save(figure, tmp_path / "network.png")
+        sizes.append(figure.axes[0].get_position().size)
+    assert np.allclose(*sizes, rtol=0.02)
+
+
 def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
     from mor.report.plots.network import network
 

@@ -36,9 +36,10 @@ def test_the_example_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     for command in commands:
         run = mor(*command.split())
         assert run.code == 0, run.err
-        assert Path(command.split()[2]).exists()
+        target = command.split(" --")[0].split()[-1]
+        assert Path(target).exists()
         if command.endswith(".yaml"):
-            assert mor("check", command.split()[2]).code == 0
+            assert mor("check", target).code == 0
 
 
 def test_every_format_is_in_the_list() -> None:

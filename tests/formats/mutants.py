@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import resource
 import sys
 import tempfile
@@ -73,10 +74,13 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
     from .test_bal import _bal
     from .test_colmap import RIG
+    from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
-    from .test_metashape import XML
+    from .test_jag3d import FILES
+    from .test_metashape import PANE, XML
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_sfm_data import alicevision, openmvg
     from .test_starnet import _space
 
     def written_by(key: str, name: str) -> Files:
@@ -93,7 +97,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         + POINTS.format(control="  9 5 5 5 0 0 0\n")
     )
     books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
-    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5"}
+    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml"}
     return {
         "colmap text": ("colmap", "", {name: text.encode() for name, text in RIG.items()}),
         "colmap binary": ("colmap", "", written_by("colmap-binary", "m")),
@@ -101,6 +105,11 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
+        "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
+        "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
+        "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
+        "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
+        "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

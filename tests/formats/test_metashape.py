@@ -9,8 +9,9 @@ import pytest
 from reference_data import network_of, point_results
 
 from mor.errors import InputError
-from mor.formats import format_of, read_foreign, write_foreign
+from mor.formats import format_of, read_foreign, read_together, write_foreign
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.geometry.rotations import rotation_from_angles
 from mor.pipeline import read_document, solve_network
 from mor.project.network.build import Network
 
@@ -130,7 +131,10 @@ def test_a_chunk_with_its_transform(tmp_path: Path) -> None:
     document = read_foreign(path)
     data = document.data
     rows = data["images"][0]["rows"]
-    assert [row[:2] for row in rows] == [["a.jpg", "0"], ["a.jpg (1)", "1"]]
+    assert [row[:2] for row in rows] == [["a.jpg", "0"]]
+    notes = " ".join(map(str, document.notes))
+    assert "1 image in which no marker is measured" in notes
+    assert "sensors 1 have no image here" in notes
     # camera centre (1, 2, 3), turned by 90° about z, doubled and shifted
     assert [float(v) for v in rows[0][2:5]] == pytest.approx([10 - 4, 20 + 2, 30 + 6])
     # its axes right, down, forward are x, −y, −z of the chunk: it looks straight down, turned by 90°
@@ -140,8 +144,6 @@ def test_a_chunk_with_its_transform(tmp_path: Path) -> None:
     assert data["observations"][0]["values"] == {"sigma": "0.1"}
     free = [name for name, value in data["cameras"]["0"]["interior"].items() if "free" in value]
     assert free == ["f", "cx", "cy", "b1", "k1", "k2"]
-    assert data["cameras"]["1"]["interior"]["f"] == {"fixed": "4000.0"}
-    notes = " ".join(map(str, document.notes))
     assert "1 image switched off" in notes
     assert "1 projection of markers or images that are not there" in notes
 
@@ -159,5 +161,106 @@ def test_a_chunk_with_its_transform(tmp_path: Path) -> None:
 def test_mistakes_are_told(tmp_path: Path, old: str, new: str, words: str) -> None:
     path = tmp_path / "markers.xml"
     path.write_text(XML.replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        read_foreign(path)
+
+
+def test_sensors_without_a_calibration_and_images_without_markers(tmp_path: Path) -> None:
+    """A cameras.xml alone keeps all its images."""
+    path = tmp_path / "cameras.xml"
+    path.write_text(XML[: XML.index("<markers>")] + XML[XML.index("<transform><rotation>") :])
+    data = read_foreign(path).data
+    assert [row[:2] for row in data["images"][0]["rows"]] == [["a.jpg", "0"], ["a.jpg (1)", "1"]]
+    assert data["cameras"]["1"]["interior"]["f"] == {"fixed": "4000.0"}
+
+
+def test_reference_positions_of_cameras_are_observed(tmp_path: Path) -> None:
+    """With σ of the file or Metashape's 10 m; yaw, pitch, roll start where there is no transform."""
+    given = '<reference x="1.5" y="2" z="3" sx="0.1" sy="0.2" sz="0.3" yaw="90" pitch="30" roll="0"/>'
+    path = tmp_path / "markers.xml"
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    path.write_text(XML.replace(camera, camera + given))
+    (row,) = read_foreign(path).data["images"][0]["rows"]
+    assert row[2:5] == ["1.5", "2", "3"]
+    assert row[8:11] == ["0.1", "0.2", "0.3"]
+    assert [float(v) for v in row[11:]] == pytest.approx([10 - 4, 20 + 2, 30 + 6])
+    bare = XML.replace(camera, camera + given.replace('sx="0.1" sy="0.2" sz="0.3" ', ""))
+    path.write_text(bare.replace("<transform>1 0 0 1 0 -1 0 2 0 0 -1 3 0 0 0 1</transform>", ""))
+    document = read_foreign(path)
+    (row,) = document.data["images"][0]["rows"]
+    assert row[8:11] == ["10.0"] * 3
+    assert "positions of 1 image are observed" in " ".join(map(str, document.notes))
+    D = rotation_from_angles(np.array([[float(v) for v in row[5:8]]]))[0]
+    # heading east, 30° above the nadir: looks down and ahead; image top ahead and up, its right to the south
+    np.testing.assert_allclose(-D[2], [0.5, 0, -np.sqrt(0.75)], atol=1e-12)
+    np.testing.assert_allclose(D[1], [np.sqrt(0.75), 0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(D[0], [0, -1, 0], atol=1e-12)
+
+
+PANE = """# CoordinateSystem: LOCAL_CS["Local Coordinates (m)"]
+#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_X_(m),Accuracy_Y_(m),Accuracy_Z_(m),Error_(m),X_error,Enable
+P1,1.5,2,3,0.01,0.02,0.03,0.1,0.05,1
+"P, 2",4,5,6,,,,,,0
+P3,7,8,,0.01,0.01,,,,1
+# Total error,,,
+,,,,1
+#Markers
+P1,1,1,1
+"""
+
+
+def test_markers_of_the_reference_pane(tmp_path: Path) -> None:
+    path = tmp_path / "markers.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + PANE.replace("\n", "\r\n").encode())
+    assert format_of(path) == "metashape-reference"
+    document = read_foreign(path)
+    assert document.data["points"][0]["rows"] == [
+        ["P1", "1.5", "2", "3", "0.01", "0.02", "0.03"],
+        ["P, 2", "4", "5", "6", None, None, None],
+        ["P3", "7", "8", None, "0.01", "0.01", None],
+    ]
+    assert document.lines["points", 0, "rows", 2] == 5
+    notes = " ".join(map(str, document.notes))
+    for words in (
+        "switched off",
+        "error_(m), x_error",
+        "another table begins here",
+        "written from the manual",
+    ):
+        assert words in notes
+
+
+def test_cameras_of_the_reference_pane_join_a_block(tmp_path: Path) -> None:
+    """Decimal commas, one accuracy in two parts, names without their suffix."""
+    write = _write(written(tmp_path, block(5, "SIMPLE_RADIAL")))
+    lines = ["#Label;X/Easting;Y/Northing;Z/Altitude;Yaw;Pitch;Roll;Accuracy_(m)"]
+    lines += [f"{k};{k},5;2,25;8;0;0;0;0,02/0,05" for k in range(1, 7)]
+    path = tmp_path / "cameras.csv"
+    path.write_text("\n".join([*lines, "gone;1;1;1;0;0;0;1"]))
+    whole = read_together([write, path], [])
+    (table,) = whole.data["images"]
+    rows = [dict(zip(table["columns"], row, strict=True)) for row in table["rows"]]
+    keys = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+    assert [rows[0][key] for key in keys] == ["1.5", "2.25", "8", "0.02", "0.02", "0.05"]
+    assert "datum" not in whole.data
+    notes = " ".join(map(str, whole.notes))
+    for words in ("1 image not in", "decimal commas", "worked out anew"):
+        assert words in notes
+    network_of(whole, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("1.5,2,3", "1.5,x,3", r"m\.csv:3: found 'x', expected a number"),
+        ("P3,", "P1,", r"m\.csv:5: label 'P1' is there twice"),
+        ("P1,", ",", r"m\.csv:3: the label is missing"),
+        ("0.01,0.02", "-1,0.02", r"m\.csv:3: found the accuracy -1"),
+        ("X/Easting,Y/Northing", "X/Longitude,Y/Latitude", r"m\.csv:2: the coordinates are longitude"),
+    ],
+)
+def test_mistakes_of_the_reference_pane(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text(PANE.replace(old, new, 1))
     with pytest.raises(InputError, match=words):
         read_foreign(path)

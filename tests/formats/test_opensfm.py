@@ -11,8 +11,11 @@ import pytest
 from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
-from mor.formats import format_of, read_foreign
+from mor.formats import format_of, read_foreign, write_foreign
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.pipeline import read_document
+
+from .blocks import block, written
 
 REAL = reference_folder("formats/opensfm")
 
@@ -162,3 +165,49 @@ def test_broken_json(tmp_path: Path) -> None:
     (tmp_path / "reconstruction.json").write_text('[{\n"shots": {')
     with pytest.raises(InputError, match="json:2: this is not valid JSON"):
         read_foreign(tmp_path)
+
+
+def test_latitude_may_stand_first(tmp_path: Path) -> None:
+    """As in lists of older OpenDroneMap, where the numbers leave no other order."""
+    _folder(tmp_path, reference_lla={"latitude": 34.4, "longitude": -119.9, "altitude": 0.0})
+    path = tmp_path / "gcp_list.txt"
+    path.write_text("WGS84 longlat\n34.4 -119.9 0 10 20 c.jpg\n34.4 -119.899 0 10 20 c.jpg\n")
+    document = read_foreign(tmp_path)
+    rows = document.data["points"][1]["rows"]
+    assert [float(v) for v in rows[0][1:3]] == pytest.approx([0, 0], abs=1e-6)
+    assert float(rows[1][1]) == pytest.approx(91.95, abs=0.1)
+    assert "latitude is read as the first number" in " ".join(map(str, document.notes))
+    path.write_text("WGS84\n-119.9 34.4 0 1 2 c.jpg\n120 95 0 10 20 c.jpg\n")
+    with pytest.raises(InputError, match=r"gcp_list.txt:3: found the latitude 95"):
+        read_foreign(tmp_path)
+
+
+def test_control_is_written_as_a_list(tmp_path: Path) -> None:
+    """Read again beside the block, points and image points of control are those of the project."""
+    data = block(4, "SIMPLE_RADIAL", images=3, points=5)
+    rows = data["points"][0]["rows"]
+    columns = ["id", "x", "y", "z", "sigma"]
+    held = [[*row, "0.01"] for row in rows[:2]]
+    plan = [[*rows[2][:3], "0.01", "0.01"]]
+    data["points"] = [
+        {"columns": ["id", "x", "y", "z"], "rows": rows[3:]},
+        {"columns": columns, "rows": held},
+        {"columns": ["id", "x", "y", "sigma_x", "sigma_y"], "rows": plan},
+    ]
+    data["units"]["length"], data["axes"] = "mm", {"xy": "ne", "angles": "clockwise"}
+    data["images"][0] = {"columns": ["id", "camera"], "rows": [row[:2] for row in data["images"][0]["rows"]]}
+    out = write_foreign(read_document(written(tmp_path, data)), tmp_path, tmp_path / "gcp_list.txt", "gcp")
+    (content,) = out.files.values()
+    first, *lines = content.decode().splitlines()
+    assert first == "EPSG:?"
+    assert "EPSG:25832" in " ".join(note.message for note in out.notes)
+    found = {(line.split()[5], line.split()[6]): line.split()[:5] for line in lines}
+    assert len(found) == len(lines) == 9
+    for image, point, x, y in data["observations"][0]["rows"]:
+        if (image, point) in found:
+            place = next(row for row in rows if row[0] == point)
+            numbers = [float(v) for v in found[image, point]]
+            expected = [float(place[2]) / 1e3, float(place[1]) / 1e3, float(place[3]) / 1e3]
+            assert numbers[:2] == pytest.approx(expected[:2])
+            assert np.isnan(numbers[2]) if point == rows[2][0] else numbers[2] == pytest.approx(expected[2])
+            assert numbers[3:] == pytest.approx([float(x) - 0.5, float(y) - 0.5])

@@ -248,7 +248,7 @@ def _planes(world: World, draw: Generator) -> None:
     if len(near) < 5:
         return
     world.planes["wall"] = [names[i] for i in near]
-    world.tags.add("feature plane")
+    world.tags.add(f"feature {world.kind_of_feature}")
 
 
 def _levelling(world: World, draw: Generator) -> None:

@@ -36,7 +36,7 @@ def _document(world: World, given: bool) -> str:
         "stations": _stations(world, given),
         "systems": [_systems(world, given, free) for free in (True, False)],
         "features": [
-            {"type": "plane", "id": name, "points": points, "sigma": _size(world.size)}
+            {"type": world.kind_of_feature, "id": name, "points": points, "sigma": _size(world.size)}
             for name, points in world.planes.items()
         ],
         "observations": [*_observations(world), *world.tables],

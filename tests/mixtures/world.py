@@ -90,6 +90,11 @@ class World:
     tags: set[str] = field(default_factory=set)
 
     @property
+    def kind_of_feature(self) -> str:
+        """What the points of ``planes`` are said to be on, loosely enough to be true of both."""
+        return "line" if self.seed % 2 else "plane"
+
+    @property
     def sigma_length(self) -> float:
         """σ of lengths."""
         return 1e-4 * self.size

@@ -14,7 +14,7 @@ Rows = list[list[str]]
 
 def mutated_table(rng: np.random.Generator, content: bytes) -> bytes:
     """A CSV file with one mutation of its cells, written as CSV again."""
-    rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8", "replace"))) if row]
+    rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8", "replace"), newline="")) if row]
     if not rows:
         return content
     delimiter = str(chosen(rng, ",,,,,,;\t"))

@@ -38,5 +38,5 @@ def rates(name: str, count: int) -> tuple[int, int, int]:
     """Projects, those in which something was rejected so that hypotheses were tried, and those with one offered."""
     solved = sound(name)
     found = [pipeline.solve_network(with_noise(solved, seed)) for seed in range(count)]
-    rejected = sum(one.quality is None or is_rejected(one.quality) for one in found)
+    rejected = sum(one.quality is None or is_rejected(one.quality, one.network) for one in found)
     return count, rejected, sum(bool(one.causes) for one in found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from small_projects import write
 
@@ -79,3 +80,27 @@ def test_a_line_leaves_a_free_network_all_its_six_movements(tmp_path: Path) -> N
     # 15 distances and 4 × 2 offsets from the line, less 18 coordinates and 4 parameters of a line, plus 6 of the datum
     assert solved.quality.redundancy == 15 + 8 - 18 - 4 + 6
     assert solved.quality.redundancy_sum == pytest.approx(solved.quality.redundancy, abs=1e-6)
+
+
+def test_a_line_of_points_without_coordinates_is_the_same_line(tmp_path: Path) -> None:
+    start, end = LINE.index("  - columns: [id, x"), LINE.index("features:")
+    known, unknown = (
+        solve_network(read(tmp_path / name, text))
+        for name, text in (
+            ("known", LINE),
+            (
+                "unknown",
+                LINE[:start] + "  - {columns: [id], rows: [[A], [B], [C], [D], [E], [F]]}\n" + LINE[end:],
+            ),
+        )
+    )
+    assert known.quality is not None
+    assert unknown.quality is not None
+    assert len(unknown.adjustment.defect.movements) == 6
+    assert unknown.quality.redundancy == known.quality.redundancy
+    objectives = [solved.adjustment.normals.objective for solved in (known, unknown)]
+    np.testing.assert_allclose(*objectives, rtol=1e-9)
+    distances = [solved.quality.groups[0] for solved in (known, unknown)]
+    np.testing.assert_allclose(
+        distances[0].r, distances[1].r, atol=1e-3
+    )  # to σ of the line, in parts of its length

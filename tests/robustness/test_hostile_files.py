@@ -150,6 +150,24 @@ def test_a_screenful_of_mistakes_and_all_of_them(tmp_path: Path) -> None:
     assert (everything.code, len(everything.err.splitlines())) == (2, 80)
 
 
+def test_a_screenful_of_notes_and_all_of_them(tmp_path: Path) -> None:
+    unused = "\n".join('<distance to="X" val="1" stdev="1"/>' for _ in range(30))
+    project = tmp_path / "network.gkf"
+    project.write_text(
+        '<?xml version="1.0"?>\n<gama-local><network><parameters sigma-act="apriori"/><points-observations>\n'
+        '<point id="A" x="0" y="0" fix="xy"/><point id="B" x="10" y="0" fix="xy"/><point id="C" adj="xy"/>\n'
+        f'<point id="X" x="1" y="1"/>\n<obs from="A">\n<distance to="C" val="8" stdev="1"/>\n{unused}\n</obs>\n'
+        '<obs from="B"><distance to="C" val="7" stdev="1"/></obs>\n'
+        "</points-observations></network></gama-local>\n",
+    )
+    few = mor("check", project).err.splitlines()
+    everything = mor("check", project, "--all").err.splitlines()
+    assert len(few) == 21
+    assert len(everything) >= 30
+    assert few[:20] == everything[:20]
+    assert few[-1] == f"note: … and {len(everything) - 20} more notes; mor check --all tells all of them"
+
+
 @pytest.mark.parametrize("delimiter", ['"', "\n", "#", "5", ".", "-", "ä", ""])
 def test_what_is_no_delimiter(tmp_path: Path, delimiter: str) -> None:
     import json

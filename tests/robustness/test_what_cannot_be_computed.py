@@ -158,3 +158,11 @@ def test_one_target_sighted_three_times(tmp_path: Path) -> None:
     run = mor("adjust", write(tmp_path, REPEATED), "--no-html")
     assert run.code in (0, 2, 3, 4)
     assert run.code != 2 or "point" in run.err
+
+
+def test_a_point_that_no_ray_refers_to_where_there_are_none(tmp_path: Path) -> None:
+    rows = "[[B, 0, 0, 11], [C, 0, 0, 12]], fixed: [x, y]}"
+    assert rows in LEVELLING
+    listed = LEVELLING.replace(rows, rows + "\n  - {columns: [id, x, y, z], rows: [[N, 1, 2, 3]]}")
+    run = mor("adjust", write(tmp_path, listed), "--no-html")
+    assert (run.code, "No observation refers to point N" in run.err) == (4, True)

@@ -75,8 +75,10 @@ def _intersect(
     part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFrames, posed: Sequence[int]
 ) -> IntArray:
     """Intersect the points that some frames see, also again; those newly known."""
-    points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(frames[n].points for n in posed)]))
-    points = points[~part.fixed[points]]
+    touched = np.zeros(len(part.points), dtype=bool)
+    for number in posed:
+        touched[frames[number].points] = True
+    points = np.flatnonzero(touched & ~part.fixed)
     known = part.known(points)
     found = meet(points, seen, poses, max(part.slack, SLACKS[1]))
     part.points[points[found.good]] = found.X[found.good]

@@ -11,7 +11,7 @@ from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_se
 from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
 from mor.approximate.terrestrial.polar import orient
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
@@ -106,9 +106,9 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
 def grow_arcs(part: Part, distances: Distances) -> bool:
     """Unknown points from three or more distances."""
     added = False
-    unknown = np.asarray(np.isnan(part.points[:, :2]).any(axis=1))
+    known: BoolArray = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
     for point, neighbours in distances.neighbours.items():
-        if not unknown[point]:
+        if known[point] or np.count_nonzero(known[list(neighbours)]) < 3:
             continue
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
@@ -116,7 +116,7 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
         section = arc_section(np.array(centres), np.array(lengths))
         if section.outcome is SectionOutcome.DETERMINED:
             _place(part, point, section.points[0], rule("section of {count} arcs", count=len(lengths)))
-            added = True
+            known[point] = added = True
     return added
 
 
@@ -126,8 +126,8 @@ def known_arcs(
     """Known positions around a point, and the horizontal distances from them."""
     centres, lengths = [], []
     for other in sorted(neighbours):
-        length = distances.between(part, other, point)
-        if _level_known(part, other) and np.isfinite(length):
+        length = distances.between(part, other, point) if _level_known(part, other) else np.nan
+        if np.isfinite(length):
             centres.append(part.points[other, :2])
             lengths.append(length)
     return centres, lengths

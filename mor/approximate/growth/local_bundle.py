@@ -107,10 +107,13 @@ def _step(
     of_frames = _summed(by_pose[m], by_pose[m], rays.column[m], len(moving))
     frame_side = _summed(by_pose[m], residuals[m][:, :, None], rays.column[m], len(moving))[:, :, 0]
     _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
-    mixed = np.einsum("nki,nkj->nij", by_pose[m], by_point[m])
-    across = _blocks(mixed, rays.column[m], rays.point[m], (len(moving), len(X)))
-    reach = across @ _blocks(inverse, np.arange(len(X)), np.arange(len(X)), (len(X), len(X)))
-    diagonal = _blocks(of_frames, np.arange(len(moving)), np.arange(len(moving)), (len(moving), len(moving)))
+    order = np.flatnonzero(m)[np.argsort(rays.column[m], kind="stable")]
+    row, column, shape = rays.column[order], rays.point[order], (len(moving), len(X))
+    mixed = by_pose[order].transpose(0, 2, 1) @ by_point[order]
+    across = _blocks(mixed, row, column, shape)
+    reach = _blocks(mixed @ inverse[column], row, column, shape)
+    each = np.arange(len(moving))
+    diagonal = _blocks(of_frames, each, each, (len(moving), len(moving)))
     change = _solved((diagonal - reach @ across.T).tocsc(), frame_side.ravel() - reach @ point_side.ravel())
     return change.reshape(-1, 6)
 
@@ -157,13 +160,12 @@ def _hold_by_positions(
 
 def _blocks(
     blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[int, int]
-) -> scipy.sparse.csr_array:
-    """Sparse matrix of blocks (n, i, j) at their block rows and columns; those at one place are added."""
+) -> scipy.sparse.bsr_array:
+    """Sparse matrix of blocks (n, i, j) at their block columns, sorted by block rows; those at one place are added."""
     _, height, width = blocks.shape
-    rows = np.broadcast_to((height * row)[:, None, None] + np.arange(height)[:, None], blocks.shape)
-    columns = np.broadcast_to((width * column)[:, None, None] + np.arange(width), blocks.shape)
+    pointers = np.searchsorted(row, np.arange(shape[0] + 1))
     size = (height * shape[0], width * shape[1])
-    return scipy.sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=size)
+    return scipy.sparse.bsr_array((blocks, column, pointers), shape=size, blocksize=(height, width))
 
 
 def _solved(matrix: scipy.sparse.csc_array, side: FloatArray) -> FloatArray:

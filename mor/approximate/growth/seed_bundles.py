@@ -15,12 +15,15 @@ from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.parts.sightings import Sightings
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
+from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
 from mor.approximate.relative_orientation.upright import FEWEST, upright_orientation
 from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import exponential
 
 PAIRS_TRIED = 24
+LOOKED_AT = 96
+"""Pairs whose parallaxes are compared before any is oriented."""
 GOOD_ENOUGH = 15.0
 """Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
 GOOD_SHARE = 0.25
@@ -84,7 +87,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
     enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
-    for tried, (i, j) in enumerate(islice(_spread(first, second), 4 * PAIRS_TRIED)):
+    for tried, (i, j) in enumerate(_by_parallax(frames, first, second, pairs.common[both])):
         if tried >= PAIRS_TRIED and best is not None:
             break
         found = _oriented(frames, i, j, points)
@@ -122,11 +125,43 @@ def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
         yield int(first[pair]), int(second[pair])
 
 
+def _by_parallax(
+    frames: Sequence[Frame], first: IntArray, second: IntArray, common: IntArray
+) -> list[tuple[int, int]]:
+    """Pairs worth an orientation, the most promising first: points times what the best turn without a base leaves.
+
+    The pairs with most points in common are the neighbours, with the shortest bases: in a block of images hundreds of
+    them are alike, and none is good. Beyond ``_SAMPLE`` points more of them do not help, so pairs are looked at all
+    over those that have as many.
+    """
+    ample = int(np.count_nonzero(common >= _SAMPLE))
+    if ample > LOOKED_AT:
+        chosen = np.linspace(0, ample - 1, LOOKED_AT).astype(int)
+        candidates = list(zip(first[chosen].tolist(), second[chosen].tolist(), strict=True))
+    else:
+        candidates = list(islice(_spread(first, second), LOOKED_AT))
+    return sorted(candidates, key=lambda pair: -_parallax(frames[pair[0]], frames[pair[1]]))
+
+
+def _parallax(one: Frame, other: Frame) -> float:
+    """Common points times the median angle (radians) that is left when the rays are turned into each other."""
+    at_one, at_other = _common_rays(one, other)
+    a, b = one.rays[at_one], other.rays[at_other]
+    left = np.linalg.norm(b - a @ nearest_rotation(b.T @ a).T, axis=1)
+    return len(at_one) * float(np.median(left))
+
+
+def _common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
+    """Rows in two frames of the points that both see, ``_SAMPLE`` at the most."""
+    _, at_one, at_other = np.intersect1d(one.points, other.points, return_indices=True)
+    if len(at_one) > _SAMPLE:
+        chosen = np.linspace(0, len(at_one) - 1, _SAMPLE).astype(int)
+        at_one, at_other = at_one[chosen], at_other[chosen]
+    return at_one, at_other
+
+
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
-    _, at_i, at_j = np.intersect1d(frames[i].points, frames[j].points, return_indices=True)
-    if len(at_i) > _SAMPLE:
-        chosen = np.linspace(0, len(at_i) - 1, _SAMPLE).astype(int)
-        at_i, at_j = at_i[chosen], at_j[chosen]
+    at_i, at_j = _common_rays(frames[i], frames[j])
     found = _with_least_slack(frames[i], frames[j], at_i, at_j)
     if isinstance(found, RelativeOutcome):
         part = _upright(frames, i, j, at_i, at_j, points)

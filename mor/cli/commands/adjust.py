@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
+from mor.cli._format import format_option
 from mor.cli._language import language_option
 from mor.errors import ExitCode, NoStartValuesError
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Replace results of other input or options that are there already.",
 )
+@format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
@@ -82,6 +84,7 @@ def command(
     project: Path,
     output: Path | None,
     force: bool,
+    source_format: str | None,
     as_json: bool,
     strict: bool,
     snoop: bool,
@@ -105,6 +108,7 @@ def command(
       mor adjust project.yaml --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+      mor adjust network.dat --from starnet
 
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
@@ -129,8 +133,8 @@ def command(
     with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
         files = held.enter_context(files_read())
         say.phase("reading")
-        document = read_inputs(project, folder if writes else None)
-        options = ("--snoop",) if snoop else ()
+        document = read_inputs(project, folder if writes else None, source_format)
+        options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
         replaces = force or is_repeated(folder, project, options)
         place = held.enter_context(reserve(folder, replaces)) if writes else None
         with named_in_full(place):
@@ -156,7 +160,7 @@ def command(
 @contextmanager
 def named_in_full(place: Reservation | None) -> Iterator[None]:
     """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
-    from mor.cli import MOST_TOLD
+    from mor.errors import MOST_TOLD
 
     try:
         yield
@@ -169,12 +173,12 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
         raise
 
 
-def read_inputs(project: Path, folder: Path | None) -> Document:
+def read_inputs(project: Path, folder: Path | None, source_format: str | None) -> Document:
     """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
     from mor.pipeline import read_document
     from mor.report.results.folder import check_inputs
 
-    document = read_document(project)
+    document = read_document(project, source_format or "")
     if folder is not None:
         check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
     return document
@@ -191,8 +195,13 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.notes(network.notes)
     say.phase("adjusting")
     project = Project(document, network, folder)
-    phase = "precision and reliability"
-    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase(phase, effort)).solved
+    solved = adjust(
+        project,
+        snoop,
+        say.iteration,
+        lambda effort: say.phase("precision and reliability", effort),
+        lambda most: say.phase("possible causes", most),
+    ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mor.cli._format import format_option
 from mor.cli._language import language_option
 from mor.counting import counted
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     help="Folder of the project with start values.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@format_option
 @click.option(
     "--plot",
     metavar="FILE",
@@ -37,7 +39,14 @@ if TYPE_CHECKING:
 @language_option("the report and the picture")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(
-    project: Path, output: Path | None, force: bool, plot: Path | None, as_json: bool, lang: str, quiet: bool
+    project: Path,
+    output: Path | None,
+    force: bool,
+    source_format: str | None,
+    plot: Path | None,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
 ) -> int:
     """Find start values for PROJECT and write a project that has them.
 
@@ -66,7 +75,7 @@ def command(
     check_free(folder, force)
     if plot is not None and plot.exists() and not force:
         raise InputError([Problem("this file exists; --force replaces it", str(plot))])
-    document = read_document(project)
+    document = read_document(project, source_format or "")
     tables = (project.parent / name for name in document.table_files())
     check_inputs(folder, [project, *tables], [PROJECT])
     with reserve(folder, force) as place:
@@ -87,8 +96,9 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
+    from mor.errors import screenful
 
-    for note in network.notes if not quiet else ():
+    for note in screenful(network.notes) if not quiet else ():
         click.echo(f"note: {note}", err=True)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
         return approximate(network)

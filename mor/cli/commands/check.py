@@ -6,14 +6,17 @@ from pathlib import Path
 
 import click
 
+from mor.cli._format import format_option
+
 
 @click.command(name="check")
 @click.argument("project", type=click.Path(path_type=Path))
 @click.option(
-    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes, not only a screenful of them."
+    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
+@format_option
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
-def command(project: Path, everything: bool, quiet: bool) -> int:
+def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.
 
     \b
@@ -28,18 +31,19 @@ def command(project: Path, everything: bool, quiet: bool) -> int:
     Exit codes: 0 done; 2 input.
     """
     from mor.api.project import read
-    from mor.errors import ExitCode, InputError
+    from mor.errors import ExitCode, InputError, screenful
     from mor.escapes import escaped
 
     try:
-        found = read(project)
+        found = read(project, form=source_format or "")
     except InputError as error:
         if not everything:
             raise
         click.echo(str(error), err=True)
         return error.exit_code
     if not quiet:
-        for note in found.notes:
+        notes = found.network.notes
+        for note in notes if everything else screenful(notes):
             click.echo(f"note: {note}", err=True)
         click.echo(escaped(str(found)))
     return ExitCode.DONE

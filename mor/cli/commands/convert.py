@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,7 @@ _OWN = (".yaml", ".yml")
 
 
 @click.command(name="convert")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", required=False, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="SOURCE... TARGET", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "-o",
     "--output",
@@ -26,7 +25,11 @@ _OWN = (".yaml", ".yml")
     help="The same as TARGET.",
 )
 @click.option(
-    "--from", "source_format", metavar="FORMAT", help="Format of SOURCE, where its content shall not tell."
+    "--from",
+    "source_formats",
+    metavar="FORMAT",
+    multiple=True,
+    help="Format of SOURCE, where its content shall not tell; once for each of several, in their order.",
 )
 @click.option(
     "--to", "target_format", metavar="FORMAT", help="Format of TARGET, where its suffix does not tell."
@@ -34,10 +37,9 @@ _OWN = (".yaml", ".yml")
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(
-    source: Path,
-    target: Path | None,
+    paths: tuple[Path, ...],
     output: Path | None,
-    source_format: str | None,
+    source_formats: tuple[str, ...],
     target_format: str | None,
     force: bool,
     quiet: bool,
@@ -50,25 +52,26 @@ def command(
       mor convert aicon/project -o project.yaml
       mor convert sparse/0 block.yaml && mor adjust block.yaml
       mor convert block.results/adjusted.yaml model --to colmap
+      mor convert sparse/0 markers.csv block.yaml
 
     The content of a file or folder tells its format. TARGET is a project file (.yaml) whose long tables are written
     beside it, or what its suffix or --to says. What a reader leaves out, and what a format has no place for, is noted.
-    mor adjust and mor check read foreign files directly, too. The manual has a page for each format.
+    Several foreign files become one project: points and images of the same name are the same, and what is held or
+    observed goes before. mor adjust and mor check read foreign files directly, too. The manual has a page for each
+    format.
 
     \b
     Exit codes: 0 done; 2 input.
     """
     from mor.errors import InputError, Problem
-    from mor.formats import format_to_write, read_foreign
-    from mor.pipeline import read_document
+    from mor.formats import format_to_write
 
-    place = output or target
-    if place is None or (output and target):
-        raise InputError([Problem("give one TARGET, the file or folder to write")])
-    own = source.suffix.lower() in _OWN
+    sources, place = (paths, output) if output is not None else (paths[:-1], paths[-1] if paths else None)
+    if place is None or not sources:
+        raise InputError([Problem("give a SOURCE, and one TARGET, the file or folder to write")])
+    source = sources[0]
     key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
-    plain = own and not source_format and key
-    document = read_document(source) if plain else read_foreign(source, source_format or "")
+    document = _read(sources, source_formats, bool(key))
     if not key and place.suffix.lower() not in _OWN:
         words = (
             "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
@@ -82,6 +85,17 @@ def command(
         for note in [*document.notes, *notes]:
             click.echo(f"note: {note}", err=True)
         click.echo(_said(place, files, key), err=True)
+
+
+def _read(sources: Sequence[Path], formats: Sequence[str], written_as_foreign: bool) -> Document:
+    from mor.formats import read_foreign, read_together
+    from mor.pipeline import read_document
+
+    if len(sources) > 1:
+        return read_together(sources, formats)
+    source, form = sources[0], formats[0] if formats else ""
+    plain = source.suffix.lower() in _OWN and not form and written_as_foreign
+    return read_document(source) if plain else read_foreign(source, form)
 
 
 def _own_files(document: Document, source: Path, target: Path) -> tuple[dict[Path, bytes], list[Problem]]:

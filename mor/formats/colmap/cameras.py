@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from mor.formats.colmap.model import ColmapCamera
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.formats.content import interior_values
 from mor.project.edge import Edge, ImageScale, image_scale, split
-from mor.project.file.model import Camera, Value
+from mor.project.file.model import Camera
 from mor.units import IMAGE
 
 
@@ -54,6 +54,17 @@ MODELS: dict[str, ColmapCameraModel] = {
     "EQUIRECTANGULAR": ColmapCameraModel(17, ("w", "h")),
 }
 """Camera models by name."""
+_PRISM = "mor's fisheye has the same but its tangential and thin prism terms"
+LOST = {
+    "FOV": "its distortion, atan(2 r tan(omega/2))/omega, is no polynomial of mor's models",
+    "THIN_PRISM_FISHEYE": f"{_PRISM} p1, p2, sx1, sy1",
+    "RAD_TAN_THIN_PRISM_FISHEYE": f"{_PRISM} p0, p1, s0 to s3, and the powers k4, k5",
+    "SIMPLE_DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
+    "DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
+    "EUCM": "its alpha and beta bend the projection itself",
+    "EQUIRECTANGULAR": "it is a panorama, no central projection onto a plane",
+}
+"""What of a model without a counterpart mor cannot say."""
 
 
 def has_one_unknown_more(name: str) -> bool:
@@ -109,23 +120,6 @@ def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
     if camera.model in ("opencv", "fisheye") and not scale.corner:
         parameters[2:4] = parameters[2] + width / 2.0, parameters[3] + height / 2.0
     return ColmapCamera(number, name, round(width), round(height), tuple(parameters))
-
-
-def interior_values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:
-    """Components that are given, in the unit of the camera: the start value where there is one."""
-    known = {component.name: component for component in CAMERA_MODELS[camera.model].components}
-    values = {}
-    for name, setting in camera.interior.items():
-        text = setting if isinstance(setting, str) else _text(setting)
-        values[name] = edge.number(text, known[name].quantity, "", scale)
-    first = CAMERA_MODELS[camera.model].components[0].name
-    if first not in values:
-        raise ValueError(f"it has no {first}")
-    return values
-
-
-def _text(setting: Value) -> str:
-    return setting.start or setting.free or setting.fixed or setting.observed or "0"
 
 
 def _as_mor(camera: Camera, values: dict[str, float], edge: Edge, scale: ImageScale) -> dict[str, float]:

@@ -11,14 +11,12 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, Things, content_of, not_carried, points
-from mor.formats.gkf.observed import CC, GON, NAMES, PARTS, Group, groups
+from mor.formats.gkf.observed import CC, GON, NAMES, PARTS
+from mor.formats.terrestrial import Group, groups, heights_of, stations, tilted_stations
 from mor.formats.written import Written
 from mor.observations import PLAIN_TYPES
 from mor.project.file.model import Datum
 from mor.project.file.nodes import Document
-from mor.project.tables.statuses import number_column
-from mor.project.tables.tables import Column
-from mor.units import ANGLE, LENGTH
 
 _ANGULAR = ("direction", "angle", "z-angle", "azimuth")
 _SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
@@ -44,9 +42,9 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
         *_points(found, content),
         *_observed_points(found, content),
     ]
-    stations = _stations(content)
-    for cluster in _clusters(groups(content)):
-        lines += _observations(cluster, stations, content.edge.metres)
+    known = stations(content)
+    for cluster in _clusters(groups(content, PARTS)):
+        lines += _observations(cluster, known, content.edge.metres)
     text = "\n".join([*lines, "</points-observations>", "</network>", "</gama-local>"]) + "\n"
     return Written({target: text.encode()}, _notes(content, target))
 
@@ -68,13 +66,9 @@ def _notes(content: Content, target: Path) -> list[Problem]:
 
 
 def _check(content: Content) -> None:
-    problems = []
+    problems = tilted_stations(content, "GNU Gama")
     if content.project.axes.bearings_from != "north":
         problems.append(content.place("axes").problem("GNU Gama counts bearings from north"))
-    for number, table in enumerate(content.project.stations):
-        if table.level != "fixed":
-            words = "GNU Gama has levelled stations only"
-            problems.append(content.place("stations", number).problem(words))
     for number, entry in enumerate(content.project.observations):
         if isinstance(entry.covariance, str):
             words = "covariance matrices in files are not written as .gkf"
@@ -150,20 +144,6 @@ def _observed_points(found: Things, content: Content) -> list[str]:
     return ["<coordinates>", *lines, matrix, "</coordinates>"]
 
 
-def _stations(content: Content) -> dict[str, tuple[str, float]]:
-    """Point and instrument height (m) of each declared station."""
-    result = {}
-    for number, table in enumerate(content.project.stations):
-        columns = [Column(name) for name in ("id", "point", "set", "shared_height")]
-        columns += [number_column(name, LENGTH, content.edge) for name in ("height", "x", "y", "z")]
-        columns += [number_column("orientation", ANGLE, content.edge)]
-        rows = content.rows("stations", number, table, columns)
-        heights = np.nan_to_num(rows.number("height")) * content.edge.metres
-        for name, point, height in zip(rows.text("id"), rows.text("point"), heights.tolist(), strict=True):
-            result[name] = (point or name, height)
-    return result
-
-
 def _clusters(found: list[Group]) -> list[list[Group]]:
     """Tables that share a covariance matrix together, all others alone."""
     clusters: dict[str, list[Group]] = {}
@@ -172,7 +152,7 @@ def _clusters(found: list[Group]) -> list[list[Group]]:
     return list(clusters.values())
 
 
-def _observations(cluster: list[Group], stations: dict[str, tuple[str, float]], metres: float) -> list[str]:
+def _observations(cluster: list[Group], known: dict[str, tuple[str, float]], metres: float) -> list[str]:
     """Elements of tables: by station and set where they have sets, else one after the other."""
     sections: dict[tuple[str, str], list[str]] = {}
     units: list[float] = []
@@ -181,22 +161,24 @@ def _observations(cluster: list[Group], stations: dict[str, tuple[str, float]], 
     for group in cluster:
         face = np.nan_to_num(group.rows.number("face"), nan=1.0)
         written = np.stack(
-            [part.value(group.values[:, k], face) for k, part in enumerate(group.parts)], axis=1
+            [part.value(group.values[:, k], face) for k, part in enumerate(PARTS[group.entry.type])], axis=1
         )
         for row in range(group.rows.count):
             references = {
                 r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[group.entry.type].references
             }
             section = _section(group, references, row)
-            heights = _heights(group, references, row, stations, metres)
+            heights = heights_of(group, references, row, known, metres)
             station = references.get("station")
             if station is not None:
-                references = {"from": stations.get(station, (station, 0.0))[0], "to": references["to"]}
+                references = {"from": known.get(station, (station, 0.0))[0], "to": references["to"]}
             elements = _elements(group, references, heights, written[row], row, metres, given is None)
             sections.setdefault(section, []).extend(elements)
             seen = np.isfinite(written[row])
             units += [
-                _unit(part.element, metres) for part, there in zip(group.parts, seen, strict=True) if there
+                _unit(part.element, metres)
+                for part, there in zip(PARTS[group.entry.type], seen, strict=True)
+                if there
             ]
             factors += group.factors[: len(seen)][seen].tolist()
     if given is not None:
@@ -225,23 +207,12 @@ def _unit(element: str, metres: float) -> float:
 
 
 def _section(group: Group, references: dict[str, str], row: int) -> tuple[str, str]:
-    element = group.parts[0].element
+    element = PARTS[group.entry.type][0].element
     if element in _SECTIONS:
         return _SECTIONS[element], ""
     if "station" in references:
         return "obs", f"{references['station']}\0{group.rows.text('set')[row]}"
     return "obs", ""
-
-
-def _heights(
-    group: Group, references: dict[str, str], row: int, stations: dict[str, tuple[str, float]], metres: float
-) -> tuple[float, float]:
-    own = float(np.nan_to_num(group.rows.number("from_height")[row])) * metres
-    if "station" in references:
-        own = stations.get(references["station"], ("", 0.0))[1]
-        given = float(group.rows.number("station_height")[row]) * metres
-        own = given if np.isfinite(given) else own
-    return own, float(np.nan_to_num(group.rows.number("to_height")[row])) * metres
 
 
 def _elements(
@@ -257,7 +228,7 @@ def _elements(
     attributes = NAMES.get(group.entry.type, {})
     named = " ".join(f"{attributes.get(n, n)}={quoteattr(v)}" for n, v in references.items())
     result: dict[str, list[str]] = {}
-    for k, part in enumerate(group.parts):
+    for k, part in enumerate(PARTS[group.entry.type]):
         if not np.isfinite(values[k]):
             continue
         number = float(values[k] / GON if part.element in _ANGULAR else values[k] * metres)

@@ -19,13 +19,13 @@ from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
 from mor.formats.metashape.sensors import SensorError, camera_of
 from mor.formats.xml import Element, parse_xml
-from mor.geometry.rotations import angles_from_rotation
+from mor.geometry.rotations import angles_from_rotation, exponential
 from mor.input_files import PROJECT, read_bytes
 from mor.project.file.nodes import Document
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
-SIGMA_MARKER, SIGMA_PROJECTION = 0.005, 0.5
-"""σ of markers (m) and of their projections (px) where the file has no accuracies: Metashape's defaults."""
+SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA = 0.005, 0.5, 10.0
+"""σ of markers (m), of their projections (px) and of camera positions (m) where the file has none: Metashape's own."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ def read_metashape(path: Path) -> Document:
     try:
         _put_cameras(chunk, draft)
         control = _read_markers(chunk, found, draft)
-        _put_images(chunk, found, control, draft)
+        control = _put_images(chunk, found, control, draft) or control
         _put_markers(found, draft)
         _put_projections(chunk, found, draft)
     except ValueError as error:
@@ -148,7 +148,7 @@ def _read_markers(chunk: Element, found: Chunk, draft: Draft) -> bool:
         sigma: list[str | None] = [None] * 3
         for given in marker.all("reference"):
             if system != "geographic":
-                place, sigma = _reference(given, chunk)
+                place, sigma = _reference(given, _accuracy(chunk, "accuracy_markers", SIGMA_MARKER))
                 known = given.attributes.get("enabled", "true") in ("true", "1")
                 sigma = sigma if known else [None] * 3
         control += any(text is not None for text in sigma)
@@ -162,12 +162,12 @@ def _read_markers(chunk: Element, found: Chunk, draft: Draft) -> bool:
     return control >= 3
 
 
-def _reference(given: Element, chunk: Element) -> tuple[list[str | None], list[str | None]]:
+def _reference(given: Element, common: str) -> tuple[list[str | None], list[str | None]]:
+    """Coordinates and σ; ``common`` where the element says none."""
     place = [given.attributes.get(axis) for axis in "xyz"]
     for text in place:
         if text is not None:
             number(text)
-    common = _accuracy(chunk, "accuracy_markers", SIGMA_MARKER)
     sigma = [given.attributes.get(f"s{axis}") or common for axis in "xyz"]
     for text in sigma:
         if number(text) < 0.0:
@@ -183,37 +183,109 @@ def _accuracy(chunk: Element, name: str, default: float) -> str:
     return repr(default)
 
 
-def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> None:
-    """Poses in the chunk, or in its coordinate system where that is local."""
-    R, t, s = _similarity(chunk)
+def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> bool:
+    """Images with projections of markers: poses in the chunk, or in its coordinate system where that is local.
+
+    True where positions of three or more images are observed.
+    """
     system = _system(chunk)
-    other = control and system != "local"
-    rows, left = [], 0
+    known = _positions(chunk, draft) if system != "geographic" else {}
+    other = (control or bool(known)) and system != "local"
+    seen = {
+        location.attributes.get("camera_id", "")
+        for frame in _section(chunk, "frames", "frame")
+        for location in _inside(frame, "location")
+    }
+    rows, off, unseen = [], 0, 0
     for camera in _section(chunk, "cameras", "camera"):
         if "id" not in camera.attributes or "sensor_id" not in camera.attributes:
             continue
         number_, sensor = camera.attributes["id"], camera.attributes["sensor_id"]
         if sensor not in draft.data["cameras"] or camera.attributes.get("enabled", "true") in ("false", "0"):
-            left += 1
+            off += 1
+            continue
+        if seen and number_ not in seen:
+            unseen += 1
             continue
         name = camera.attributes.get("label", "").strip() or f"camera {number_}"
         name = name if name not in found.cameras.values() else f"{name} ({number_})"
         found.cameras[number_] = name
-        pose: list[str | None] = [None] * 6
-        given = next(iter(camera.all("transform")), None)
-        if given is not None and not other:
-            T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
-            scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
-            world, centre = (R @ scaled, s * R @ T[:3, 3] + t) if system == "local" else (scaled, T[:3, 3])
-            numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
-            pose = [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else pose
-        rows.append(Row([name, sensor, *pose], camera.line))
-    if left:
-        draft.note(f"{counted(left, 'image')} switched off or without a sensor: not read", chunk.line)
+        pose = [None, None, None, *_attitude(camera)] if other else _pose(chunk, camera, name, system)
+        rows.append(Row([name, sensor, *_observed(pose, known.get(number_))], camera.line))
+    used = {str(row.cells[1]) for row in rows}
+    idle = [name for name in draft.data["cameras"] if name not in used]
+    if rows and idle:
+        draft.note(f"sensors {', '.join(idle)} have no image here: not read", chunk.line)
+        draft.data["cameras"] = {k: v for k, v in draft.data["cameras"].items() if k in used}
+    for count, why in ((off, "switched off or without a sensor"), (unseen, "in which no marker is measured")):
+        if count:
+            draft.note(f"{counted(count, 'image')} {why}: not read", chunk.line)
     if other:
-        draft.note("poses are geocentric, markers are not: the poses are not read", chunk.line)
+        draft.note("poses are geocentric, references are not: the poses are not read", chunk.line)
     if rows:
-        draft.table("images", ("id", "camera", "x", "y", "z", "omega", "phi", "kappa"), rows)
+        axes = ("x", "y", "z")
+        columns = ("id", "camera", *axes, "omega", "phi", "kappa")
+        more = (*(f"sigma_{axis}" for axis in axes), *(f"start_{axis}" for axis in axes))
+        draft.table("images", (*columns, *more), rows)
+    return sum(row.cells[8] is not None for row in rows) >= 3
+
+
+def _pose(chunk: Element, camera: Element, name: str, system: str) -> list[str | None]:
+    """Position and ω, φ, κ of the transform of a camera, where it has one."""
+    given = next(iter(camera.all("transform")), None)
+    if given is None:
+        return [None, None, None, *_attitude(camera)]
+    R, t, s = _similarity(chunk)
+    T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
+    if max(np.abs(T).max(), np.abs(t).max(), abs(s)) > 1e30:
+        raise ValueError(f"transform of camera {name!r}: found a number beyond 1e30")
+    scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
+    world, centre = (R @ scaled, s * R @ T[:3, 3] + t) if system == "local" else (scaled, T[:3, 3])
+    numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
+    return [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else [None] * 6
+
+
+def _attitude(camera: Element) -> list[str | None]:
+    """ω, φ, κ as start values, of yaw (clockwise from y), pitch (0 looks down, 90 ahead) and roll in degrees."""
+    for given in camera.all("reference"):
+        words = [given.attributes.get(name) for name in ("yaw", "pitch", "roll")]
+        if None not in words:
+            yaw, pitch, roll = (np.radians(number(str(word))) for word in words)
+            turns = ([0.0, 0.0, -yaw], [pitch, 0.0, 0.0], [0.0, roll, 0.0])
+            to_object = np.linalg.multi_dot([exponential(np.array(turn)) for turn in turns])
+            return [repr(float(v)) for v in angles_from_rotation(to_object.T)]
+    return [None] * 3
+
+
+def _positions(chunk: Element, draft: Draft) -> dict[str, tuple[list[str | None], list[str | None]]]:
+    """Reference positions of cameras that are switched on, with their σ, by the numbers of the cameras."""
+    found = {}
+    common = _accuracy(chunk, "accuracy_cameras", SIGMA_CAMERA)
+    for camera in _section(chunk, "cameras", "camera"):
+        for given in camera.all("reference"):
+            if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
+                found[camera.attributes.get("id", "")] = _reference(given, common)
+    if found:
+        words = (
+            f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {common} m"
+        )
+        draft.note(words, chunk.line)
+    return found
+
+
+def _observed(
+    pose: list[str | None], known: tuple[list[str | None], list[str | None]] | None
+) -> list[str | None]:
+    """Pose, σ and start values of the position: observed where it is known, starting where the transform has it."""
+    if known is None:
+        return [*pose, *[None] * 6]
+    place, sigma = known
+    return [
+        *place,
+        *pose[3:],
+        *sigma,
+        *(s if p is not None else None for s, p in zip(pose[:3], place, strict=True)),
+    ]
 
 
 def _put_markers(found: Chunk, draft: Draft) -> None:

@@ -9,7 +9,15 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.colmap.cameras import MODELS, camera_from
-from mor.formats.content import Content, content_of, image_points, images, not_carried, points
+from mor.formats.content import (
+    Content,
+    content_of,
+    image_points,
+    images,
+    interior_values,
+    not_carried,
+    points,
+)
 from mor.formats.metashape.sensors import NAMES
 from mor.formats.written import Written
 from mor.geometry.rotations import rotation_from_angles
@@ -87,12 +95,8 @@ def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], lis
     if camera.model == "metashape":
         scale = image_scale(camera, content.project.units)
         pixel = 1.0 if np.isnan(scale.pixel) else scale.pixel
-        values = {}
-        for name, setting in camera.interior.items():
-            text = setting
-            if isinstance(setting, Value):
-                text = setting.start or setting.free or setting.fixed or setting.observed or "0"
-            values[name] = split(str(text))[0] / (pixel if name in NAMES[:5] else 1.0)
+        given = interior_values(camera, content.edge, scale)
+        values = {name: value / (pixel if name in NAMES[:5] else 1.0) for name, value in given.items()}
         return values, free
     theirs = camera_from(1, camera, content.edge)
     given = dict(zip(MODELS[theirs.model].parameters, theirs.parameters, strict=True))

@@ -18,6 +18,8 @@ from mor.formats.wgs84 import east_north_up
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
 
+_POLE = 90.0
+
 
 @dataclass
 class Control:
@@ -73,7 +75,10 @@ def _read_list(
     """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one."""
     lines = read_lines(path, draft)
     system = lines[0].strip() if lines else ""
-    geographic = system.upper() in ("WGS84", "EPSG:4326") or "+proj=latlong" in system
+    geographic = system.upper() in ("WGS84", "EPSG:4326") or any(
+        word in system.lower() for word in ("longlat", "latlong")
+    )
+    latitude_first = geographic and _latitude_first(lines[1:], path, draft)
     names: dict[tuple[float, ...], str] = {}
     lost = 0
     for line, text in enumerate(lines[1:], start=2):
@@ -89,6 +94,10 @@ def _read_list(
             draft.problem(str(error), line, str(path))
             continue
         name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
+        x, y = (y, x) if latitude_first else (x, y)
+        if geographic and abs(y) > _POLE:
+            draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
+            continue
         place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
         if place is None:
             draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
@@ -105,6 +114,20 @@ def _read_list(
         control.own_system = True
         said = f"coordinates are those of {system!r}, taken as plane"
         draft.note(f"{said}; the poses of the block, in another system, are not read", 1, str(path))
+
+
+def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
+    """True where a second number is no latitude, which only the other order explains; longitude is first otherwise."""
+    for line, text in enumerate(lines, start=2):
+        words = text.split()
+        try:
+            first, second = (abs(float(word)) for word in words[:2])
+        except ValueError:
+            continue
+        if second > _POLE >= first:
+            draft.note(f"{words[1]} is no latitude: latitude is read as the first number", line, str(path))
+            return True
+    return False
 
 
 def _read_json(path: Path, whole: dict[str, Any], draft: Draft, control: Control) -> None:

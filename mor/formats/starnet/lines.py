@@ -11,6 +11,8 @@ from mor.formats.draft import number
 _HEIGHTS = re.compile(r"^(-?[\d.]+)/(-?[\d.]+)$")
 _DMS = re.compile(r"^([-+]?)(\d+)[-@:](\d+)(?:[-@:](\d+(?:\.\d*)?))?$")
 _QUADRANT = re.compile(r"^([NS])(.+?)([EW])$", re.IGNORECASE)
+SEPARATORS = "-,:;|_~^+="
+"""Signs that may stand between the names of a line: the first one, or what .SEPARATOR says."""
 STATUSES = ("!", "*", "&")
 """Fixed, free, the default: in place of a σ."""
 

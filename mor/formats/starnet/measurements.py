@@ -6,11 +6,11 @@ from mor.formats.starnet.lines import STATUSES, Line
 from mor.formats.starnet.network import SIGMA_LEVEL, Network
 
 
-def names_of(word: str, count: int) -> list[str]:
+def names_of(word: str, count: int, network: Network) -> list[str]:
     """Names that stand in one word. Raises ``ValueError``."""
-    names = word.split("-")
+    names = word.split(network.separator)
     if len(names) != count or not all(names):
-        raise ValueError(f"found {word!r}, expected {count} names with - between them")
+        raise ValueError(f"found {word!r}, expected {count} names with {network.separator} between them")
     if len(set(names)) < len(names):
         raise ValueError(f"found {word!r}, expected different points")
     return names
@@ -18,7 +18,7 @@ def names_of(word: str, count: int) -> list[str]:
 
 def at_from_to(word: str, network: Network) -> list[str]:
     """Names of an angle, the station first, whatever the order in force."""
-    names = names_of(word, 3)
+    names = names_of(word, 3, network)
     return [names[1], names[0], names[2]] if network.from_first else names
 
 
@@ -37,7 +37,7 @@ def heights(line: Line, network: Network) -> tuple[float, float]:
 def bearing(line: Line, network: Network) -> None:
     """A bearing."""
     need(line, 2, "from-to, bearing, σ")
-    ends = names_of(line.words[0], 2)
+    ends = names_of(line.words[0], 2, network)
     network.add(
         "bearing", (*ends, network.angle(line.words[1]), network.sigma(line.words, 2, "bearing")), line.number
     )
@@ -56,7 +56,11 @@ def distance(line: Line, network: Network) -> None:
     """A distance: horizontal in the plane and with .DELTA ON, else along the slope."""
     need(line, 2, "from-to, distance, σ")
     put_distance(
-        names_of(line.words[0], 2), line.words[1], network.sigma(line.words, 2, "distance"), line, network
+        names_of(line.words[0], 2, network),
+        line.words[1],
+        network.sigma(line.words, 2, "distance"),
+        line,
+        network,
     )
 
 
@@ -85,13 +89,13 @@ def put_vertical(
 def vertical(line: Line, network: Network) -> None:
     """A zenith angle or an elevation difference."""
     need(line, 2, "from-to, zenith angle, σ")
-    put_vertical(names_of(line.words[0], 2), line.words[1], line.words, 2, line, network)
+    put_vertical(names_of(line.words[0], 2, network), line.words[1], line.words, 2, line, network)
 
 
 def distance_and_vertical(line: Line, network: Network) -> None:
     """A distance and what goes with it in height."""
     need(line, 3, "from-to, distance, zenith angle, σ")
-    ends = names_of(line.words[0], 2)
+    ends = names_of(line.words[0], 2, network)
     put_distance(ends, line.words[1], network.sigma(line.words, 3, "distance"), line, network)
     put_vertical(ends, line.words[2], line.words, 4, line, network)
 
@@ -114,7 +118,7 @@ def bearing_measured(line: Line, network: Network) -> None:
     """All to a point, by its bearing."""
     values = 3 if network.plane else 4
     need(line, values, "from-to, bearing, distance, zenith angle, σ")
-    ends, words = names_of(line.words[0], 2), line.words
+    ends, words = names_of(line.words[0], 2, network), line.words
     network.add(
         "bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number
     )
@@ -127,7 +131,7 @@ def levelled(line: Line, network: Network) -> None:
     """Elevation difference and the length of the line: σ = 2 mm √km, unless the third value is a σ behind &."""
     need(line, 2, "from-to, elevation difference, length of the line, σ")
     words = line.words
-    ends, dz = names_of(words[0], 2), network.length(words[1])
+    ends, dz = names_of(words[0], 2, network), network.length(words[1])
     if len(words) > 3:
         sigma: str | float = network.sigma(words, 3, "height")
     elif len(words) > 2 and words[2] not in STATUSES:

@@ -39,6 +39,8 @@ class Network:
     from_first: bool = False
     metres: float = 1.0
     gon: bool = False
+    separator: str = "-"
+    """What stands between names."""
     defaults: int = 0
     tables: dict[str, list[Row]] = field(default_factory=dict)
     points: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)

@@ -35,12 +35,18 @@ def read_starnet(path: Path) -> Document:
 
 
 def _is_plane(lines: Sequence[Line]) -> bool:
-    """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height."""
+    """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
+
+    A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height.
+    """
     for line in lines:
         if line.code in (".2D", ".3D"):
             return line.code == ".2D"
     return not any(
-        line.code in ("V", "DV", "E", "L") or (line.code == "M" and _count(line) > 3) for line in lines
+        line.code in ("V", "DV", "E", "L")
+        or (line.code == "M" and _count(line) > 3)
+        or (line.code == "C" and (len(line.words) > 5 or len(line.words) == _count(line) == 4))
+        for line in lines
     )
 
 
@@ -82,7 +88,9 @@ def _option(name: str, words: list[str], line: int, network: Network) -> None:
         network.delta = words[:1] == ["ON"]
     elif name == "DATA":
         network.skip("lines after .DATA OFF are read all the same", line)
-    elif name not in ("2D", "3D"):
+    elif name in ("SEP", "SEPARATOR") and words:
+        network.separator = words[0][:1]
+    elif name not in ("1D", "2D", "3D"):
         network.skip(f".{name}", line)
 
 
@@ -146,6 +154,7 @@ def _finish(network: Network, title: str) -> None:
     heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
     flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
     dimensions = "xyz" if heights and (flat or "distance" in network.tables) else "z" if heights else "xy"
+    dimensions = dimensions if network.tables or network.plane else "xyz"
     draft.put("title", title)
     draft.put("units", {"length": "m", "angle": "deg"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
@@ -158,8 +167,8 @@ def _finish(network: Network, title: str) -> None:
         draft.table("points", columns, rows)
     for type_, found in network.tables.items():
         draft.table("observations", COLUMNS[type_], found, type=type_)
-    if not network.tables:
-        draft.problem("there are no observations")
+    if not network.tables and not rows:
+        draft.problem("there are no points and no observations")
     draft.put("settings", {"dimensions": dimensions})
     for what, lines in network.skipped.items():
         draft.note(f"not read: {what} ({counted(len(lines), 'line')})", lines[0])

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from mor.arrays import LARGEST
 from mor.errors import Problem
 from mor.observations import ObservationGroup
-from mor.project.edge import LARGEST, SMALLEST_SIGMA
+from mor.project.edge import SMALLEST_SIGMA
 from mor.project.network.reading import Reading
 from mor.project.tables.columns import MOST_TOLD
 

@@ -18,6 +18,8 @@ from mor.units import LENGTH
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
 _TURNS = 5
+_BESIDE = 0.01
+"""Distance from a line, in parts of the extent, from which on a point is beside it."""
 
 
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
@@ -84,10 +86,12 @@ def _observed_zero(
     observed = np.full((len(members), 3), np.nan)
     if feature.type == "line":
         observed[:, :2] = 0.0
-        beside = _point_beside(reading, coordinates, D, centre)
+        beside = _point_beside(reading, coordinates, feature, D, centre)
         if beside:
             block = reading.shop.things["point"].part(beside, "position")
-            D, turns = _turned_towards(coordinates[block] - centre, D), np.ones_like(turns)
+            turns = np.ones_like(turns)
+            if np.isfinite(coordinates[block]).all():
+                D = turned_towards(coordinates[block] - centre, D)
             members, names = np.append(members, block), [*names, beside]
             observed = np.append(observed, [[np.nan, 0.0, np.nan]], axis=0)
     else:
@@ -119,17 +123,31 @@ def _add_system(
     return position, rotation, 0, offset
 
 
-def _point_beside(reading: Reading, coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> str:
-    """Name of the point farthest from the line (z axis of D through the centre); empty where all are on it."""
+def _point_beside(
+    reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray
+) -> str:
+    """Name of the point that carries the turn of a line; empty where all points are on it.
+
+    While coordinates are missing any point may be: :mod:`mor.approximate.parts.lines` knows better when there are some.
+    """
     points = reading.shop.things["point"]
-    local = (coordinates[points.parts["position"]] - centre) @ D.T
-    away = np.nan_to_num(np.hypot(local[:, 0], local[:, 1]))
+    positions = points.parts["position"]
+    farthest = farthest_from_line(coordinates[positions], D, centre)
+    if farthest >= 0:
+        return points.ids[farthest]
+    unknown = np.flatnonzero(~np.isfinite(coordinates[positions].sum(axis=1)))
+    return next((points.ids[k] for k in unknown.tolist() if points.ids[k] not in line.points), "")
+
+
+def farthest_from_line(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int:
+    """Number of the point (n, 3) farthest from a line (z axis of D through the centre); -1 where all are on it."""
+    local = np.nan_to_num((coordinates - centre) @ D.T)
+    away = np.hypot(local[:, 0], local[:, 1])
     farthest = int(np.argmax(away))
-    far_enough = away[farthest] > 0.01 * np.abs(np.nan_to_num(local)).max()
-    return points.ids[farthest] if far_enough else ""
+    return farthest if away[farthest] > _BESIDE * np.abs(local).max() else -1
 
 
-def _turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
+def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
     """Rotation with the z axis of D whose x axis points to the side of a direction."""
     across = direction - D[2] * (D[2] @ direction)
     x = across / np.linalg.norm(across)

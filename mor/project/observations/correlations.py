@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import LARGEST, FloatArray, IntArray
 from mor.errors import InputError, Problem
 from mor.input_files import read_text
-from mor.project.edge import LARGEST, SMALLEST_SIGMA
+from mor.project.edge import SMALLEST_SIGMA
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group

@@ -6,12 +6,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray, SmallIntArray
+from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import Names
 from mor.project.axes import external_image
-from mor.project.edge import LARGEST, ImageScale, UnitError, beyond, split
+from mor.project.edge import ImageScale, UnitError, beyond, split
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
 from mor.project.observations.names import named_things

@@ -33,8 +33,11 @@ from mor.quality.diagnosis.unsettled import only_here
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
+NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
+FEWEST_OF_DATUM = 3
+"""Points with all coordinates in the datum that determine any movement of a network."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -46,6 +49,8 @@ class Means:
     make: Callable[[Network, Values], Problem]
     solve: Callable[[Network, Values], Adjustment]
     critical: float
+    complete: Callable[[Adjustment], bool]
+    """Whether it is a solution, of all observations."""
 
 
 def completed(
@@ -84,11 +89,35 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     """The network as far as it is adjusted, and its adjustment.
 
     Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
-    not.
+    not. Where there is no solution, or one that observations had to be left out for, points seen under a narrow angle
+    may be at fault, whose start values are hardly better than none: it is begun once more where the others come to
+    without them.
     """
-    values, failed = start, np.zeros(0, dtype=np.int64)
     found = nearly_parallel(network, start)
-    far = _beyond_reach(network, start, found, means)
+    first = _with_far_points(network, start, start, found, means)
+    if found.from_one_place().all() or means.complete(first[1]):
+        return first
+    others = without_points(network, found.points, NARROW_ANGLE)
+    if not any(group.count for group in others.groups):
+        return first
+    adjustment = means.solve(others, start)
+    if not adjustment.outcome.is_solution:
+        return first
+    there = _values_of(network, adjustment.values, found.points)
+    again = nearly_parallel(network, there)
+    begun = _with_coordinates(there, again)
+    begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
+    second = _with_far_points(network, start, begun, again, means)
+    return second if means.complete(second[1]) else first
+
+
+def _with_far_points(
+    network: Network, start: Values, values: Values, found: RayPoints, means: Means
+) -> tuple[Network, Adjustment]:
+    """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
+    plain, first, doubted = network, values, found.points
+    failed = np.zeros(0, dtype=np.int64)
+    far = _beyond_reach(network, values, found, means)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
@@ -101,29 +130,39 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
             failed = np.union1d(failed, far.points)
             if np.isin(now.points, failed).all():
                 break
-            values = start
+            values = first
             now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
         elif np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
         else:
             values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
         far = now
-        network = _with_reference(network, start, values)
+        network = _with_reference(plain, start, values, doubted)
     if len(far.points) and _leaves_out(network):
         # Left out only now: with them the poses are known well enough to tell which points are at infinity.
-        network = _with_reference(network, start, there)
+        network = _with_reference(plain, start, there, doubted)
         values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
         values = values if adjustment.outcome.is_solution else start
         reduced, adjustment = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, adjustment
 
 
-def _with_reference(network: Network, start: Values, values: Values) -> Network:
-    """The network whose datum refers to the first start values, wherever another adjustment of it begins."""
-    if network.datum.reference is not None:
-        return network
-    reference = np.where(np.isnan(start["point"]), values["point"], start["point"])
-    return replace(network, datum=replace(network.datum, reference=reference))
+def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
+    """The network whose datum refers to the start values that were given, wherever another adjustment of it begins.
+
+    Where none were, it refers to where that adjustment begins. Points ``doubted``, which were at infinity, do not
+    carry it as long as others do: a distance that nobody knew, on the wrong side perhaps, would outweigh all others.
+    """
+    datum = network.datum
+    mask = datum.mask.copy()
+    mask[doubted] = False
+    if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
+        datum = replace(datum, mask=mask)
+    if datum.reference is None:
+        known = np.isfinite(network.start["point"]) | np.isnan(values["point"])
+        reference = np.where(known, start["point"], values["point"])
+        datum = replace(datum, reference=reference)
+    return replace(network, datum=datum)
 
 
 def _leaves_out(network: Network) -> bool:

@@ -9,9 +9,12 @@ observations by the inverse distance ρ, the adjustment that had ρ as one more 
 v̄ = observed − computed at the solution without it: the test of an additional parameter (W. Baarda: A testing
 procedure for use in geodetic networks, 1968), which needs one solution of the normal equations for every point.
 
-A ρ that is significantly negative speaks against infinity as well: other points there have bent the network, for in
-cameras that are not calibrated nothing but such points tells where infinity is. By how much it is bent, the sizes of
-all that are significant tell; none of these points is put farther away than that.
+A ρ that is significant, negative too, speaks against infinity: this point, or others there, have bent the network.
+All that are significant are then unknowns together, B with a column for each: what one of them alone would explain of
+what all have bent is told from what is its own, and they come to where the adjustment with all their ρ sees them.
+Linearised so far from the solution that may be wrong; a ρ that comes out negative says by how much, and all come nearer
+by twice that. Too near does no harm: with d' = d (2 − ρ/ρ₀) an iteration in coordinates at most doubles a distance, but
+begun at more than twice the distance it ends behind the cameras.
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ _FAR = 1e-3
 """Inverse distance, in units of its σ at given poses, at which derivatives are taken."""
 _AT_A_TIME = 64
 """Right-hand sides that are solved for together."""
+_TOGETHER = 512
+"""Inverse distances that are unknowns together."""
 
 
 def with_free_poses(
@@ -63,8 +68,12 @@ def with_free_poses(
         sigma[some[told]] = 1.0 / np.sqrt(left[told])
     bent = np.zeros(len(inverse), dtype=bool)
     bent[known] = np.abs(inverse[known]) > critical * sigma[known]
-    if bent.any():
-        inverse[bent] = np.maximum(np.abs(inverse[bent]), np.median(np.abs(inverse[bent])))
+    for some in np.array_split(np.flatnonzero(bent), 1 + np.count_nonzero(bent) // _TOGETHER):
+        if len(some):
+            size, product, through = _equations(network, reduced, adjustment, places, far, some)
+            left = np.diag(size) - through.T @ adjustment.inverse.solve(through)
+            together = np.linalg.lstsq(left, product, rcond=None)[0]
+            inverse[some] = together + 2.0 * max(0.0, -float(together.min()))
     return far._replace(inverse=inverse, sigma=sigma)
 
 

@@ -15,12 +15,11 @@ from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import A_WEAK_TURN, Adjustment, Outcome
+from mor.adjustment.state import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Index, Values
 from mor.quality.diagnosis.loose_things import OPEN
 
-RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
 UNSETTLED = "the datum points do not settle the datum"
 NO_DATUM = "the datum is not defined"
 AT_THE_START = (

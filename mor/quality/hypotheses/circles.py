@@ -10,6 +10,8 @@ import numpy as np
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
+from mor.project.network.build import Network
+from mor.project.observations.observation_rows import group_name
 from mor.quality.hypotheses.changes import with_observed
 from mor.quality.hypotheses.hypothesis import Hypothesis
 from mor.quality.hypotheses.situation import Situation
@@ -43,10 +45,9 @@ def face_hypotheses(situation: Situation) -> list[Hypothesis]:
 def _sets(
     situation: Situation, number: int, group: ObservationGroup
 ) -> Iterator[tuple[tuple[str, ...], IntArray]]:
-    """The whole group, and the rows of each station that fit badly."""
+    """The whole group, which may fit a mirrored place of its stations, and the rows of each station that fit badly."""
     bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
-    if bad.any():
-        yield (group.name,), np.arange(group.count)
+    yield (group.name,), np.arange(group.count)
     stations = np.array(list(group.references[0]))
     names = list(dict.fromkeys(stations.tolist()))
     shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
@@ -59,10 +60,10 @@ def _of_rows(
     situation: Situation, number: int, group: ObservationGroup, things: tuple[str, ...], rows: IntArray
 ) -> Iterator[Hypothesis]:
     edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
-    unit = "deg" if edge.units.angle == "dms" else edge.units.angle
+    given = _given_unit(situation.network, group)
     for other in _UNITS:
-        factor = ANGLE_UNITS[other] / ANGLE_UNITS[_given_unit(group, unit)]
-        if factor != 1.0:
+        factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
+        if factor != 1.0 and _is_on_circle(group, rows, factor):
             yield _hypothesis(
                 "circle unit",
                 (*things, other),
@@ -97,13 +98,21 @@ def _of_rows(
         )
 
 
-def _given_unit(group: ObservationGroup, unit: str) -> str:
-    """Unit in which the angles of a group were given."""
-    return (
-        group.external.units[0]
-        if group.external is not None and group.external.units[0] in ANGLE_UNITS
-        else unit
-    )
+def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
+    """True where the angles (n, m) of some rows, times a factor, do not go beyond a full circle."""
+    angles = np.abs(group.observed[rows][:, group.type.wraps])
+    return bool(factor * np.nanmax(angles, initial=0.0) <= 2.0 * np.pi)
+
+
+def _given_unit(network: Network, group: ObservationGroup) -> str:
+    """Unit in which the angles of a group were given: that of its table, or of the project."""
+    unit: str = network.edge.units.angle
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
+    for number, entry in enumerate(network.project.observations):
+        if group_name(entry, number) == group.name:
+            own = entry.units if isinstance(entry.units, dict) else dict.fromkeys(angles, entry.units)
+            unit = next((own[name] for name in angles if own.get(name)), unit)
+    return unit if unit in _UNITS else "deg"
 
 
 def _hypothesis(

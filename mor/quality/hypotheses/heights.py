@@ -54,8 +54,9 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _sights(network: Network) -> Iterator[Sights]:
-    """All sets of rows that may share a wrong height."""
+    """All sets of rows that may share a wrong height: of sights from stations, or where heights are given."""
     sets: dict[tuple[str, tuple[str, ...]], list[tuple[int, IntArray, int]]] = {}
+    stations = set(network.things["station"].ids) if "station" in network.things else set()
     free = network.blocks["height"].free[:, 0]
     for number, group in enumerate(network.groups):
         if not group.type.distances or group.type.between_marks:
@@ -67,6 +68,8 @@ def _sights(network: Network) -> Iterator[Sights]:
             if own.kind != "height" or own.of not in names:
                 continue
             fixed = np.flatnonzero(~free[group.blocks[slot]])
+            if not (network.start["height"][group.blocks[slot], 0] != 0.0).any():
+                fixed = fixed[[name in stations for name in names[begin][fixed]]]
             at, to = names[begin][fixed], names[end][fixed]
             if own.of in _INSTRUMENT:
                 keys = [("instrument height", (a,)) for a in at]

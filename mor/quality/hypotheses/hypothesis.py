@@ -60,8 +60,6 @@ class Fit(NamedTuple):
     freedom: int
     length: float
     """Description length: see :mod:`mor.quality.hypotheses.description_length`."""
-    spread: float
-    """Robust variance factor of the residuals, 1 at least."""
 
 
 class Offered(NamedTuple):

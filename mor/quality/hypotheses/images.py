@@ -48,7 +48,7 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
     bad: dict[str, tuple[int, int]] = {}
     for number in numbers:
         names = np.array(list(situation.network.groups[number].references[0]))
-        rows_bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
+        rows_bad: BoolArray = np.asarray((situation.sizes[number] > situation.limit).any(axis=1))
         for name in dict.fromkeys(names.tolist()):
             rows = np.flatnonzero(names == name)
             parts.setdefault(name, []).append((number, rows))

@@ -2,6 +2,7 @@
 
 A row that does not fit is computed with every other name in its place; names that make it fit are tried. Where two rows
 of one image fit with each other's names, they were exchanged. Rows of several tables with the same names go together.
+Few observations of a kind, as scale bars, may be all that tells something: such a row is judged without itself.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.hypotheses.changes import with_blocks
 from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
+from mor.quality.hypotheses.situation import Situation, sizes_of
 
 _ROWS = 40
 """Rows of a group that are looked at, the worst first."""
@@ -27,6 +28,8 @@ _NAMES = 2
 """Names that are kept for a row and a reference, the best first."""
 _TRIED = 6
 """Exchanges and names that are tried: those that make rows fit that are off most."""
+_FEW, _ALONE = 10, 4
+"""Rows of a group up to which each is judged by an adjustment without it, and how many of them are."""
 _BEGIN = ("station", "from", "image")
 
 
@@ -69,14 +72,20 @@ def _all_matches(situation: Situation) -> list[Match]:
         match
         for number, group in enumerate(situation.network.groups)
         if len(group.type.references) > 1
-        for row in situation.worst_rows(number, _ROWS)
-        for match in _matches(situation, number, group, int(row))
+        for place, row in enumerate(situation.worst_rows(number, _ROWS).tolist())
+        for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
     ]
 
 
-def _matches(situation: Situation, number: int, group: ObservationGroup, row: int) -> Iterator[Match]:
+def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterator[Match]:
+    """Names that make a row fit; ``alone`` where the others lead without it."""
+    group = situation.network.groups[number]
     names = tuple(column[row] for column in group.references)
-    now = float(np.sqrt(np.mean(situation.sizes[number][row] ** 2)))
+    values, sizes_now = situation.values, situation.sizes[number][row]
+    if alone:
+        values = situation.without_row(number, row)
+        sizes_now = sizes_of([group], values)[0][row]
+    now = float(np.sqrt(np.mean(sizes_now**2)))
     for place, reference in enumerate(group.type.references):
         slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
         for space in reference.among:
@@ -90,7 +99,7 @@ def _matches(situation: Situation, number: int, group: ObservationGroup, row: in
             }
             if not blocks or (space == "station" and names[place] in situation.network.sets):
                 continue
-            sizes = _sizes_with(situation.values, group, row, blocks)
+            sizes = _sizes_with(values, group, row, blocks)
             same = np.all([values == group.blocks[slot][row] for slot, values in blocks.items()], axis=0)
             sizes[same | np.isin(things.ids, names)] = np.inf
             for k in np.argsort(sizes, kind="stable")[:_NAMES]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.special import gammainc
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.effort import Done
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.hypotheses.circles import circle_hypotheses, face_hypotheses
 from mor.quality.hypotheses.control import control_hypotheses, exchange_hypotheses
@@ -27,17 +27,28 @@ from mor.quality.hypotheses.hypothesis import Fit, Hypothesis, Offered
 from mor.quality.hypotheses.images import camera_constant_hypotheses, image_hypotheses
 from mor.quality.hypotheses.levelling import levelling_hypotheses
 from mor.quality.hypotheses.names import name_hypotheses
+from mor.quality.hypotheses.reintersection import reintersected
 from mor.quality.hypotheses.sigmas import sigma_hypotheses
-from mor.quality.hypotheses.situation import Begin, Make, Situation, sizes_of
-from mor.quality.tests.p_values import log_p_chi2
+from mor.quality.hypotheses.situation import SMALL, SUSPECT, Begin, Make, Situation, sizes_of
+from mor.quality.tests.group_tests import group_tests
+from mor.quality.tests.levels import sidak
+from mor.quality.tests.p_values import log_p_chi2, log_p_normal
+from mor.quality.tests.quadratic_form import Moments, log_tail
 
 LEVEL = 1e-3
 """Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 OFFERED = 5
-_SMALL = 20_000
-"""Observations up to which graduated weights and many adjustments cost next to nothing."""
-_MOST, _LEAST = 40, 3
+_MOST, _LEAST = 60, 3
 """Adjustments that are tried at most, in small networks and in large ones."""
+
+Looking = Callable[[int], Done]
+"""Told how many hypotheses may be tried; what it returns is told each of them."""
+
+
+def ignore_looking(_: int) -> Done:
+    """Nobody watches."""
+    return lambda _: None
+
 
 Family = Callable[[Situation], list[Hypothesis]]
 FAMILIES: tuple[Family, ...] = (
@@ -54,42 +65,39 @@ OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_h
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
 
-def is_rejected(quality: Quality) -> bool:
-    """True where all residuals, those of a group, or a single one are beyond what chance allows at ``LEVEL``."""
-    tested = [(quality.omega, float(quality.redundancy))]
-    for own, group in zip(quality.groups, quality.adjustment.problem.groups, strict=True):
-        used = group.mask & ~group.left_out
-        tested.append((float(np.sum((own.v[used] / group.sigma[used]) ** 2)), float(np.nansum(own.r[used]))))
-    limit = np.log(LEVEL / (2.0 * len(tested)))
-    for omega, freedom in tested:
-        if freedom > 0.5 and _two_sided(omega, freedom) < limit:
-            return True
-    return bool(_largest(quality) < np.log(LEVEL))
+def is_rejected(quality: Quality, network: Network) -> bool:
+    """True where a test of the verdict rejects at ``LEVEL``: of all, of single observations, or of groups."""
+    freedom = float(quality.redundancy)
+    if freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL):
+        return True
+    if _largest(quality) < np.log(LEVEL):
+        return True
+    tests = group_tests(quality, network)
+    limit = np.log(sidak(LEVEL, len(tests.tests)))
+    return any(test.log_p < limit for test in tests.rejected)
 
 
 def _two_sided(omega: float, freedom: float) -> float:
-    """ln of the smaller one of both probabilities of χ²."""
-    upper = float(log_p_chi2(np.array([omega]), np.array([freedom]))[0])
-    lower = float(gammainc(0.5 * freedom, 0.5 * omega))
-    return min(upper, float(np.log(max(lower, 1e-300))))
+    """ln of the two-sided probability of χ²."""
+    one = np.array([freedom])
+    return float(log_tail(np.array([omega]), Moments(one, one, one))[0])
 
 
 def _largest(quality: Quality) -> float:
-    """ln of the probability of the largest test value among so many."""
-    largest, count = 0.0, 0
-    for one, group in zip(quality.reliability, quality.adjustment.problem.groups, strict=True):
-        for first in range(0, group.count, 100_000):
-            rows = np.arange(first, min(first + 100_000, group.count))
-            used = group.mask[rows] & ~group.left_out[rows]
-            tests = np.abs(np.nan_to_num(one.at(rows).test))[used]
-            largest, count = max(largest, float(tests.max(initial=0.0))), count + tests.size
-    own = float(log_p_chi2(np.array([largest**2]), np.array([1.0]))[0])
-    return own + float(np.log(max(count, 1)))
+    """ln of the probability of the largest test value among so many; 0 where none is flagged."""
+    largest = 0.0
+    for reliability, flags in zip(quality.reliability, quality.flagged, strict=True):
+        rows = np.flatnonzero(flags.any(axis=1))
+        if len(rows):
+            largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
+    count = quality.adjustment.problem.observations
+    return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
 
 
-def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, ...]:
+def possible_causes(situation: Situation, plain: Adjustment, looking: Looking) -> tuple[Offered, ...]:
     """Hypotheses for observations of which something is rejected, the best first; none where none is good enough."""
-    most = int(np.clip(_MOST * _SMALL // max(situation.count, 1), _LEAST, _MOST))
+    most = int(np.clip(_MOST * SMALL // max(situation.count, 1), _LEAST, _MOST))
+    done = looking(most)
     found: list[tuple[Hypothesis, Fit]] = []
     count = 0
     families = (*FAMILIES, *OF_A_WHOLE) if situation.something_is_wrong_as_a_whole else FAMILIES
@@ -99,14 +107,15 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
             different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
         candidates = list(different.values())[: most - count]
         count += len(candidates)
-        tried = [(hypothesis, situation.tried(hypothesis)) for hypothesis in candidates]
-        found += [(hypothesis, fit) for hypothesis, fit in tried if fit is not None]
+        for hypothesis in candidates:
+            fit = situation.tried(hypothesis, afresh=not any(nothing_is_left(one) for _, one in found))
+            found += [(hypothesis, fit)] if fit is not None else []
+            done(1)
         if any(h.rows and nothing_is_left(fit) for h, fit in found):
             break  # what changes a few rows, and explains everything, has no rival among what changes whole groups
     if not found:
         return ()
-    spread = min(fit.spread for _, fit in found)
-    gains = [(situation.fit.length - fit.length) / spread for _, fit in found]
+    gains = [situation.fit.length - fit.length for _, fit in found]
     before = plain.normals.objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
     order = sorted(range(len(found)), key=lambda k: -gains[k])
     freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
@@ -127,19 +136,21 @@ def possible_causes(situation: Situation, plain: Adjustment) -> tuple[Offered, .
 
 def causes(
     network: Network,
+    adjusted: Network,
     start: Values,
     plain: Adjustment,
     solution: Adjustment | None,
     quality: Quality | None,
     make: Make,
     begin: Begin,
+    looking: Looking = ignore_looking,
 ) -> tuple[Offered, ...]:
     """What may be wrong with a network whose ``plain`` adjustment did not end well; nothing where nothing is rejected.
 
-    ``start`` are the start values of the whole of it; things may have been left out of the adjustment. ``solution`` is
-    the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
+    ``start`` are the start values of the whole of it; ``adjusted`` is what took part, for things may have been left
+    out. ``solution`` is the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
     """
-    if solution is plain and quality is not None and not is_rejected(quality):
+    if solution is plain and quality is not None and not is_rejected(quality, adjusted):
         return ()
     if not plain.problem.index.count or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
         return ()
@@ -150,7 +161,7 @@ def causes(
         values = _graduated(make(network, start, start), start)
     else:
         values = _where_most_fit(plain, solution)
-    return possible_causes(Situation(network, start, values, solution, make, begin), plain)
+    return possible_causes(Situation(network, start, values, solution, make, begin), plain, looking)
 
 
 def _nearer(fit: Fit, before: float, freedom: int) -> bool:
@@ -176,9 +187,14 @@ def _graduated(problem: Problem, begin: Values) -> Values:
 def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     """The solution, or where graduated weights lead from the start values or from it: what costs least."""
     problem = plain.problem
+    if solution is not None and problem.observations > SMALL:
+        return solution.values
     known = [plain.values] if solution is None else [solution.values]
     begin = plain.start if solution is None else plain.values
-    if solution is None or (solution is plain and problem.observations <= _SMALL):
+    if solution is None or solution is plain:
         known.append(_graduated(problem, begin))
     costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
-    return known[int(np.argmin(costs))]
+    best = known[int(np.argmin(costs))]
+    if problem.observations > SMALL:
+        return best
+    return reintersected(problem, best, sizes_of(problem.groups, best), SUSPECT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,13 +20,17 @@ from mor.parameters.index import Values, all_known, with_shared_components
 from mor.project.network.build import Network
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
-from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals
+from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
 from mor.sparse.cholesky import NotFiniteError
 
+SMALL = 20_000
+"""Observations up to which graduated weights and many adjustments cost next to nothing."""
 _ITERATIONS = 15
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
+_AS_EXPECTED = 2.0
+"""vᵀPv over its degrees of freedom up to which no other beginning is tried."""
 _PATIENCE = 2
 """Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
 SUSPECT = 4.5
@@ -66,11 +70,35 @@ class Situation:
         return self.network.observations
 
     def worst_rows(self, group: int, most: int) -> IntArray:
-        """Rows of a group with an observation that does not fit, the worst first."""
+        """Rows of a group with an observation that does not fit beside the others, the worst first."""
         largest = self.sizes[group].max(axis=1, initial=0.0)
         order = np.argsort(-largest, kind="stable")[:most]
-        worst: IntArray = order[largest[order] > SUSPECT]
+        worst: IntArray = order[largest[order] > self.limit]
         return worst
+
+    @cached_property
+    def limit(self) -> float:
+        """|v|/σ beyond which an observation does not fit beside the others.
+
+        In large networks few errors leave half of all residuals as they are: the median tells how large chance makes
+        them. In small ones an error is in all residuals.
+        """
+        if self.count <= SMALL:
+            return SUSPECT
+        scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
+        return max(SUSPECT, scale * price_of_gross_error(self.count))
+
+    def without_row(self, group: int, row: int) -> Values:
+        """Where the others lead without a row; where most fit, if they have no solution."""
+        try:
+            problem = self.make(self.network, self.start, self.values)
+            masks = [own.left_out.copy() for own in problem.groups]
+            masks[group][row] = True
+            with np.errstate(all="ignore"):
+                found = adjust(exclude(problem, masks), self.values, Settings(_ITERATIONS), _impatient())
+        except (InputError, NotFiniteError, HopelessError):
+            return self.values
+        return found.values if found.outcome.is_solution else self.values
 
     @cached_property
     def misfitting(self) -> tuple[BoolArray, ...]:
@@ -80,7 +108,9 @@ class Situation:
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:
         """True where half of a group, of an image or of a station does not fit: only then a change of all of it may."""
-        for group, bad in zip(self.network.groups, self.misfitting, strict=True):
+        for group, bad in zip(
+            self.network.groups, self.misfitting, strict=False
+        ):  # checks, left out, come last
             rows = bad.any(axis=1)
             if group.count >= _AT_LEAST and 2 * np.count_nonzero(rows) >= group.count:
                 return True
@@ -95,15 +125,28 @@ class Situation:
         """How well the network fits as it is."""
         return self._fit(self.network, self.values, 0.0)
 
-    def tried(self, hypothesis: Hypothesis) -> Fit | None:
-        """The network changed and adjusted; nothing where that does not converge."""
+    def tried(self, hypothesis: Hypothesis, afresh: bool = True) -> Fit | None:
+        """The network changed and adjusted; nothing where that does not converge.
+
+        ``afresh`` allows that start values are worked out for it, which takes longer than all else.
+        """
         network = hypothesis.change(self.network)
         cost = cost_of_choice(self.count, hypothesis.candidates, hypothesis.parameters, hypothesis.stretch)
-        values = self._adjusted(network, self._beginning(network, hypothesis), hypothesis)
-        return None if values is None else self._fit(network, values, cost)
+        best: Fit | None = None
+        for begin in self._beginnings(network, hypothesis, afresh):
+            values = self._adjusted(network, begin, hypothesis)
+            fit = None if values is None else self._fit(network, values, cost)
+            if fit is not None and (best is None or fit.length < best.length):
+                best = fit
+            if best is not None and best.omega <= _AS_EXPECTED * best.freedom:
+                break
+        return best
 
-    def _beginning(self, network: Network, hypothesis: Hypothesis) -> Values:
-        """Where to begin: for what is local where most observations fit, else there or at the start values."""
+    def _beginnings(self, network: Network, hypothesis: Hypothesis, afresh: bool) -> Iterator[Values]:
+        """Where to begin: where most observations fit; for what is not local, at new start values, too.
+
+        Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
+        """
         here = {kind: _longer(values, network.start[kind]) for kind, values in self.values.items()}
         for kind, blocks in hypothesis.anew.items():
             given = network.start[kind][blocks]
@@ -111,14 +154,11 @@ class Situation:
             here[kind] = here[kind].copy()
             here[kind][blocks[told]] = given[told]
         here = with_shared_components(network.blocks, here)
-        if hypothesis.rows:
-            return here
-        known: list[Values] = [here]
-        if hypothesis.afresh or all_known(network.start):
+        yield here
+        if not hypothesis.rows and ((afresh and hypothesis.afresh) or all_known(network.start)):
             begin = self.begin(network)
-            known += [begin] if begin is not None else []
-        costs = [cost_of_residuals(sizes_of(network.groups, values), self.count) for values in known]
-        return known[int(np.argmin(costs))]
+            if begin is not None:
+                yield begin
 
     def _adjusted(self, network: Network, begin: Values, hypothesis: Hypothesis) -> Values | None:
         """Values of the changed network; with a change of few observations the others that do not fit are left out."""
@@ -154,14 +194,12 @@ class Situation:
     def _fit(self, network: Network, values: Values, cost: float) -> Fit:
         problem = self.make(network, values, values)
         sizes = sizes_of(problem.groups, values)
-        scale = robust_scales(problem, sizes).overall
         used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
         return Fit(
             values,
             float(sum(np.sum(size**2) for size in used)),
             problem.observations - problem.index.count + self._defect,
             cost_of_residuals(used, self.count) + cost,
-            scale**2,
         )
 
     @property

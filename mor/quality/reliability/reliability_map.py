@@ -8,7 +8,7 @@ than the largest δ̄0 of its observations times the longest semi-axis of its er
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -137,7 +137,9 @@ def _pieces(tests: Reliability) -> Iterator[tuple[slice, FloatArray, FloatArray]
         yield rows, r, np.where(np.isfinite(r), external, np.nan)
 
 
-def _gathered(of: str, names: tuple[str, ...], seen, axes: FloatArray) -> Controlled:  # type: ignore[no-untyped-def]
+def _gathered(
+    of: str, names: tuple[str, ...], seen: Callable[[], Iterator[_Seen]], axes: FloatArray
+) -> Controlled:
     """What the rows say of each class, in two passes: the smallest r, then whose it is."""
     count = len(names)
     observations = np.zeros(count, dtype=np.int64)

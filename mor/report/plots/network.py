@@ -149,4 +149,4 @@ def _finish(view: View, axes: Axes, words: Words) -> None:
         fontsize=9,
         loc="left",
         pad=18,
-    )
+    ).set_in_layout(False)  # it may be wider than the network, which keeps its size

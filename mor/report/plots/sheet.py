@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from mor.errors import InputError, Problem
-from mor.escapes import escaped
+from mor.escapes import escaped, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +29,8 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "savefig.dpi": 150,
 }
+_LONGEST = 100
+"""Letters of a line of text: what a sheet is wide enough for."""
 _NO_DATE: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "mor"},
     "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
@@ -81,8 +83,9 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def _spell_out(figure: Figure) -> None:
-    """Names with control characters, which no picture may contain as they are."""
+    """Names with control characters, which no picture may contain as they are, or longer than a sheet is wide."""
     from matplotlib.text import Text
 
     for text in cast("list[Text]", figure.findobj(Text)):
-        text.set_text(escaped(text.get_text()))
+        lines = escaped(text.get_text()).split("\n")
+        text.set_text("\n".join(shortened(line, _LONGEST) for line in lines))

@@ -17,6 +17,8 @@ from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
 WIDTH = 100
+LINES = 24
+"""Lines that a screen has at least."""
 WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
 """Observations, cameras, checks and groups that are shown."""
 
@@ -27,9 +29,14 @@ def screen(solved: Solved, words: Words = ENGLISH) -> str:
 
 
 def _screen(solved: Solved, words: Words) -> str:
-    """At most 24 lines, of 100 columns but for the verdict; without a solution what the report says of the reason."""
+    """At most 24 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
     if solved.quality is None:
-        return "\n".join(part for part in (*verdict(solved, words), undetermined(solved, words)) if part)
+        said = [*verdict(solved, words), *undetermined(solved, words).splitlines()]
+        told = [line for line in said if line]
+        if len(told) > LINES:
+            rest = words("… and {count} more lines in the report", count=len(told) - LINES + 1)
+            told = [*told[: LINES - 1], rest]
+        return "\n".join(told)
     lines = [
         *_figures(solved, words),
         *_worst(solved, words),

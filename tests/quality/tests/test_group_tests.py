@@ -134,7 +134,27 @@ def test_an_offset_in_a_few_of_many_observations_rejects_their_group_and_is_esti
     corrected = replace(groups[number], observed=groups[number].observed - worst.effect.size)
     groups[number] = corrected
     again = adjust(replace(adjustment.problem, groups=tuple(groups)), quality.adjustment.values)
-    assert again.normals.objective == pytest.approx(quality.omega - worst.gain, rel=1e-3)
+    assert again.normals.objective == pytest.approx(quality.omega - worst.effect.test**2, rel=1e-3)
+
+
+def test_one_gross_error_is_no_offset_of_its_group() -> None:
+    solved = building()
+    problem = measured_anew(solved.adjustment, 4).problem
+    groups = list(problem.groups)
+    number = next(k for k, group in enumerate(groups) if group.name == "distances to plates")
+    observed = groups[number].observed.copy()
+    observed[2] += 0.2
+    groups[number] = replace(groups[number], observed=observed)
+    quality = assess(adjust(replace(problem, groups=tuple(groups)), solved.adjustment.values))
+    judged = replace(solved, adjustment=quality.adjustment, quality=quality).verdict
+    assert judged is not None
+    worst = next(one for one in judged.explained if one.test.name == "distances to plates")
+    masks = judged.tests.rows(worst.test, quality.adjustment.problem)
+    effects = common_effects(quality, whitened_rows(quality, masks), masks, worst.test.redundancy)
+    assert abs(effects[0].test) > quality.critical, "beside the a-priori sigma it is significant"
+    assert worst.effect is None
+    assert worst.flagged
+    assert worst.gain == pytest.approx(np.nanmax(np.abs(quality.reliability[number].test)) ** 2)
 
 
 def test_sigmas_that_are_all_wrong_by_one_factor_blame_no_group() -> None:

@@ -1,0 +1,335 @@
+"""Several foreign files as one project: what the first one is, with what the others know of its points and images."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+import polars as pl
+
+from mor.counting import counted
+from mor.errors import InputError, Problem
+from mor.observations import PLAIN_TYPES
+from mor.parameters.kinds import POINT, ROTATION
+from mor.project.file.nodes import Document, Path
+from mor.units import ANGLE, LENGTH, Quantity
+
+_COORDINATES = ("x", "y", "z")
+_POSE = (*_COORDINATES, "omega", "phi", "kappa")
+_LENGTHS = ("height", "from_height", "to_height", "station_height", "at_height", "bx", "by", "bz")
+_ANGLES = ("orientation",)
+_SECTIONS = ("points", "images", "stations", "systems", "pairs", "observations")
+
+
+@dataclass
+class _Project:
+    """A document that is taken apart or added to."""
+
+    data: dict[str, Any]
+    lines: dict[Path, int]
+    file: str
+    files: dict[Path, str]
+    notes: list[Problem]
+    frames: dict[str, pl.DataFrame]
+    problems: list[Problem] = field(default_factory=list)
+
+    def tables(self, section: str) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = self.data.get(section) or []
+        return found
+
+    def note(self, words: str, line: int = 0) -> None:
+        self.notes.append(Problem(words, self.file, line))
+
+
+def combined(documents: Sequence[Document]) -> Document:
+    """One document of several foreign ones: points and images of the same name are the same.
+
+    Of a point that several files have the one that is held or observed stays, of equal ones the later; positions of
+    images that a later file gives are taken over. Coordinates of files without control are in systems of their own:
+    they are left out, those of the first file only where another one has control. Raises :class:`InputError` where
+    axes differ or two cameras share a name.
+    """
+    whole, *others = (_opened(document) for document in documents)
+    for other in others:
+        _add(whole, other)
+    if whole.problems:
+        raise InputError(whole.problems)
+    notes = tuple(whole.notes)
+    return Document(whole.data, whole.lines, whole.file, whole.files, notes, frames=whole.frames)
+
+
+def _opened(document: Document) -> _Project:
+    data = {
+        key: [dict(entry) for entry in value] if isinstance(value, list) else value
+        for key, value in document.data.items()
+    }
+    lines, files, frames = dict(document.lines), dict(document.files), dict(document.frames)
+    return _Project(data, lines, document.file, files, list(document.notes), frames)
+
+
+def _add(whole: _Project, other: _Project) -> None:
+    if _axes(whole) != _axes(other):
+        words = f"the axes are not those of {whole.file}: convert one of them by itself first"
+        whole.problems.append(Problem(words, other.file))
+    _in_units_of(whole, other)
+    _share_system(whole, other)
+    cameras, more = (project.data.get("cameras") or {} for project in (whole, other))
+    for name in sorted(set(cameras) & set(more)):
+        words = f"camera {name!r} is in {whole.file}, too"
+        whole.problems.append(Problem(words, other.file, other.lines.get(("cameras", name), 0)))
+    if more:
+        whole.data["cameras"] = {**cameras, **more}
+    _merge_settings(whole, other)
+    _take_positions(whole, other)
+    _say_once(whole, other)
+    for section in _SECTIONS:
+        _append(whole, section, other)
+    whole.notes += other.notes
+
+
+def _axes(project: _Project) -> dict[str, str]:
+    plain = {"xy": "en", "angles": "clockwise", "bearings_from": "north"}
+    return {**plain, **(project.data.get("axes") or {})}
+
+
+def _share_system(whole: _Project, other: _Project) -> None:
+    """Start values in a system that is not that of the control are worse than none, and so is an own datum."""
+    held = _has_control(other)
+    datum = other.data.pop("datum", None)
+    if held and not _has_control(whole):
+        whole.data.pop("datum", None)
+        _without_coordinates(whole)
+    elif not held:
+        _without_coordinates(other)
+        if datum is not None and not whole.tables("points"):
+            whole.data.setdefault("datum", datum)
+
+
+def _merge_settings(whole: _Project, other: _Project) -> None:
+    """Settings of the first file go before; dimensions are those of all observations together."""
+    measured = [dict(p.data.get("settings") or {}) for p in (whole, other) if p.tables("observations")]
+    sizes = {str(settings.get("dimensions", "xyz")) for settings in measured}
+    settings = {**(other.data.get("settings") or {}), **(whole.data.get("settings") or {})}
+    settings.pop("dimensions", None)
+    if len(sizes) == 1 and sizes != {"xyz"}:
+        settings["dimensions"] = sizes.pop()
+    whole.data.pop("settings", None)
+    if settings:
+        whole.data["settings"] = settings
+
+
+def _has_control(project: _Project) -> bool:
+    """True where coordinates of points or images are fixed or observed."""
+    tables = [*project.tables("points"), *project.tables("images")]
+    return any(
+        table.get("fixed") or any(str(name).startswith("sigma") for name in table.get("columns") or ())
+        for table in tables
+    )
+
+
+def _without_coordinates(project: _Project) -> None:
+    lost = False
+    for section, names in (("points", _COORDINATES), ("images", _POSE)):
+        for table in project.tables(section):
+            frame = project.frames.get(str(table.get("file")))
+            columns = list(frame.columns) if frame is not None else table["columns"]
+            kept = [k for k, name in enumerate(columns) if name not in names]
+            lost = lost or len(kept) < len(columns)
+            if frame is not None:
+                project.frames[table["file"]] = frame[:, kept]
+            else:
+                table["columns"] = [columns[k] for k in kept]
+                table["rows"] = [[row[k] for k in kept] for row in table["rows"]]
+    if lost:
+        project.note(
+            "coordinates and poses, in a system of their own, are not taken: they are worked out anew"
+        )
+
+
+def _names(project: _Project, section: str) -> list[str]:
+    names: list[str] = []
+    for table in project.tables(section):
+        frame = project.frames.get(str(table.get("file")))
+        if frame is not None:
+            names += frame["id"].cast(pl.String).to_list()
+        else:
+            at = table["columns"].index("id")
+            names += [str(row[at]) for row in table["rows"]]
+    return names
+
+
+def _say_once(whole: _Project, other: _Project) -> None:
+    """Of a point that both have the one held or observed stays, else the one with coordinates, else the later."""
+    first, second = _weights(whole), _weights(other)
+    both = first.keys() & second.keys()
+    later = {name for name in both if second[name] >= first[name]}
+    _drop_points(whole, later)
+    _drop_points(other, both - later)
+    for names, taken in ((later, other), (both - later, whole)):
+        said = sum(max(first[name], second[name]) > 0 for name in names)
+        if said:
+            other.note(f"{counted(said, 'point')} in {whole.file}, too: taken from {taken.file}")
+
+
+def _weights(project: _Project) -> dict[str, int]:
+    """What is said of each point: 2 for held or observed coordinates, 1 for start values, 0 for its name alone."""
+    weights: dict[str, int] = {}
+    for table in project.tables("points"):
+        frame = project.frames.get(str(table.get("file")))
+        if frame is not None:
+            there = int(any(axis in frame.columns for axis in _COORDINATES))
+            weights |= dict.fromkeys(frame["id"].cast(pl.String).to_list(), there)
+            continue
+        columns = table["columns"]
+        for row in table["rows"]:
+            said = {str(name) for name, cell in zip(columns, row, strict=True) if cell not in (None, "")}
+            held = table.get("fixed") or any(name.startswith("sigma") for name in said)
+            weights[str(row[columns.index("id")])] = 2 if held else int(bool(said & set(_COORDINATES)))
+    return weights
+
+
+def _drop_points(project: _Project, names: Collection[str]) -> None:
+    if not names:
+        return
+    for number, table in enumerate(project.tables("points")):
+        frame = project.frames.get(str(table.get("file")))
+        if frame is not None:
+            project.frames[table["file"]] = frame.filter(~pl.col("id").cast(pl.String).is_in(list(names)))
+        else:
+            at = table["columns"].index("id")
+            kept = [k for k, row in enumerate(table["rows"]) if row[at] not in names]
+            _keep_rows(project, ("points", number), table, kept)
+    _drop_empty(project, "points")
+
+
+def _keep_rows(whole: _Project, path: Path, table: dict[str, Any], kept: list[int]) -> None:
+    lines = [whole.lines.get((*path, "rows", k), 0) for k in kept]
+    for k in range(len(table["rows"])):
+        whole.lines.pop((*path, "rows", k), None)
+    table["rows"] = [table["rows"][k] for k in kept]
+    whole.lines.update({(*path, "rows", k): line for k, line in enumerate(lines) if line})
+
+
+def _drop_empty(whole: _Project, section: str) -> None:
+    """Tables that lost every row go, and the lines of those behind them move up."""
+    tables = whole.tables(section)
+    kept = [
+        k
+        for k, table in enumerate(tables)
+        if table.get("rows") or len(whole.frames.get(str(table.get("file")), ()))
+    ]
+    if len(kept) == len(tables):
+        return
+    new = {old: k for k, old in enumerate(kept)}
+    for mapping in (whole.lines, whole.files):
+        found: list[tuple[Path, Any]] = [(path, mapping.pop(path)) for path in _inside(mapping, section)]
+        for path, value in found:
+            if path[1] in new:
+                mapping[(section, new[int(path[1])], *path[2:])] = value
+    whole.data[section] = [tables[k] for k in kept]
+
+
+def _inside(mapping: Mapping[Path, Any], section: str) -> list[Path]:
+    return [path for path in mapping if len(path) > 1 and path[0] == section]
+
+
+def _take_positions(whole: _Project, other: _Project) -> None:
+    """Images without a camera are what a file knows of images of the project; names may lack their suffix."""
+    own = _by_name(_names(whole, "images"))
+    for number, table in enumerate(other.tables("images")):
+        if "camera" in table["columns"]:
+            continue
+        at = table["columns"].index("id")
+        columns = [name for name in table["columns"] if name != "id"]
+        known: dict[str, list[str | None]] = {}
+        lost: list[int] = []
+        for k, row in enumerate(table["rows"]):
+            name = own.get(str(row[at])) or own.get(PurePath(str(row[at])).stem)
+            if name is None:
+                lost.append(other.lines.get(("images", number, "rows", k), 0))
+            else:
+                known[name] = [cell for place, cell in enumerate(row) if place != at]
+        if lost:
+            other.note(f"{counted(len(lost), 'image')} not in {whole.file}: not read", lost[0])
+        for entry in whole.tables("images"):
+            _fill(entry, columns, known, table.get("units") or {})
+        _keep_rows(other, ("images", number), table, [])
+    _drop_empty(other, "images")
+
+
+def _by_name(names: list[str]) -> dict[str, str]:
+    """Names by themselves, and by what they are without a suffix where that tells them apart."""
+    stems: dict[str, list[str]] = {}
+    for name in names:
+        stems.setdefault(PurePath(name).stem, []).append(name)
+    return {
+        **{stem: found[0] for stem, found in stems.items() if len(found) == 1},
+        **{name: name for name in names},
+    }
+
+
+def _fill(
+    entry: dict[str, Any], columns: list[str], known: Mapping[str, list[str | None]], units: Mapping[str, str]
+) -> None:
+    """Values into the rows of images, by their names."""
+    at = entry["columns"].index("id")
+    if not any(row[at] in known for row in entry["rows"]):
+        return
+    own = list(entry["columns"])
+    names = [*own, *(name for name in columns if name not in own)]
+    rows = []
+    for row in entry["rows"]:
+        cells: dict[str, str | None] = dict(zip(own, row, strict=True))
+        cells |= dict(zip(columns, known.get(row[at], ()), strict=False))
+        rows.append([cells.get(name) for name in names])
+    entry["columns"], entry["rows"] = names, rows
+    if units:
+        entry["units"] = {**(entry.get("units") or {}), **units}
+
+
+def _append(whole: _Project, section: str, other: _Project) -> None:
+    offset = len(whole.tables(section))
+    for number, table in enumerate(other.tables(section)):
+        name = str(table.get("file"))
+        if name in other.frames:
+            table["file"] = name if name not in whole.frames else f"{name} of {other.file}"
+            whole.frames[table["file"]] = other.frames[name]
+        whole.files[section, offset + number] = other.files.get((section, number), other.file)
+        whole.data.setdefault(section, []).append(table)
+    for path in _inside(other.lines, section):
+        whole.lines[(section, offset + int(path[1]), *path[2:])] = other.lines[path]
+
+
+def _in_units_of(whole: _Project, other: _Project) -> None:
+    """Write the units of a project into its tables where they are not those of another."""
+    (length, angle), theirs = (
+        (units.get("length", "m"), units.get("angle", "gon"))
+        for units in (project.data.get("units") or {} for project in (other, whole))
+    )
+    if (length, angle) == theirs:
+        return
+    for table in (table for section in _SECTIONS for table in other.tables(section)):
+        given = table.get("units") or {}
+        if isinstance(given, str):
+            continue
+        found = {}
+        for name in (*(table.get("columns") or _COORDINATES), *(table.get("values") or {})):
+            quantity = _quantity(str(name), str(table.get("type", "")))
+            if quantity in (LENGTH, ANGLE):
+                found[str(name)] = length if quantity == LENGTH else angle
+        if found:
+            table["units"] = {**found, **given}
+
+
+def _quantity(column: str, type_: str) -> Quantity | None:
+    """What a column of a table is, by its name; σ and start values as what they belong to."""
+    if type_ and type_ not in PLAIN_TYPES:
+        return None
+    components = PLAIN_TYPES[type_].components if type_ else (*POINT.components, *ROTATION.components)
+    known = {component.name: component.quantity for component in components}
+    known |= {**dict.fromkeys(_LENGTHS, LENGTH), **dict.fromkeys(_ANGLES, ANGLE)}
+    if column == "sigma":
+        return components[0].quantity
+    return known.get(column.removeprefix("sigma_").removeprefix("start_"))

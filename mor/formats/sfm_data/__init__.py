@@ -1,0 +1,1 @@
+"""Blocks of openMVG (``sfm_data.json``) and AliceVision, Meshroom (``.sfm``)."""

@@ -1,0 +1,164 @@
+"""What both programs say: cameras with one focal length, poses, points with their image points; as a project.
+
+Camera axes are right, down, forward, x = R (X − C); image coordinates are px, y down, as the programs' own centre of
+the image, width/2 and height/2, counts them. Distortion is that of OpenCV: at the ideal coordinates, added.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.arrays import FloatArray
+from mor.counting import counted
+from mor.formats.draft import Draft, Row
+from mor.formats.json_text import JsonFile, Wrong
+from mor.geometry.rotations import angles_from_rotation
+
+_FLIP = np.diag([1.0, -1.0, -1.0])
+DISTORTIONS = {
+    "": (),
+    "radial1": ("k1",),
+    "radial3": ("k1", "k2", "k3"),
+    "brown": ("k1", "k2", "k3", "p1", "p2"),
+    "fisheye4": ("k1", "k2", "k3", "k4"),
+}
+"""Parameters of each kind of distortion, in the order of the files."""
+
+
+@dataclass
+class Block:
+    """A block in the making."""
+
+    file: JsonFile
+    draft: Draft
+    cameras: dict[str, dict[str, Any]] = field(default_factory=dict)
+    images: dict[str, str] = field(default_factory=dict)
+    """Names of images with a pose, by the numbers of their views."""
+    rows: list[Row] = field(default_factory=list)
+    points: dict[str, list[float]] = field(default_factory=dict)
+    rays: list[tuple[str, str, float, float]] = field(default_factory=list)
+    left_out: Counter[str] = field(default_factory=Counter)
+
+    def add_camera(
+        self,
+        name: str,
+        size: Sequence[float],
+        focal: float,
+        centre: Sequence[float],
+        distortion: Mapping[str, float],
+        locked: bool,
+    ) -> None:
+        """A camera: width, height, focal length, principal point from the upper left corner, all px.
+
+        Raises :class:`Wrong` for what is no camera.
+        """
+        if not (all(1.0 <= length < 1e6 for length in size) and 1e-3 < focal < 1e9):
+            raise Wrong(
+                f"camera {name!r}: found the size {size[0]:g} x {size[1]:g} and the focal length {focal:g} px"
+            )
+        model, values = _interior(size, focal, centre, distortion)
+        status = "fixed" if locked else "free"
+        self.cameras[name] = {
+            "model": model,
+            "unit": "px",
+            "coordinates": "corner",
+            "image": {"width": f"{size[0]:.0f}", "height": f"{size[1]:.0f}"},
+            "interior": {key: {status: repr(float(value))} for key, value in values.items()},
+        }
+        if model == "fisheye":
+            words = f"camera {name}: fx and fy are two unknowns, one focal length in the program"
+            self.draft.note(words, self.file.line(name))
+
+    def add_image(self, view: str, name: str, camera: str, R: FloatArray, centre: Sequence[float]) -> None:
+        """An image with its pose. Raises :class:`Wrong` where that is none."""
+        if camera not in self.cameras:
+            raise Wrong(f"image {name!r}: camera {camera!r} is not among the cameras")
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0.0:
+            raise Wrong(f"image {name!r}: its rotation is no rotation")
+        own = name if name not in self.images.values() else f"{name} ({view})"
+        self.images[view] = own
+        numbers = [*centre, *angles_from_rotation(_FLIP @ R)]
+        self.rows.append(Row([own, camera, *(repr(float(v)) for v in numbers)], self.file.line(name)))
+
+    def add_ray(self, view: str, point: str, xy: Sequence[float]) -> None:
+        """An image point, px from the upper left corner, y down."""
+        image = self.images.get(view)
+        if image is None:
+            self.left_out["image points of images without a pose"] += 1
+        else:
+            self.rays.append((image, point, xy[0], xy[1]))
+
+    def finish(self, title: str) -> None:
+        """Put everything into the draft."""
+        draft = self.draft
+        draft.put("title", title)
+        draft.put("units", {"length": "m", "angle": "rad"})
+        draft.put("axes", {"xy": "en"})
+        used = {str(row.cells[1]) for row in self.rows}
+        draft.put("cameras", {name: camera for name, camera in self.cameras.items() if name in used})
+        if self.rows:
+            draft.table("images", ("id", "camera", "x", "y", "z", "omega", "phi", "kappa"), self.rows)
+        else:
+            draft.problem("there are no images with a pose")
+        seen = dict.fromkeys(point for _, point, _, _ in self.rays)
+        self.left_out["points that no image with a pose shows"] += len(self.points.keys() - seen.keys())
+        for what, count in self.left_out.items():
+            if count:
+                draft.note(f"not read: {what} ({count})")
+        if not self.rays:
+            draft.note("the file has no image points: cameras and poses only")
+            return
+        xyz = np.array([self.points[name] for name in seen])
+        ids = pl.Series("id", list(seen), dtype=pl.String)
+        draft.frame("points", "structure", pl.DataFrame({"id": ids, **dict(zip("xyz", xyz.T, strict=True))}))
+        frame = pl.DataFrame(self.rays, schema=["image", "point", "x", "y"], orient="row")
+        draft.frame("observations", "observations", frame, type="image", units="px", values={"sigma": "1"})
+        draft.put("datum", "free")
+        draft.note(
+            f"σ = 1 px for {counted(len(self.rays), 'image point')}; lengths are called m, whatever the block's unit is"
+        )
+
+
+def _interior(
+    size: Sequence[float], focal: float, centre: Sequence[float], distortion: Mapping[str, float]
+) -> tuple[str, dict[str, float]]:
+    """Model and components: model mor, which has one focal length, or a fisheye."""
+    if "k4" in distortion:
+        return "fisheye", {"fx": focal, "fy": focal, "cx": centre[0], "cy": centre[1], **distortion}
+    values = {"c": focal, "xh": centre[0] - size[0] / 2.0, "yh": size[1] / 2.0 - centre[1]}
+    values |= {f"A{k}": distortion[f"k{k}"] / focal ** (2 * k) for k in (1, 2, 3) if f"k{k}" in distortion}
+    if "p1" in distortion:
+        values |= {"B1": distortion["p2"] / focal, "B2": -distortion["p1"] / focal}
+    return "mor", values
+
+
+def plain(value: Any, what: str) -> float:
+    """A finite number, also one that is written as a text. Raises :class:`Wrong`."""
+    try:
+        number = (
+            float(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else np.nan
+        )
+    except (ValueError, OverflowError):
+        number = np.nan
+    if not abs(number) < 1e30 or (isinstance(value, str) and "_" in value):
+        raise Wrong(f"{what}: found {value!r:.60}, expected a number")
+    return float(number)
+
+
+def plain_list(value: Any, count: int, what: str) -> list[float]:
+    """So many numbers. Raises :class:`Wrong`."""
+    found = list(value) if isinstance(value, list) else []
+    if len(found) != count:
+        raise Wrong(f"{what}: found {value!r:.60}, expected a list of {count} numbers")
+    return [plain(one, what) for one in found]
+
+
+def entries(value: Any) -> Iterable[dict[str, Any]]:
+    """The mappings of a list; nothing where it is none."""
+    return (one for one in value if isinstance(one, dict)) if isinstance(value, list) else ()

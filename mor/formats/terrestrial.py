@@ -1,0 +1,159 @@
+"""Terrestrial observations of a project for writers: tables in internal units, stations, readings in face one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import BoolArray, FloatArray
+from mor.errors import Problem
+from mor.formats.content import Content, Things
+from mor.observations import PLAIN_TYPES
+from mor.project.file.model import Observations
+from mor.project.tables.statuses import number_column
+from mor.project.tables.tables import Column, Rows
+from mor.units import ANGLE, LENGTH
+
+
+@dataclass(frozen=True)
+class Group:
+    """A table of observations in internal units."""
+
+    entry: Observations
+    rows: Rows
+    values: FloatArray
+    """(n, components), NaN where not observed."""
+    sigma: FloatArray
+    covariance: FloatArray | None
+    """Over all observed values, row by row; that of an entry over those of its cluster, in the units of their σ."""
+    factors: FloatArray
+    """(components,) internal units per unit of the σ."""
+
+
+def groups(content: Content, types: Collection[str]) -> list[Group]:
+    """All tables of some types. Raises :class:`InputError`."""
+    return [
+        _group(content, number, entry)
+        for number, entry in enumerate(content.project.observations)
+        if entry.type in types
+    ]
+
+
+def _group(content: Content, number: int, entry: Observations) -> Group:
+    type_, edge = PLAIN_TYPES[entry.type], content.edge
+    components = type_.components
+    columns = [Column(reference.name, required=True) for reference in type_.references] + [Column("set")]
+    for name, quantity in [(c.name, c.quantity) for c in components]:
+        columns += [number_column(f"{p}{name}", quantity, edge) for p in ("", "sigma_")]
+    columns.append(number_column("sigma", components[0].quantity, edge))
+    columns += [number_column(f"{slot}_height", LENGTH, edge) for slot in ("from", "to", "station", "at")]
+    columns.append(Column("face", parse=lambda text, _: float(text), factor=lambda _: 1.0))
+
+    def squared(text: str, unit: str) -> float:
+        return float(text) * edge.factor(LENGTH, unit) ** 2
+
+    pairs = [(a, b) for i, a in enumerate(components) for b in components[i:]] if len(components) == 3 else []
+    columns += [Column(f"cov_{a.name}_{b.name}", parse=squared) for a, b in pairs]
+    rows = content.rows("observations", number, entry, columns)
+    values = np.stack([rows.number(c.name) for c in components], axis=1)
+    own = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
+    factors = np.array([edge.factor(c.quantity, _sigma_unit(entry, c.name)) for c in components])
+    sigma = np.where(np.isnan(own), rows.number("sigma")[:, None], own) * entry.factor
+    if entry.ppm:
+        far = np.nan_to_num(values[:, :1]) if "distance" in entry.type else np.zeros((len(values), 1))
+        sigma = np.hypot(sigma, entry.ppm * 1e-6 * far)
+    return Group(entry, rows, values, sigma, _covariance(entry, rows, values, sigma), factors)
+
+
+def _sigma_unit(entry: Observations, name: str) -> str:
+    """Unit that the σ and covariances of a component are given in."""
+    if isinstance(entry.units, str):
+        return entry.units
+    return entry.units.get("sigma", entry.units.get(name, ""))
+
+
+def _covariance(entry: Observations, rows: Rows, values: FloatArray, sigma: FloatArray) -> FloatArray | None:
+    """Covariance over the observed values of a table, in the order of its rows; ``None`` where it has only σ.
+
+    Vectors and coordinates always have one.
+    """
+    if isinstance(entry.covariance, list):
+        return np.array(entry.covariance, dtype=float)
+    if len(values[0]) != 3:
+        return None
+    matrix = np.diag(np.nan_to_num(sigma.ravel() ** 2))
+    names = [component.name for component in PLAIN_TYPES[entry.type].components]
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        column = rows.number(f"cov_{names[i]}_{names[j]}")
+        for row in np.flatnonzero(np.isfinite(column)).tolist():
+            a, b = row * 3 + i, row * 3 + j
+            matrix[a, b] = matrix[b, a] = column[row]
+    seen = np.flatnonzero(np.isfinite(values).ravel())
+    return np.asarray(matrix[np.ix_(seen, seen)])
+
+
+def stations(content: Content) -> dict[str, tuple[str, float]]:
+    """Point and instrument height (m) of each declared station."""
+    result = {}
+    for number, table in enumerate(content.project.stations):
+        columns = [Column(name) for name in ("id", "point", "set", "shared_height")]
+        columns += [number_column(name, LENGTH, content.edge) for name in ("height", "x", "y", "z")]
+        columns += [number_column("orientation", ANGLE, content.edge)]
+        rows = content.rows("stations", number, table, columns)
+        heights = np.nan_to_num(rows.number("height")) * content.edge.metres
+        for name, point, height in zip(rows.text("id"), rows.text("point"), heights.tolist(), strict=True):
+            result[name] = (point or name, height)
+    return result
+
+
+def heights_of(
+    group: Group, references: dict[str, str], row: int, known: dict[str, tuple[str, float]], metres: float
+) -> tuple[float, float]:
+    """Heights of instrument and target of a row, m; ``references`` are its names."""
+    own = float(np.nan_to_num(group.rows.number("from_height")[row])) * metres
+    if "station" in references:
+        own = known.get(references["station"], ("", 0.0))[1]
+        given = float(group.rows.number("station_height")[row]) * metres
+        own = given if np.isfinite(given) else own
+    return own, float(np.nan_to_num(group.rows.number("to_height")[row])) * metres
+
+
+class Places(NamedTuple):
+    """Points east, north, up in metres: values, σ (NaN where there is none), free or held; (n, 3) each."""
+
+    values: FloatArray
+    sigma: FloatArray
+    free: BoolArray
+
+
+def places(found: Things, content: Content) -> Places:
+    """Points of a project in metres on axes east, north, up: what is observed or held, start values of all else."""
+    M, metres = content.edge.matrix, content.edge.metres
+    source = np.argmax(np.abs(M), axis=1)
+    statuses = found.statuses
+    known = ~statuses.free | np.isfinite(statuses.sigma)
+    given = np.where(known, statuses.values, found.values) * metres
+    values: FloatArray = given[:, source] * M[np.arange(3), source]
+    return Places(values, (statuses.sigma * metres)[:, source], statuses.free[:, source])
+
+
+def tilted_stations(content: Content, what: str) -> list[Problem]:
+    """Tables of stations that are not exactly levelled, as mistakes of a format that knows no others."""
+    return [
+        content.place("stations", number).problem(f"{what} has levelled stations only")
+        for number, table in enumerate(content.project.stations)
+        if table.level != "fixed"
+    ]
+
+
+def circle_in_face_one(value: FloatArray, face: FloatArray) -> FloatArray:
+    """Readings of the horizontal circle (n,), rad, as they would be in face one."""
+    return np.asarray(np.where(face == 2, value - np.pi, value) % (2 * np.pi))
+
+
+def zenith_in_face_one(value: FloatArray, face: FloatArray) -> FloatArray:
+    """Zenith angles (n,), rad, as they would be read in face one."""
+    return np.asarray(np.where(face == 2, 2 * np.pi - value, value))

@@ -1,0 +1,122 @@
+"""Points of which some sights do not fit, intersected anew from each two of their sights: where most of them have it.
+
+An iteration that began with a wrong sight may have left the point where that one and another agree. Of all places that
+two sights meet at, the one at which all sights of the point cost least (``description_length.py``) is taken.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.problem import Problem
+from mor.arrays import FloatArray, IntArray
+from mor.observations import ObservationGroup, wrap
+from mor.parameters.index import Values
+from mor.quality.hypotheses.description_length import cost_of_residuals
+
+_POINTS = 20
+"""Points that are looked at, the worst first."""
+_SIGHTS = 8
+"""Sights of a point that are put together in pairs."""
+_LEAST = 3
+"""Sights that are needed: two always meet."""
+_ITERATIONS = 8
+
+
+class _Sights(NamedTuple):
+    """Sights of one group to a point."""
+
+    group: ObservationGroup
+    rows: IntArray
+    slot: int
+    """Of the point."""
+
+
+def reintersected(
+    problem: Problem, values: Values, sizes: tuple[FloatArray, ...], limit: float
+) -> dict[str, FloatArray]:
+    """Values with points moved whose sights, |v|/σ (n, m) of each group in ``sizes``, are partly beyond a limit."""
+    points = values["point"].copy()
+    columns = problem.index.columns["point"]
+    middle = np.nanmedian(points, axis=0)
+    for point in _suspected(problem, sizes, limit):
+        sights = _sights_to(problem, point)
+        if (columns[point] >= 0).any() and sum(len(one.rows) for one in sights) >= _LEAST:
+            found = _best(sights, values, [points[point], middle], problem.observations)
+            points[point] = np.where(columns[point] >= 0, found, points[point])
+    return {**values, "point": points}
+
+
+def _slot_of_target(group: ObservationGroup) -> int | None:
+    """The slot of the point that is sighted, of observations with two components."""
+    if len(group.type.components) != 2:
+        return None
+    slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
+    targets = [k for k in slots if group.type.slots[k].of in ("point", "to")]
+    return targets[0] if targets else None
+
+
+def _suspected(problem: Problem, sizes: tuple[FloatArray, ...], limit: float) -> list[int]:
+    worst = np.zeros(len(problem.index.columns["point"]))
+    for group, size in zip(problem.groups, sizes, strict=True):
+        slot = _slot_of_target(group)
+        if slot is not None:
+            np.maximum.at(worst, group.blocks[slot], size.max(axis=1, initial=0.0))
+    order = np.argsort(-worst, kind="stable")[:_POINTS]
+    return [int(k) for k in order if worst[k] > limit]
+
+
+def _sights_to(problem: Problem, point: int) -> list[_Sights]:
+    found, left = [], _SIGHTS
+    for group in problem.groups:
+        slot = _slot_of_target(group)
+        if slot is not None:
+            rows = np.flatnonzero((group.blocks[slot] == point) & group.mask.all(axis=1))[:left]
+            found += [_Sights(group, rows, slot)] if len(rows) else []
+            left -= len(rows)
+    return found
+
+
+def _best(sights: list[_Sights], values: Values, begins: list[FloatArray], count: int) -> FloatArray:
+    """The place (3,) among all intersections, and the first beginning, that costs least."""
+
+    def cost(place: FloatArray) -> float:
+        own = cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count)
+        return own if np.isfinite(own) else np.inf
+
+    total = sum(len(one.rows) for one in sights)
+    places = [begins[0]]
+    for pair in combinations(range(total), 2):
+        places += [_intersected(sights, values, begin, list(pair)) for begin in begins]
+    return min(places, key=cost)
+
+
+def _intersected(sights: list[_Sights], values: Values, begin: FloatArray, pair: list[int]) -> FloatArray:
+    """Least squares (Gauss–Newton) of two sights."""
+    place = begin
+    for _ in range(_ITERATIONS):
+        residuals, jacobian = _residuals(sights, values, place)
+        if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
+            return begin
+        step = np.linalg.lstsq(jacobian[pair].reshape(-1, 3), residuals[pair].ravel(), rcond=None)[0]
+        place = place + step
+    return place
+
+
+def _residuals(sights: list[_Sights], values: Values, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(observed − computed)/σ (k, 2) of sights to the point at a place, and the derivatives (k, 2, 3) of the latter."""
+    misclosures, jacobians = [], []
+    for group, rows, slot in sights:
+        blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+        blocks[slot] = np.repeat(place[None], len(rows), axis=0)
+        with np.errstate(all="ignore"):
+            equation = group.type.equation(blocks, group.constants[rows])
+        difference = group.observed[rows] - equation.values
+        difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
+        sigma = group.given_sigma[rows]
+        misclosures.append(difference / sigma)
+        jacobians.append(equation.jacobians[slot] / sigma[:, :, None])
+    return np.concatenate(misclosures), np.concatenate(jacobians)
