@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mor.errors import InputError, Problem, nearest
+from mor.formats.aicon.writer import camera_lines
 from mor.formats.colmap.cameras import camera_from
 from mor.formats.colmap.writer import camera_line
 from mor.formats.content import Content, content_of, interior_values
@@ -21,7 +22,6 @@ from mor.formats.opencv_file import write_opencv
 from mor.project.edge import image_scale, split
 from mor.project.file.model import Camera
 from mor.project.file.nodes import Document
-from mor.units import IMAGE
 
 
 def write_calibration(document: Document, folder: Path, name: str, form: str, target: Path) -> bytes:
@@ -71,23 +71,10 @@ def _metashape(document: Document, folder: Path, target: Path) -> bytes:
     ).encode()
 
 
-_SIZES = (("xh", "yh", "A1", "A2"), ("A3",), ("B1", "B2"), ("C1", "C2"))
-
-
 def _aicon(document: Document, folder: Path, target: Path) -> bytes:
-    """Five lines, millimetres: identifier 1 −c xh yh A1 A2 r0 / A3 / B1 B2 / C1 C2 / sensor and image size."""
     name, camera, content = _camera(document, folder)
-    if camera.model != "mor":
-        raise ValueError(f"AICON's model is mor, this one is {camera.model}")
-    if camera.unit != "mm" or camera.image is None or camera.image.pixel is None:
-        raise ValueError("AICON needs unit: mm, and image: {width, height, pixel}")
-    scale = image_scale(camera, content.project.units)
-    values = interior_values(camera, content.edge, scale)
-    r0 = content.edge.number(camera.r0 or "0", IMAGE, "", scale)
-    first, *rest = (" ".join(repr(values.get(key, 0.0)) for key in keys) for keys in _SIZES)
-    width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
-    size = f"{width * scale.pixel!r} {height * scale.pixel!r} {width:g} {height:g}"
-    return "\n".join([f"{name} 1 {-values['c']!r} {first} {r0!r}", *rest, size, ""]).encode()
+    lines, _ = camera_lines(name, camera, content)
+    return "\n".join([*lines, ""]).encode()
 
 
 def _photomodeler(document: Document, folder: Path, target: Path) -> bytes:

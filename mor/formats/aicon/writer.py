@@ -43,7 +43,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     cameras, pixels = [], {}
     for name, camera in content.project.cameras.items():
         try:
-            lines, pixels[name] = _camera(name, camera, content)
+            lines, pixels[name] = camera_lines(name, camera, content)
             cameras += lines
         except ValueError as error:
             problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
@@ -88,7 +88,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     return Written(texts, notes)
 
 
-def _camera(name: str, camera: Camera, content: Content) -> tuple[list[str], float]:
+def camera_lines(name: str, camera: Camera, content: Content) -> tuple[list[str], float]:
     """Five lines, and the size of a pixel in mm. Raises ``ValueError``."""
     if camera.model != "mor" or camera.image_variant or camera.eccentricity:
         raise ValueError("AICON has model mor, without image-variant parameters and eccentricities")

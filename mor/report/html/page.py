@@ -25,7 +25,16 @@ from mor.report.text.identity import persons
 from mor.report.view import View
 from mor.report.words.language import ENGLISH, Words
 
-SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "multiples.js", "main.js")
+SCRIPTS = (
+    "data.js",
+    "theme.js",
+    "table.js",
+    "network.js",
+    "labels.js",
+    "images.js",
+    "multiples.js",
+    "main.js",
+)
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
 MEANINGS = {

@@ -10,6 +10,7 @@ import polars as pl
 from mor.quality.tests.test_statistics import comparable
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
+from mor.report.html.sights import sights, with_given
 from mor.report.view import View
 
 MOST_ROWS = 50_000
@@ -32,7 +33,7 @@ POINT_COLUMNS = (
         "rxz",
         "ryz",
     ),
-    *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status"),
+    *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
 )
 IMAGE_COLUMNS = (
     *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
@@ -54,10 +55,11 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
     head = {
         "meta": meta(data),
         "figures": figures,
-        "points": packer.table(_columns(data.points, POINT_COLUMNS), _EXACT),
+        "points": packer.table(_columns(with_given(view, data.points), POINT_COLUMNS), _EXACT),
         "images": packer.table(_columns(data.images, IMAGE_COLUMNS), _EXACT),
         "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
+        "sights": packer.table(sights(view)),
         "vectors": packer.table(vectors.drop("unit")),
         "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
     }

@@ -41,6 +41,14 @@ def listed(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join([heading(words("All observations")), _table(observation_table(solved), words)])
 
 
+_ROUND_OFF = 1e-9
+"""Residuals below this share of their σ are round-off, which differs from machine to machine."""
+
+
+def _without_round_off(v: float | None, sigma: float | None) -> float | None:
+    return 0.0 if v is not None and sigma and abs(v) < _ROUND_OFF * sigma else v
+
+
 def _table(frame: pl.DataFrame, words: Words) -> str:
     rows = [
         [
@@ -49,7 +57,7 @@ def _table(frame: pl.DataFrame, words: Words) -> str:
             row["component"],
             row["unit"],
             short(row["observed"], 9),
-            short(row["v"], 4),
+            short(_without_round_off(row["v"], row["sigma"]), 4),
             short(row["sigma"], 3),
             fixed(row["r"], 3),
             fixed(row["w"], 2),

@@ -14,7 +14,7 @@ from page_in_browser import wait_until
 import mor.report.html
 import mor.report.plots
 from mor.geometry.cameras import CAMERA_MODELS
-from mor.report.html.page import _MEANINGS, page
+from mor.report.html.page import MEANINGS, page
 from mor.report.html.page_data import page_data
 from mor.report.html.verdict import headline, statements
 from mor.report.view import View
@@ -49,7 +49,7 @@ def everything_said() -> set[str]:
         # The picture of start values has the words of mor approximate.
         *(said_in_python(path) for path in PLOTS.glob("*.py") if path.stem != "start_values"),
         *(SAID.findall(path.read_text(encoding="utf-8")) for path in texts),
-        _MEANINGS.values(),
+        MEANINGS.values(),
     )
 
 
@@ -74,7 +74,7 @@ def test_templates_hold_no_english_of_their_own() -> None:
 
 def test_every_component_of_an_interior_orientation_has_a_meaning() -> None:
     names = {component.name for model in CAMERA_MODELS.values() for component in model.components}
-    known = set(_MEANINGS)
+    known = set(MEANINGS)
     assert {name for name in names if not {name, name.rstrip("0123456789")} & known} == set()
 
 

@@ -187,7 +187,7 @@ function space() {
   const data = [pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...rayTraces([x, y, "z"])].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
-  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, range: reversed ? [side.high, side.low] : [side.low, side.high] });
+  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
@@ -213,9 +213,9 @@ const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
 function plan() {
   const { axes, length } = report.meta;
   const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
-  const data = [...ellipses(x, y), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y)].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const data = [...sightTraces(x, y), ...ellipses(x, y), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces(x, y), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
   const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
-  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, ...(reversed(name) ? { autorange: "reversed" } : {}) });
+  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, ...(reversed(name) ? { autorange: "reversed" } : {}) });
   return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };
 }
 
@@ -270,6 +270,7 @@ function clicked(event) {
 async function drawNetwork() {
   await draw(document.getElementById("chart-space"), space, clicked);
   await draw(document.getElementById("chart-plan"), plan, clicked);
+  followZoom(document.querySelector("#chart-plan .plot"));
   const notes = [say("Ellipsoids and ellipses are enlarged {scale} times.", { scale: network.scale })];
   const all = report.points.rows;
   if (network.shown.length < all) notes.push(say("{count} of {all} points are drawn; the table has all.", { count: network.shown.length, all }));
@@ -277,14 +278,15 @@ async function drawNetwork() {
   document.getElementById("network-note").textContent = notes.join(" ");
 }
 
-// A plumb line, and a network of which the heights alone are determined, are seen in elevation.
+// The view in which the points are widest: a facade, a plumb line, and a network of which the heights alone are determined, are seen in elevation.
 function bestPlane() {
   const { points, images, stations } = report;
   const across = ["x", "y"].some((name) => span([points, images, stations], name) > 0);
   const level = has(points, "sz") && ["sx", "sy"].every((name) => !numbers(points, name).some((s) => s > 0)) && numbers(points, "sz").some((s) => s > 0);
-  const upright = !across && span([points, images, stations], "z") > 0;
+  const all = [points, images, stations], [x, y, z] = ["x", "y", "z"].map((name) => span([points], name));
+  const upright = (!across && span(all, "z") > 0) || z > Math.min(x, y);
   if (!upright && !level) return "plan";
-  return span([points], "y") > span([points], "x") ? "side" : "front";
+  return y > x ? "side" : "front";
 }
 
 function networkControls() {

@@ -1,0 +1,64 @@
+"""What the network figure draws between points besides rays: sights by kind; and which points were given."""
+
+from __future__ import annotations
+
+import polars as pl
+
+from mor.report.html.derived import control_table
+from mor.report.view import View
+
+MOST_SIGHTS = 20_000
+KINDS = {
+    "direction": "directions|^bearing$|angle|vertical_direction",
+    "distance": "distance",
+    "levelling": "^height_difference$",
+    "vector": "^vector$",
+}
+"""Types of observations of each kind, as expressions of their names."""
+
+
+def sights(view: View) -> pl.DataFrame:
+    """Pairs of places by kind, once each: numbers of points, of stations behind them; at most so many of each kind."""
+    places = pl.concat(
+        [
+            frame.select(pl.col("id").cast(pl.String).alias("name"))
+            for frame in (view.points, view.stations)
+            if frame.height
+        ]
+        or [pl.DataFrame({"name": []}, {"name": pl.String})]
+    ).with_row_index("number")
+    numbers = places.unique("name", keep="first", maintain_order=True)
+    used = view.used.filter(pl.col("type") != "image").select("type", "at", "from", "to")
+    ends = pl.concat(
+        [
+            used.select("type", pl.col(one).alias("start"), pl.col(other).alias("end"))
+            for one, other in (("from", "to"), ("at", "from"), ("at", "to"))
+        ]
+    )
+    pairs = (
+        ends.unique(maintain_order=True)
+        .join(numbers.rename({"name": "start", "number": "a"}), on="start", maintain_order="left")
+        .join(numbers.rename({"name": "end", "number": "b"}), on="end", maintain_order="left")
+    )
+    parts = [
+        pairs.filter(pl.col("type").str.contains(types))
+        .select(pl.lit(kind).alias("kind"), pl.col("a").cast(pl.Int32), pl.col("b").cast(pl.Int32))
+        .unique(maintain_order=True)
+        .head(MOST_SIGHTS)
+        for kind, types in KINDS.items()
+    ]
+    return pl.concat(parts)
+
+
+def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
+    """Points with the column ``given``: control, check (kept out of the adjustment), or nothing."""
+    control = {str(row["point"]) for row in control_table(view)}
+    kept_out = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "coordinates"))
+    checks = {str(name) for name in kept_out["to"].to_list() + kept_out["from"].to_list() if name}
+    held = points["status"].is_in(["fixed", "partly fixed"]) if "status" in points.columns else pl.Series([])
+    names = points["id"].cast(pl.String).to_list()
+    given = [
+        "check" if name in checks else "control" if name in control or fixed else ""
+        for name, fixed in zip(names, held.to_list() or [False] * len(names), strict=True)
+    ]
+    return points.with_columns(pl.Series("given", given, dtype=pl.String))
