@@ -40,6 +40,8 @@ LEVEL = 1e-3
 OFFERED = 5
 _MOST, _LEAST = 60, 3
 """Adjustments that are tried at most, in small networks and in large ones."""
+_BEGUN = 4
+"""Hypotheses for which start values are worked out at most: it takes longer than the adjustment."""
 
 Looking = Callable[[int], Done]
 """Told how many hypotheses may be tried; what it returns is told each of them."""
@@ -99,7 +101,7 @@ def possible_causes(situation: Situation, plain: Adjustment, looking: Looking) -
     most = int(np.clip(_MOST * SMALL // max(situation.count, 1), _LEAST, _MOST))
     done = looking(most)
     found: list[tuple[Hypothesis, Fit]] = []
-    count = 0
+    count = begun = 0
     families = (*FAMILIES, *OF_A_WHOLE) if situation.something_is_wrong_as_a_whole else FAMILIES
     for family in families:
         different: dict[tuple[str, tuple[str, ...]], Hypothesis] = {}
@@ -108,7 +110,9 @@ def possible_causes(situation: Situation, plain: Adjustment, looking: Looking) -
         candidates = list(different.values())[: most - count]
         count += len(candidates)
         for hypothesis in candidates:
-            fit = situation.tried(hypothesis, afresh=not any(nothing_is_left(one) for _, one in found))
+            afresh = begun < _BEGUN and not any(nothing_is_left(one) for _, one in found)
+            begun += int(afresh and hypothesis.afresh)
+            fit = situation.tried(hypothesis, afresh)
             found += [(hypothesis, fit)] if fit is not None else []
             done(1)
         if any(h.rows and nothing_is_left(fit) for h, fit in found):
