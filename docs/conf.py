@@ -49,7 +49,7 @@ CHAPTERS = {
         ),
         *(
             f"formats/{page}"
-            for page in ("gkf", "textbook", "starnet", "dynadjust", "field-books", "drawings")
+            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "field-books", "drawings")
         ),
     ),
     "Results": ("reports", "results", "statistics", "reliability"),

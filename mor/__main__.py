@@ -14,19 +14,22 @@ def main() -> None:
 
     Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C.
     """
+    heeded = [signal.SIGINT]
     try:
         for name in ("SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                heeded.append(number)
                 signal.signal(number, _interrupt)
         _heed_warnings()
         gc.set_threshold(_OBJECTS)
         from mor.cli import run
 
         code = run()
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # all is done
-    except KeyboardInterrupt:
-        code = 128 + signal.SIGINT
+        for number in heeded:
+            signal.signal(number, signal.SIG_DFL)  # all is done
+    except KeyboardInterrupt as interruption:
+        code = 128 + int(next(iter(interruption.args), signal.SIGINT))
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
 

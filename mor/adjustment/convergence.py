@@ -79,14 +79,14 @@ def left_after(state: Adjustment, change: float) -> float:
     return _RATE_KNOWN_TO * change * rate / (1.0 - rate) if rate < 1.0 else np.inf
 
 
-def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, change: float) -> bool:
+def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: float, change: float) -> bool:
     """True where the network has stopped moving as a whole.
 
     That is where the ``shift`` (u,) into the datum is nothing beside the accuracy of the coordinates: that of the
     ``step`` (u,), which moves them by some of their σ for every unit of ``change``, and that of their last digits,
     through the condition of the constraint. A step of round-off tells less than the σ there is; then the one of the
     coordinate that moves farthest is worked out, in the datum, and in the minimal datum of the anchors: a step that is
-    nothing may be that times ``change`` there, and the shift takes it back.
+    nothing may be that times ``change`` there, and the shift takes it back. All of that may be ``gain`` times as large.
     """
     mask = state.constraint.mask
     moving = float(np.abs(shift[mask]).max(initial=0.0))
@@ -97,10 +97,10 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, change: 
     condition = float(np.linalg.cond(together)) if together.size else 1.0
     digits = 4.0 * _EPS * float(np.abs(coordinates).max(initial=0.0)) * condition
     sigma = float(np.abs(step[mask]).max(initial=0.0)) / change if change > 0.0 else 0.0
-    if moving <= max(ACCURACY, min(change, 1e-3)) * sigma + digits:
+    if moving <= gain * (max(ACCURACY, min(change, 1e-3)) * sigma + digits):
         return True
     in_datum, anchored = _sigmas(state, int(np.argmax(np.where(mask, np.abs(shift), 0.0))))
-    return moving <= max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits
+    return moving <= gain * (max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits)
 
 
 def _sigmas(state: Adjustment, unknown: int) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mor.adjustment.convergence import ACCURACY, is_in_datum, is_over, stands_still
 from mor.adjustment.datum.defect import Defect, explain_defect
-from mor.adjustment.datum.s_transformation import binds, constraint, corrections, into_datum
+from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
 from mor.adjustment.memory import LESS, memory_of_adjustment
@@ -104,11 +104,11 @@ def _advance(state: Adjustment) -> Adjustment:
     regular, weak = state.inverse.parts_of_step(state.normals)
     stride = state.stride.next(weak)
     step = regular + stride.weak
-    shift = _into_datum(state, step)
+    shift, gain = _into_datum(state, step)
     change = float(np.sqrt(max(float((regular + weak) @ state.normals.rhs), 0.0)))
     number = len(state.iterations) + 1
     redundancy = _redundancy(state)
-    over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, change)
+    over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
     if over and change <= ACCURACY:
         iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
@@ -166,12 +166,12 @@ def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adj
     )
 
 
-def _into_datum(state: Adjustment, step: FloatArray) -> FloatArray:
-    """Movement (u,) of the whole network that brings it into its datum after the step."""
+def _into_datum(state: Adjustment, step: FloatArray) -> tuple[FloatArray, float]:
+    """Movement (u,) of the whole network that brings it into its datum after the step, and its ``gain``."""
     if state.defect.datum.shape[1] == 0:
-        return np.zeros(len(step))
-    total = corrections(state.problem.datum, state.problem.index, state.values)
-    return into_datum(step, state.defect.datum, state.constraint, total) - step
+        return np.zeros(len(step)), 1.0
+    there, gain = into_datum(step, state.defect.datum, state.constraint, state.problem, state.values)
+    return there - step, gain
 
 
 def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last: bool) -> Adjustment:

@@ -18,6 +18,7 @@ COMMANDS = {
     "approximate": "Find start values, write a project that has them.",
     "orient": "Orient images without start values: two images (Rinner), a plane object (Killian).",
     "report": "Print the report of results as PDF, or write its page in another language.",
+    "certificate": "Write the certificate of one camera, or its calibration for another program.",
     "plot": "Draw a picture of results: network, ellipses, residuals, camera, histogram.",
     "datum": "Carry results into another datum, without a new adjustment.",
     "covariance": "Write covariances of points, or of all unknowns, with labels.",

@@ -108,6 +108,12 @@ FORMATS: dict[str, Format] = {
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
     ),
+    "jobxml": Format(
+        "Trimble JobXML",
+        _book("jobxml", "read_jobxml"),
+        suffixes=(".jxl",),
+        untried="no file of Trimble Access could be had: this reader was written from its schema",
+    ),
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet.reader", "read_starnet"),
@@ -118,6 +124,13 @@ FORMATS: dict[str, Format] = {
         "DynAdjust DNA files (.stn with .msr): what is Cartesian",
         Code("mor.formats.dynadjust", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
+    ),
+    "jag3d": Format(
+        "JAG3D column text (folder, names of files tell their kinds)",
+        Code("mor.formats.jag3d.reader", "read_jag3d"),
+        Code("mor.formats.jag3d.writer", "write_jag3d"),
+        folder=True,
+        untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
     ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)

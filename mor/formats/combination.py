@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -46,10 +46,10 @@ class _Project:
 def combined(documents: Sequence[Document]) -> Document:
     """One document of several foreign ones: points and images of the same name are the same.
 
-    What a later file says of a point takes the place of what an earlier one says; positions of images that a later
-    file gives are taken over. Coordinates of files without control are in systems of their own: they are left out,
-    those of the first file only where another one has control. Raises :class:`InputError` where axes differ or two
-    cameras share a name.
+    Of a point that several files have the one that is held or observed stays, of equal ones the later; positions of
+    images that a later file gives are taken over. Coordinates of files without control are in systems of their own:
+    they are left out, those of the first file only where another one has control. Raises :class:`InputError` where
+    axes differ or two cameras share a name.
     """
     whole, *others = (_opened(document) for document in documents)
     for other in others:
@@ -83,7 +83,7 @@ def _add(whole: _Project, other: _Project) -> None:
         whole.data["cameras"] = {**cameras, **more}
     _merge_settings(whole, other)
     _take_positions(whole, other)
-    _without_known_points(whole, other)
+    _say_once(whole, other)
     for section in _SECTIONS:
         _append(whole, section, other)
     whole.notes += other.notes
@@ -160,22 +160,48 @@ def _names(project: _Project, section: str) -> list[str]:
     return names
 
 
-def _without_known_points(whole: _Project, other: _Project) -> None:
-    known, count = set(_names(other, "points")), 0
-    for number, table in enumerate(whole.tables("points")):
-        frame = whole.frames.get(str(table.get("file")))
+def _say_once(whole: _Project, other: _Project) -> None:
+    """Of a point that both have the one held or observed stays, else the one with coordinates, else the later."""
+    first, second = _weights(whole), _weights(other)
+    both = first.keys() & second.keys()
+    later = {name for name in both if second[name] >= first[name]}
+    _drop_points(whole, later)
+    _drop_points(other, both - later)
+    for names, taken in ((later, other), (both - later, whole)):
+        said = sum(max(first[name], second[name]) > 0 for name in names)
+        if said:
+            other.note(f"{counted(said, 'point')} in {whole.file}, too: taken from {taken.file}")
+
+
+def _weights(project: _Project) -> dict[str, int]:
+    """What is said of each point: 2 for held or observed coordinates, 1 for start values, 0 for its name alone."""
+    weights: dict[str, int] = {}
+    for table in project.tables("points"):
+        frame = project.frames.get(str(table.get("file")))
         if frame is not None:
-            rest = frame.filter(~pl.col("id").cast(pl.String).is_in(list(known)))
-            count += len(frame) - len(rest)
-            whole.frames[table["file"]] = rest
+            there = int(any(axis in frame.columns for axis in _COORDINATES))
+            weights |= dict.fromkeys(frame["id"].cast(pl.String).to_list(), there)
+            continue
+        columns = table["columns"]
+        for row in table["rows"]:
+            said = {str(name) for name, cell in zip(columns, row, strict=True) if cell not in (None, "")}
+            held = table.get("fixed") or any(name.startswith("sigma") for name in said)
+            weights[str(row[columns.index("id")])] = 2 if held else int(bool(said & set(_COORDINATES)))
+    return weights
+
+
+def _drop_points(project: _Project, names: Collection[str]) -> None:
+    if not names:
+        return
+    for number, table in enumerate(project.tables("points")):
+        frame = project.frames.get(str(table.get("file")))
+        if frame is not None:
+            project.frames[table["file"]] = frame.filter(~pl.col("id").cast(pl.String).is_in(list(names)))
         else:
             at = table["columns"].index("id")
-            kept = [k for k, row in enumerate(table["rows"]) if row[at] not in known]
-            count += len(table["rows"]) - len(kept)
-            _keep_rows(whole, ("points", number), table, kept)
-    if count:
-        other.note(f"{counted(count, 'point')} of {whole.file} said again here: taken from here")
-    _drop_empty(whole, "points")
+            kept = [k for k, row in enumerate(table["rows"]) if row[at] not in names]
+            _keep_rows(project, ("points", number), table, kept)
+    _drop_empty(project, "points")
 
 
 def _keep_rows(whole: _Project, path: Path, table: dict[str, Any], kept: list[int]) -> None:

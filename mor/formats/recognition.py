@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
+from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.text import decoded
 from mor.input_files import is_folder
 
@@ -116,6 +117,12 @@ def _opensfm(sample: Sample) -> bool:
     )
 
 
+def _jag3d(sample: Sample) -> bool:
+    return any(POINT_FILE.match(name) for name in sample.names) and any(
+        OBSERVATION_FILE.match(name) for name in sample.names
+    )
+
+
 def _alicevision(sample: Sample) -> bool:
     head = sample.text.lstrip()[:1] == "{" and '"version"' in sample.text
     return head and any(f'"{name}"' in sample.text for name in ("featuresFolders", "viewId", "intrinsicId"))
@@ -181,12 +188,14 @@ def _reference_pane(sample: Sample) -> bool:
 
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
+    ("jag3d", _jag3d),
     ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
     ("alicevision", _alicevision),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
+    ("jobxml", lambda sample: sample.root == "JOBFile"),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.errors import Problem
-from mor.formats.content import Content
+from mor.formats.content import Content, Things
 from mor.observations import PLAIN_TYPES
 from mor.project.file.model import Observations
 from mor.project.tables.statuses import number_column
@@ -118,6 +119,25 @@ def heights_of(
         given = float(group.rows.number("station_height")[row]) * metres
         own = given if np.isfinite(given) else own
     return own, float(np.nan_to_num(group.rows.number("to_height")[row])) * metres
+
+
+class Places(NamedTuple):
+    """Points east, north, up in metres: values, σ (NaN where there is none), free or held; (n, 3) each."""
+
+    values: FloatArray
+    sigma: FloatArray
+    free: BoolArray
+
+
+def places(found: Things, content: Content) -> Places:
+    """Points of a project in metres on axes east, north, up: what is observed or held, start values of all else."""
+    M, metres = content.edge.matrix, content.edge.metres
+    source = np.argmax(np.abs(M), axis=1)
+    statuses = found.statuses
+    known = ~statuses.free | np.isfinite(statuses.sigma)
+    given = np.where(known, statuses.values, found.values) * metres
+    values: FloatArray = given[:, source] * M[np.arange(3), source]
+    return Places(values, (statuses.sigma * metres)[:, source], statuses.free[:, source])
 
 
 def tilted_stations(content: Content, what: str) -> list[Problem]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -245,6 +246,56 @@ def test_epochs(tmp_path: Path) -> None:
     table = {row["point"]: row for row in rows(run.out)}
     assert [name for name, row in table.items() if row["moved"] == "true"] == ["P6"]
     assert float(table["P6"]["dz"]) == pytest.approx(-0.01, abs=4.0 * float(table["P6"]["sdz"]))
+
+
+def test_page_of_two_epochs(tmp_path: Path) -> None:
+    """Vectors and ellipses at one scale, what has moved told apart, no label over another, both languages."""
+    spring, later = (
+        _epoch(tmp_path / "spring", 1),
+        _epoch(tmp_path / "later", 3, moved=(0.0, 0.0, -0.01)),
+    )
+    assert mor("compare", spring, later, "--page", tmp_path / "x.html").code == 2
+    run = mor("compare", spring, later, "--epochs", "--page", tmp_path / "en.html")
+    assert run.code == 1
+    page = (tmp_path / "en.html").read_text(encoding="utf-8")
+    assert "1 point has moved, of 12" in page
+    table = {row["point"]: row for row in rows(run.out)}
+    drawing = page[
+        page.index('<svg class="drawing"') : page.index("</svg>", page.index('<svg class="drawing"'))
+    ]
+    lines = [
+        [float(x) for x in found]
+        for found in re.findall(
+            r'<line class="(?:moved|stable)" x1="(.*?)" y1="(.*?)" x2="(.*?)" y2="(.*?)"', drawing
+        )
+    ]
+    vectors = np.array([[c - a, d - b] for a, b, c, d in lines])
+    assert len(lines) == len(table) == drawing.count("<ellipse")
+    assert drawing.count('<line class="moved"') == 1
+    sizes = {  # of the two axes that are drawn: those whose vectors are all at one scale
+        axes: np.hypot(*(np.array([float(row[f"d{axis}"]) for row in table.values()]) for axis in axes))
+        for axes in ("xy", "xz", "yz")
+    }
+    lengths = np.hypot(*vectors.T)
+    assert any(
+        np.allclose(lengths, size * (lengths @ size) / (size @ size), atol=0.15) for size in sizes.values()
+    )
+    boxes = [
+        (float(x), float(y) - 10.0, float(x) + 6.0 * len(name), float(y))
+        for x, y, name in re.findall(r'<text(?: class="strong")? x="([\d.]+)" y="([\d.]+)">(P\d+)<', drawing)
+    ]
+    assert len(boxes) >= 6
+    apart = [
+        a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3]
+        for k, a in enumerate(boxes)
+        for b in boxes[:k]
+    ]
+    assert all(apart)
+    german = mor("compare", spring, later, "--epochs", "--page", tmp_path / "de.html", "--lang", "de")
+    assert "NICHT kongruent" in german.err
+    assert german.out == run.out
+    assert "1 Punkt hat sich bewegt, von 12" in (tmp_path / "de.html").read_text(encoding="utf-8")
+    assert mor("compare", spring, later, "--epochs", "--page", tmp_path / "de.html").code == 2
 
 
 def test_pairs_of_points_of_one_adjustment(tmp_path: Path) -> None:

@@ -76,6 +76,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_colmap import RIG
     from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
+    from .test_jag3d import FILES
     from .test_metashape import PANE, XML
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
@@ -96,7 +97,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         + POINTS.format(control="  9 5 5 5 0 0 0\n")
     )
     books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
-    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5"}
+    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml"}
     return {
         "colmap text": ("colmap", "", {name: text.encode() for name, text in RIG.items()}),
         "colmap binary": ("colmap", "", written_by("colmap-binary", "m")),
@@ -104,6 +105,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
+        "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
         "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),

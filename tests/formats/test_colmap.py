@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -224,3 +225,16 @@ def test_fisheyes_with_few_parameters(tmp_path: Path, model: str, parameters: st
         star = np.array([[X[0], -X[1], -X[2]]])
         ours = fisheye.project(star, row, np.zeros((1, 0)), np.zeros((1, 2))).xy[0] * [1, -1]
         np.testing.assert_allclose(camera.img_from_cam(np.array([X])).ravel(), ours, rtol=0, atol=1e-9)
+
+
+def test_models_without_a_counterpart_say_what_is_lost(tmp_path: Path) -> None:
+    from mor.formats.colmap.cameras import LOST, MODELS
+
+    assert set(LOST) == {name for name, model in MODELS.items() if not model.ours}
+    for name, text in RIG.items():
+        (tmp_path / name).write_text(text)
+    thin = "2 THIN_PRISM_FISHEYE 800 600 710 710 400 300 0 0 0 0 0 0 1e-4 0"
+    cameras = re.sub(r"^2 PINHOLE .*$", thin, RIG["cameras.txt"], flags=re.MULTILINE)
+    (tmp_path / "cameras.txt").write_text(cameras)
+    with pytest.raises(InputError, match=r"THIN_PRISM_FISHEYE has no counterpart in mor: .*p1, p2, sx1, sy1"):
+        read_foreign(tmp_path)

@@ -17,6 +17,10 @@ from mor.project.file.nodes import Document
 
 from .blocks import block, written
 
+GSI = """*110001+000000000000000A 88..10+0000000000001550
+*110002+000000000000000B 21..12+0000000010000000 22..12+0000000009950000 31..10+0000000000060001 87..10+0000000000001300
+*110003+000000000000000C 21..12+0000000015000000 22..12+0000000010100000 31..10+0000000000044650 87..10+0000000000001300
+"""
 TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -44,7 +48,7 @@ def test_a_block_takes_its_datum_from_control_of_another_file(tmp_path: Path, se
     together = read_together([tmp_path / "model", tmp_path / "control.dat"], ["colmap", "starnet"])
     notes = " ".join(note.message for note in together.notes)
     assert "coordinates and poses, in a system of their own" in notes
-    assert "6 points of" in notes
+    assert "6 points in" in notes
     data = block(seed, "SIMPLE_RADIAL")
     del data["datum"]
     data["images"] = [{"columns": ["id", "camera"], "rows": [row[:2] for row in data["images"][0]["rows"]]}]
@@ -74,9 +78,12 @@ def test_the_command_takes_several_sources(tmp_path: Path) -> None:
 def test_adjust_and_check_take_the_format(tmp_path: Path) -> None:
     path = tmp_path / "net.txt"
     path.write_text("C A 0 0 ! !\nC B 0 100 ! !\nC P 50 50\nD A-P 70.71 0.01\nD B-P 70.71 0.01\n")
-    assert mor("check", str(path)).code == 2 or "starnet" not in mor("check", str(path)).err
-    assert mor("check", str(path), "--from", "starnet").code == 0
-    assert mor("adjust", str(path), "--from", "starnet", "-o", str(tmp_path / "r"), "--no-html").code == 0
+    for command in ("check", "adjust", "approximate"):
+        place = [] if command == "check" else ["-o", str(tmp_path / command)]
+        assert mor(command, str(path), "--from", "starnet", *place).code == 0
+        wrong = mor(command, str(path), "--from", "starnets", *place, *(["--force"] if place else []))
+        assert wrong.code == 2
+        assert "unknown format 'starnets'; did you mean 'starnet'" in wrong.err
 
 
 def _document(file: str, units: dict[str, str], **sections: object) -> Document:
@@ -125,6 +132,21 @@ def test_units_of_the_second_file_are_kept(tmp_path: Path) -> None:
     for xyz, sigma in found[1:]:
         np.testing.assert_allclose(xyz, found[0][0], rtol=0, atol=1e-9)
         np.testing.assert_allclose(sigma, found[0][1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("order", [("book.gsi", "control.dat"), ("control.dat", "book.gsi")])
+def test_control_stays_whatever_the_order(tmp_path: Path, order: tuple[str, str]) -> None:
+    """A field book that names a point does not take its coordinates away."""
+    (tmp_path / "book.gsi").write_text(GSI)
+    (tmp_path / "control.dat").write_text("C A 0 0 10 ! ! !\nC B 60 0 10.2 ! ! !\n")
+    formats = ["starnet" if name.endswith(".dat") else "gsi" for name in order]
+    whole = read_together([tmp_path / name for name in order], formats)
+    held = [row for table in whole.data["points"] if "sigma_x" in table["columns"] for row in table["rows"]]
+    assert [row[0] for row in held] == ["A", "B"]
+    assert sorted(row[0] for table in whole.data["points"] for row in table["rows"]) == ["A", "B", "C"]
+    found = point_results(solve_network(network_of(whole, tmp_path)))
+    np.testing.assert_allclose(found["B"][0], [0, 60, 10.2], atol=1e-9)
+    assert np.linalg.norm(found["C"][0][:2]) == pytest.approx(44.65, abs=0.1)
 
 
 def test_lines_stay_those_of_the_files() -> None:

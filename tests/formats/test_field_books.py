@@ -79,7 +79,40 @@ def _m5() -> str:
     return "\n".join(lines)
 
 
-BOOKS = {"b.gsi": _gsi(), "old.gsi": _gsi(8), "b.sdr": _sdr(), "b.m5": _m5()}
+def _jxl() -> str:
+    """Raw distances: the prism constant and the ppm are still to be added; what was computed or deleted is in it."""
+    ppm = "<PPM>25</PPM><ApplyPPMToRawDistances>true</ApplyPPMToRawDistances>"
+    target = f"<PrismConstant>-0.0344</PrismConstant><TargetHeight>{TARGET}</TargetHeight>"
+    records = [
+        f'<AtmosphereRecord ID="a">{ppm}</AtmosphereRecord>',
+        f'<TargetRecord ID="t">{target}</TargetRecord>',
+    ]
+    for station, height in HEIGHTS.items():
+        records.append(
+            f'<StationRecord ID="s{station}"><StationName>{station}</StationName>'
+            f"<TheodoliteHeight>{height}</TheodoliteHeight></StationRecord>"
+        )
+        for face in (1, 2):
+            for at, target, circle, zenith, slope in _readings(face):
+                if at == station:
+                    raw = (slope + 0.0344) / (1 + 25e-6)
+                    records.append(
+                        f"<PointRecord><Name>{target}</Name><Method>DirectReading</Method><StationID>s{at}</StationID>"
+                        f"<TargetID>t</TargetID><Circle><HorizontalCircle>{circle * 0.9:.8f}</HorizontalCircle>"
+                        f"<VerticalCircle>{zenith * 0.9:.8f}</VerticalCircle><EDMDistance>{raw:.6f}</EDMDistance>"
+                        f"<Face>Face{face}</Face></Circle><Deleted>false</Deleted></PointRecord>"
+                    )
+    records += [
+        "<PointRecord><Name>4</Name><Method>MeanTurnedAngle</Method><Circle><HorizontalCircle>1</HorizontalCircle>"
+        "</Circle></PointRecord>",
+        "<PointRecord><Name>9</Name><Method>DirectReading</Method><Deleted>true</Deleted></PointRecord>",
+        "<NoteRecord><Notes><Note>rain</Note></Notes></NoteRecord>",
+    ]
+    body = "\n".join(records)
+    return f'<?xml version="1.0"?>\n<JOBFile jobName="net" version="5.6">\n<FieldBook>\n{body}\n</FieldBook></JOBFile>'
+
+
+BOOKS = {"b.gsi": _gsi(), "old.gsi": _gsi(8), "b.sdr": _sdr(), "b.m5": _m5(), "b.jxl": _jxl()}
 
 
 @pytest.mark.parametrize("name", BOOKS)
@@ -100,6 +133,36 @@ def test_a_network_comes_out_as_it_was(tmp_path: Path, name: str) -> None:
             assert ours[2] == pytest.approx(true[2], abs=2e-3)
     assert sum(len(group.observed) for group in network.groups) >= 36
     assert "3 set-ups, 3 sets" in " ".join(result.project.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<StationName>2</StationName>", "", r"b\.jxl:\d+: StationRecord: found no StationName"),
+        (
+            "<StationID>s1</StationID>",
+            "<StationID>s8</StationID>",
+            r"b\.jxl:7: PointRecord: point '2': found no StationR",
+        ),
+        ("-0.0344", "x", r"b\.jxl:5: TargetRecord: found 'x', expected a number"),
+        ("<Name>2</Name>", "", r"b\.jxl:\d+: PointRecord: found no Name"),
+        ("JOBFile", "Job", r"found <Job>, expected <JOBFile> with a <FieldBook>"),
+    ],
+)
+def test_mistakes_in_a_job(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "b.jxl"
+    path.write_text(_jxl().replace(old, new))
+    with pytest.raises(InputError, match=words):
+        read_foreign(path, "jobxml")
+
+
+def test_what_a_job_computed_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "b.jxl"
+    path.write_text(_jxl())
+    assert format_of(path) == "jobxml"
+    notes = " ".join(map(str, read_foreign(path).notes))
+    for words in ("points by MeanTurnedAngle (1 record", "deleted points (1 record", "NoteRecord (1 record"):
+        assert words in notes
 
 
 def test_rounds() -> None:

@@ -21,13 +21,14 @@ from .mutants import faults, materials
             "photomodeler",
             "starnet",
             "dynadjust",
+            "jag3d",
             "reference pane",
             "openmvg",
             "alicevision",
             "gsib",
             "gsio",
         ),
-        *("sdrb", "m5b", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
+        *("sdrb", "m5b", "jxlb", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
     ],
 )
 def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
@@ -35,4 +36,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 20
+    assert len(materials(tmp_path)) == 22

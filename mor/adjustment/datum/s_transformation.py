@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,11 @@ from mor.adjustment.datum.defect import similarities
 from mor.adjustment.problem import Datum, Problem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.index import Index, Values
+
+_SMALL_TURN = 0.1
+"""Radians, or part of the scale, up to which a movement is told by its first two derivatives."""
+_NEAR = 1e-2
+"""Corrections in parts of the network below which its movements stay the same on the way into the datum."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +112,59 @@ def binds(null: FloatArray, constraint: Constraint) -> bool:
     return bool(size > 0.0 and np.linalg.svd(together, compute_uv=False)[-1] > 1e-9 * size)
 
 
-def into_datum(step: FloatArray, null: FloatArray, constraint: Constraint, total: FloatArray) -> FloatArray:
-    """Step (u,) moved along the null directions so that the total corrections satisfy the constraint."""
-    missing = constraint.normals.T @ (total + np.where(constraint.mask, step, 0.0))
-    turned: FloatArray = step - null @ np.linalg.solve(constraint.normals.T @ null, missing)
-    return turned
+def into_datum(
+    step: FloatArray, null: FloatArray, constraint: Constraint, problem: Problem, values: Values
+) -> tuple[FloatArray, float]:
+    """Step (u,) from ``values`` moved along the null directions so that the total corrections satisfy the constraint.
+
+    With it by how much more an error of the step moves it there than BᵀG says. B changes with the movements t: the
+    derivative of Bᵀ(x − x₀) by them is BᵀG + K. Where x₀ is bad K is not small, and a network that is moved without it
+    swings into its datum slowly, or for ever.
+    """
+    total = corrections(problem.datum, problem.index, values) + np.where(constraint.mask, step, 0.0)
+    missing, across = constraint.normals.T @ total, constraint.normals.T @ null
+    movement = np.linalg.solve(across, missing)
+    gain = 1.0
+    bent = _bent(null, problem, values, total)
+    if bent is not None:
+        relative = np.linalg.solve(across, bent.derivative) + np.eye(len(across))
+        least = float(np.linalg.eigvals(relative).real.min())
+        better = np.linalg.solve(relative, movement) if least > 0.0 else movement
+        if float(np.abs(bent.turns @ better).max(initial=0.0)) < _SMALL_TURN:
+            movement, gain = better, max(1.0, 1.0 / least)
+    turned: FloatArray = step - null @ movement
+    return turned, gain
+
+
+class _Bent(NamedTuple):
+    """What changes in the movements as the network moves."""
+
+    derivative: FloatArray
+    """(d, d) K."""
+    turns: FloatArray
+    """(4, d) turns and scale in each movement."""
+
+
+def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray) -> _Bent | None:
+    """K of the movements at ``values``; ``None`` where it is nothing beside BᵀG, or B stays as it is."""
+    chosen = problem.datum.mask.get("point")
+    if chosen is None or problem.datum.movements is not None or null.shape[1] == 0:
+        return None
+    columns, points = problem.index.columns["point"], values["point"]
+    used = chosen & (columns >= 0)
+    within = used.any(axis=1)
+    size = float(np.ptp(points[within], axis=0).max()) if within.any() else 0.0
+    if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
+        return None
+    centre = points[within].mean(axis=0)
+    fields = similarities(points[within], centre)
+    movements = np.asarray(np.linalg.lstsq(fields[used[within]], null[columns[used]], rcond=1e-12)[0], float)
+    apart = np.zeros((len(fields), 3))
+    apart[used[within]] = total[columns[used]]
+    linear = similarities(np.eye(3), np.zeros(3))[:, :, 3:]
+    by_field = np.einsum("na,nbg->abg", apart, fields) @ movements
+    derivative = np.einsum("bag,abj,gk->kj", linear, by_field, movements[3:])
+    return _Bent(derivative, movements[3:])
 
 
 def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:

@@ -91,6 +91,8 @@ class _Assembly:
     fewest: int = ENOUGH
     tried_stations: set[int] = field(default_factory=set)
     tried_shapes: set[tuple[int, ...]] = field(default_factory=set)
+    tried_frames: set[frozenset[int]] = field(default_factory=set)
+    """Frames that parts began with: what joined and lost its poses again would begin for ever."""
     given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
     """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
     pairs: Pairs | None = None
@@ -145,6 +147,7 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
+        assembly.tried_frames = set()
         for part in parts:
             _grow(part, scene, fewest)
         _assemble(assembly)
@@ -271,6 +274,12 @@ def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part
     part, reason = seed_bundles(scene.frames, np.flatnonzero(among), pairs, scene.points)
     given_up |= open_ if part is None else False
     assembly.reasons += [reason] if reason and not chained else []
+    if part is not None:
+        frames = frozenset(part.poses)
+        if frames in assembly.tried_frames:
+            given_up[list(frames)] = True
+            return _seed_of_frames(assembly, free, chained)
+        assembly.tried_frames.add(frames)
     return part
 
 

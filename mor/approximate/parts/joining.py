@@ -126,9 +126,11 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     found = movement(ties, turn, source.scaled and target.scaled)
     if found is None or not (both and found.open == 1 and not np.isfinite(ties.target[:, 2]).any()):
         return found
-    # Two levelled parts that have no height in common: the plan joins them, and the heights stay unknown.
-    source.points[:, 2] = np.nan
-    source.poses.clear()
+    # Two levelled parts that have no height in common: the plan joins them, and the heights stay unknown. Where the
+    # target has none at all, those of the source are as good as any.
+    if np.isfinite(target.points[:, 2]).any() or target.poses:
+        source.points[:, 2] = np.nan
+        source.poses.clear()
     return Movement(
         found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives
     )

@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mor.counting import counted
+from mor.cli._language import language_option
 from mor.errors import ExitCode, InputError, Problem
 from mor.input_files import TABLE, read_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import polars as pl
+
+    from mor.quality.deformation.epochs import Epochs
+    from mor.quality.solved import Solved
 
 SHOWN = 20
 SCHEMA = "mor-results"
@@ -44,6 +49,14 @@ SCHEMA = "mor-results"
     "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
 )
 @click.option("--known-sigma0", is_flag=True, help="Test with σ0 a priori, not with the estimated one.")
+@click.option(
+    "--page",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="With --epochs: write a page, both epochs side by side, movements with ellipses and tests.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
+@language_option("the page and of what the terminal says")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
 def command(
     results: tuple[Path, ...],
@@ -52,6 +65,9 @@ def command(
     pairs: Path | None,
     level: float,
     known_sigma0: bool,
+    page: Path | None,
+    force: bool,
+    lang: str,
     quiet: bool,
 ) -> int:
     """Compare RESULTS: two folders number by number, two epochs, or pairs of points of one adjustment.
@@ -60,6 +76,7 @@ def command(
     Examples:
       mor compare before.results after.results --tol 1e-6
       mor compare spring.results autumn.results --epochs
+      mor compare spring.results autumn.results --epochs --page movements.html --quiet
       mor compare both.results --pairs pairs.csv
 
     RESULTS are folders of results; number by number also results.json files. --epochs and --pairs print the movements
@@ -74,16 +91,17 @@ def command(
         raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
     if epochs and pairs is not None:
         raise InputError([Problem("choose one of --epochs, --pairs")])
+    check_page(page, epochs, force)
     wanted = 1 if pairs is not None else 2
     if len(results) != wanted:
         expected = "one folder of results with --pairs" if pairs is not None else "two to compare"
         raise InputError([Problem(f"found {len(results)}, expected {expected}")])
     if pairs is not None:
-        table, words = _pairs(results[0], pairs, level, known_sigma0)
+        table, words = _pairs(results[0], pairs, level, known_sigma0, lang)
     elif epochs:
-        table, words = _epochs(results[0], results[1], level, known_sigma0)
+        table, words = _epochs(results[0], results[1], level, known_sigma0, page, lang)
     else:
-        return _regression(results[0], results[1], tol, quiet)
+        return _regression(results[0], results[1], tol, lang, quiet)
     from mor.project.tables.guarded import csv_lines
 
     click.echo(bytes(csv_lines(table)).decode(), nl=False)
@@ -92,19 +110,32 @@ def command(
     return ExitCode.REJECTED if table["moved"].any() else ExitCode.DONE
 
 
-def _regression(one: Path, other: Path, tol: float, quiet: bool) -> ExitCode:
+def check_page(page: Path | None, epochs: bool, force: bool) -> None:
+    """Raise :class:`InputError` where a page cannot be written before anything is computed."""
+    if page is None:
+        return
+    if not epochs:
+        raise InputError([Problem("--page is for --epochs")])
+    if page.exists() and not force:
+        raise InputError([Problem("this file exists; --force replaces it", str(page))])
+
+
+def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> ExitCode:
     from mor.report.results.comparison import differences
+    from mor.report.words.language import words_of
+
+    words = words_of(lang)
 
     found = differences(_content(one), _content(other), tol)
     if not quiet:
         for difference in found[:SHOWN]:
-            click.echo(f"{difference.place}: {_said(difference.one)} | {_said(difference.other)}")
+            click.echo(
+                f"{difference.place}: {words(_said(difference.one))} | {words(_said(difference.other))}"
+            )
         if len(found) > SHOWN:
-            click.echo(f"and {len(found) - SHOWN} more")
-        click.echo(
-            f"{counted(len(found), 'difference')} beyond {tol:g}" if found else f"equal within {tol:g}",
-            err=True,
-        )
+            click.echo(words("and {count} more", count=len(found) - SHOWN))
+        said = "{count:difference|differences} beyond {tol}" if found else "equal within {tol}"
+        click.echo(words(said, count=len(found), tol=f"{tol:g}"), err=True)
     return ExitCode.REJECTED if found else ExitCode.DONE
 
 
@@ -129,11 +160,14 @@ def _folder(path: Path) -> Path:
     return path.parent if path.name == "results.json" else path
 
 
-def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+def _epochs(
+    one: Path, other: Path, level: float, known: bool, page: Path | None, lang: str
+) -> tuple[pl.DataFrame, list[str]]:
     from mor.api.reopened import reopen, solve
     from mor.compilation import chosen_by_size
     from mor.quality.deformation.epochs import blocks_of, common_points, compare_epochs, over_points
     from mor.report.tables.movements import movement_table, verdict
+    from mor.report.words.language import words_of
 
     first, second = reopen(_folder(one)).project, reopen(_folder(other)).project
     if first.network.edge != second.network.edge:
@@ -150,14 +184,40 @@ def _epochs(one: Path, other: Path, level: float, known: bool) -> tuple[pl.DataF
     with chosen_by_size(max(s.network.observations for s in solved)):
         found = compare_epochs(names, assessed[0], assessed[1], level, known)
     table = movement_table(names, found.result.points, first.network.edge.matrix, level, known)
-    return table, verdict(found, level, known)
+    if page is not None:
+        _write_page((one, other), solved, found, table, level, known, page, lang)
+    return table, verdict(found, level, known, words_of(lang))
 
 
-def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataFrame, list[str]]:
+def _write_page(
+    results: tuple[Path, Path],
+    solved: Sequence[Solved],
+    found: Epochs,
+    table: pl.DataFrame,
+    level: float,
+    known: bool,
+    page: Path,
+    lang: str,
+) -> None:
+    """The page of two epochs, solved in the datum over their common points."""
+    from mor.report.epochs.content import epoch, moved
+    from mor.report.epochs.sheet import comparison_page
+    from mor.report.tables.movements import verdict
+    from mor.report.words.language import words_of_page
+
+    both = epoch(results[0], solved[0]), epoch(results[1], solved[1])
+    words = words_of_page(lang)
+    said = verdict(found, level, known, words)
+    text = comparison_page(both, moved(solved[0], found, table), table, said, known, words)
+    page.write_text(text, encoding="utf-8")
+
+
+def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tuple[pl.DataFrame, list[str]]:
     from mor.api.reopened import reopen, solve
     from mor.quality.deformation.congruence import pair_movement
     from mor.report.results.covariance import point_numbers
     from mor.report.tables.movements import movement_table
+    from mor.report.words.language import words_of
 
     solved = solve(reopen(_folder(path)).project)
     assert solved.quality is not None
@@ -169,7 +229,9 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool) -> tuple[pl.DataF
             raise InputError(replace(p, file=str(pairs), line=line) for p in error.problems) from None
         names.append(f"{one} - {other}")
     table = movement_table(names, tests, solved.network.edge.matrix, level, known)
-    return table, [f"{int(table['moved'].sum())} of {counted(len(names), 'pair')} moved (level {level:g})."]
+    moved = int(table["moved"].sum())
+    sentence = "{moved} of {count:pair|pairs} moved (level {level})."
+    return table, [words_of(lang)(sentence, moved=moved, count=len(names), level=f"{level:g}")]
 
 
 def _listed(pairs: Path) -> list[tuple[int, list[str]]]:

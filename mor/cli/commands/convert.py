@@ -56,9 +56,9 @@ def command(
 
     The content of a file or folder tells its format. TARGET is a project file (.yaml) whose long tables are written
     beside it, or what its suffix or --to says. What a reader leaves out, and what a format has no place for, is noted.
-    Several foreign files become one project: points and images of the same name are the same, and what a later file
-    says of a point goes before. mor adjust and mor check read foreign files directly, too. The manual has a page for
-    each format.
+    Several foreign files become one project: points and images of the same name are the same, and what is held or
+    observed goes before. mor adjust and mor check read foreign files directly, too. The manual has a page for each
+    format.
 
     \b
     Exit codes: 0 done; 2 input.

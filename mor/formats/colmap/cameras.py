@@ -54,6 +54,17 @@ MODELS: dict[str, ColmapCameraModel] = {
     "EQUIRECTANGULAR": ColmapCameraModel(17, ("w", "h")),
 }
 """Camera models by name."""
+_PRISM = "mor's fisheye has the same but its tangential and thin prism terms"
+LOST = {
+    "FOV": "its distortion, atan(2 r tan(omega/2))/omega, is no polynomial of mor's models",
+    "THIN_PRISM_FISHEYE": f"{_PRISM} p1, p2, sx1, sy1",
+    "RAD_TAN_THIN_PRISM_FISHEYE": f"{_PRISM} p0, p1, s0 to s3, and the powers k4, k5",
+    "SIMPLE_DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
+    "DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
+    "EUCM": "its alpha and beta bend the projection itself",
+    "EQUIRECTANGULAR": "it is a panorama, no central projection onto a plane",
+}
+"""What of a model without a counterpart mor cannot say."""
 
 
 def has_one_unknown_more(name: str) -> bool:

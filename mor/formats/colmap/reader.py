@@ -11,7 +11,7 @@ import polars as pl
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.colmap import binary, text_files
-from mor.formats.colmap.cameras import MODELS, camera_of, has_one_unknown_more
+from mor.formats.colmap.cameras import LOST, MODELS, camera_of, has_one_unknown_more
 from mor.formats.colmap.model import NO_POINT, ColmapImage, ColmapModel
 from mor.formats.colmap.poses import ours
 from mor.formats.colmap.rigs import Follower, followers
@@ -89,7 +89,9 @@ def _check(model: ColmapModel, draft: Draft) -> None:
     cameras = {camera.id for camera in model.cameras}
     for camera in model.cameras:
         if not MODELS[camera.model].ours:
-            words = f"camera {camera.id}: model {camera.model} has no counterpart in mor that says exactly the same"
+            words = (
+                f"camera {camera.id}: model {camera.model} has no counterpart in mor: {LOST[camera.model]}"
+            )
             draft.problem(words, camera.line)
         if not np.isfinite(camera.parameters).all() or not 0 < min(camera.width, camera.height) < 1 << 31:
             draft.problem(f"camera {camera.id}: its size or a parameter is no usable number", camera.line)

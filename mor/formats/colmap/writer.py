@@ -45,7 +45,7 @@ def write_colmap(document: Document, folder: Path, target: Path) -> Written:
     content = content_of(document, folder)
     block = Block(content)
     files = {
-        "cameras.txt": "".join(_camera_line(camera) for camera in block.cameras.values()),
+        "cameras.txt": "".join(camera_line(camera) for camera in block.cameras.values()),
         "images.txt": "".join(_image_lines(block)),
         "points3D.txt": "".join(_point_lines(block)),
     }
@@ -141,7 +141,8 @@ def _words(numbers: Sequence[float] | FloatArray) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 
-def _camera_line(camera: ColmapCamera) -> str:
+def camera_line(camera: ColmapCamera) -> str:
+    """A line of ``cameras.txt``."""
     return f"{camera.id} {camera.model} {camera.width} {camera.height} {_words(camera.parameters)}\n"
 
 

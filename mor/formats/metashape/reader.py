@@ -237,6 +237,8 @@ def _pose(chunk: Element, camera: Element, name: str, system: str) -> list[str |
         return [None, None, None, *_attitude(camera)]
     R, t, s = _similarity(chunk)
     T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
+    if max(np.abs(T).max(), np.abs(t).max(), abs(s)) > 1e30:
+        raise ValueError(f"transform of camera {name!r}: found a number beyond 1e30")
     scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
     world, centre = (R @ scaled, s * R @ T[:3, 3] + t) if system == "local" else (scaled, T[:3, 3])
     numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]

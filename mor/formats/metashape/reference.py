@@ -52,6 +52,8 @@ def read_reference(path: Path) -> Document:
         words = "the coordinates are longitude and latitude: export them in a projected or local system"
         raise InputError([Problem(words, draft.file, at + 1)])
     columns = {_COLUMNS[name]: k for k, name in enumerate(names) if name in _COLUMNS}
+    if "id" not in columns:
+        raise InputError([Problem(f"found no column Label, but {', '.join(names)}", draft.file, at + 1)])
     draft.put("title", path.stem)
     draft.put("units", {"length": "m", "angle": "deg"})
     draft.put("axes", {"xy": "en"})

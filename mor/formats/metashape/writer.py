@@ -73,7 +73,7 @@ def _transform(pose: np.ndarray) -> str:
 
 
 def _sensor(number: int, name: str, camera: Camera, content: Content) -> str:
-    values, free = _interior(camera, content)
+    values, free = interior_of(camera, content)
     if camera.image is None:
         raise ValueError("it has no image: {width, height}, which Metashape needs")
     width, height = (round(split(text)[0]) for text in (camera.image.width, camera.image.height))
@@ -87,7 +87,7 @@ def _sensor(number: int, name: str, camera: Camera, content: Content) -> str:
     )
 
 
-def _interior(camera: Camera, content: Content) -> tuple[dict[str, float], list[str]]:
+def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], list[str]]:
     """Metashape's numbers and the names of the free ones. Raises ``ValueError`` where they say something else."""
     free = [
         k for k, s in camera.interior.items() if isinstance(s, Value) and s.fixed is None and s.sigma != "0"

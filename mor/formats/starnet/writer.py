@@ -18,6 +18,7 @@ from mor.formats.terrestrial import (
     circle_in_face_one,
     groups,
     heights_of,
+    places,
     stations,
     tilted_stations,
     zenith_in_face_one,
@@ -110,13 +111,7 @@ def _separator(found: Things, content: Content) -> str:
 
 def _points(found: Things, content: Content) -> tuple[list[str], int]:
     """Lines of points, and of how many the height is no more than a mean."""
-    M, metres = content.edge.matrix, content.edge.metres
-    source = np.argmax(np.abs(M), axis=1)
-    signs = M[np.arange(3), source]
-    statuses = found.statuses
-    known = ~statuses.free | np.isfinite(statuses.sigma)
-    values = (np.where(known, statuses.values, found.values) * metres)[:, source] * signs
-    sigma, free = (statuses.sigma * metres)[:, source], statuses.free[:, source]
+    values, sigma, free = places(found, content)
     dimensions = content.project.settings.dimensions
     finite = np.isfinite(values)
     some = values[finite[:, 2], 2]

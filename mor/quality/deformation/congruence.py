@@ -39,6 +39,8 @@ class MovementTest:
     """Natural logarithm of the p-value with σ0 known."""
     log_p_estimated: float
     """With σ0 estimated."""
+    cofactors: FloatArray
+    """(3, 3) of the movement, for σ0 = 1."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int
     log_p = log_p_chi2(np.array([total]), np.array([float(freedom)]))
     log_estimated = log_p_f(np.array([ratio]), float(freedom), redundancy)
     return MovementTest(
-        d, np.sqrt(variance) * size, mean, ratio, freedom, float(log_p[0]), float(log_estimated[0])
+        d, np.sqrt(variance) * size, mean, ratio, freedom, float(log_p[0]), float(log_estimated[0]), q
     )
 
 

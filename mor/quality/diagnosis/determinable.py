@@ -95,7 +95,7 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     """
     found = nearly_parallel(network, start)
     first = _with_far_points(network, start, start, found, means)
-    if len(found.points) == 0 or means.complete(first[1]):
+    if found.from_one_place().all() or means.complete(first[1]):
         return first
     others = without_points(network, found.points, NARROW_ANGLE)
     if not any(group.count for group in others.groups):
@@ -106,6 +106,7 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     there = _values_of(network, adjustment.values, found.points)
     again = nearly_parallel(network, there)
     begun = _with_coordinates(there, again)
+    begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
     second = _with_far_points(network, start, begun, again, means)
     return second if means.complete(second[1]) else first
 

@@ -28,7 +28,7 @@ from mor.report.words.language import ENGLISH, Words
 SCRIPTS = ("data.js", "theme.js", "table.js", "network.js", "images.js", "multiples.js", "main.js")
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
-_MEANINGS = {
+MEANINGS = {
     **dict.fromkeys(("c", "fx", "fy", "f"), "camera constant"),
     **dict.fromkeys(("xh", "yh", "cx", "cy"), "principal point"),
     **dict.fromkeys(("A", "K", "k"), "radial distortion"),
@@ -48,21 +48,22 @@ def page(view: View, words: Words = ENGLISH) -> str:
     figures: dict[str, Any] = dict(test_figures(data))
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
-    template = _environment().get_template("page.html.j2")
+    template = environment().get_template("page.html.j2")
     return template.render(
         **_content(data),
         figures=figures,
         payload=Markup(payload(data, figures)),
         library=Markup(chart_library()),
-        style=Markup(_asset("page.css")),
+        style=Markup(asset("page.css")),
         running=running_heads(
             data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
         ),
-        scripts=[Markup(_asset(name)) for name in SCRIPTS],
+        scripts=[Markup(asset(name)) for name in SCRIPTS],
     )
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Where the templates are, with the filters they use."""
     environment = Environment(
         loader=PackageLoader("mor.report.html"),
         autoescape=True,
@@ -79,7 +80,8 @@ def _environment() -> Environment:
     return environment
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Text of a style sheet or script."""
     return files("mor.report.html").joinpath("assets", name).read_text(encoding="utf-8")
 
 
@@ -149,8 +151,8 @@ def _camera(camera: dict[str, Any]) -> dict[str, Any]:
         rows.append(
             {
                 "name": name,
-                "meaning": _MEANINGS.get(name.rstrip("0123456789"), _MEANINGS.get(name, "")),
-                "unit": _raised(quantities[name].unit("m", "rad", camera["unit"])),
+                "meaning": MEANINGS.get(name.rstrip("0123456789"), MEANINGS.get(name, "")),
+                "unit": raised(quantities[name].unit("m", "rad", camera["unit"])),
                 **component,
                 "t": t,
                 "p": float(2.0 * ndtr(-t)) if t is not None else None,
@@ -159,7 +161,7 @@ def _camera(camera: dict[str, Any]) -> dict[str, Any]:
     return {**camera, "rows": rows}
 
 
-def _raised(unit: str) -> str:
+def raised(unit: str) -> str:
     """A unit with its exponent raised: 1/mm² for 1/mm^2."""
     base, _, exponent = unit.partition("^")
     return base + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))

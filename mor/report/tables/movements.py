@@ -10,6 +10,7 @@ import polars as pl
 from mor.arrays import FloatArray
 from mor.quality.deformation.congruence import MovementTest
 from mor.quality.deformation.epochs import Epochs
+from mor.report.words.language import ENGLISH, Words
 
 
 def movement_table(
@@ -37,20 +38,36 @@ def movement_table(
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def verdict(epochs: Epochs, level: float, known: bool) -> list[str]:
+def verdict(epochs: Epochs, level: float, known: bool, words: Words = ENGLISH) -> list[str]:
     """The congruence test in words."""
     result = epochs.result
     test = result.global_test
     if test is None or test.freedom == 0:
-        return ["No movement can be tested: no coordinate has a variance."]
+        return [words("No movement can be tested: no coordinate has a variance.")]
     value = test.statistic if known else test.ratio
-    which = "sigma0 known" if known else f"pooled sigma0 {np.sqrt(result.variance):.4f}"
+    which = (
+        words("sigma0 known")
+        if known
+        else words("pooled sigma0 {sigma0}", sigma0=f"{np.sqrt(result.variance):.4f}")
+    )
+    sentence = (
+        "Global congruence test: {value} against {limit} ({freedom:degree|degrees} of freedom, level {level}, "
+        "{which}): congruent, nothing has moved."
+        if value <= result.critical
+        else "Global congruence test: {value} against {limit} ({freedom:degree|degrees} of freedom, level {level}, "
+        "{which}): NOT congruent."
+    )
     lines = [
-        f"Global congruence test: {value:.4f} against {result.critical:.4f} "
-        f"({test.freedom} degrees of freedom, level {level:g}, {which}): "
-        + ("congruent, nothing has moved." if value <= result.critical else "NOT congruent.")
+        words(
+            sentence,
+            value=f"{value:.4f}",
+            limit=f"{result.critical:.4f}",
+            freedom=test.freedom,
+            level=f"{level:g}",
+            which=which,
+        )
     ]
     moved = [name for name, stable in zip(epochs.names, result.stable, strict=True) if not stable]
     if moved:
-        lines.append(f"Taken out of the datum as moved: {', '.join(moved)}.")
+        lines.append(words("Taken out of the datum as moved: {names}.", names=", ".join(moved)))
     return lines

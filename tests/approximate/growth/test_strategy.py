@@ -74,6 +74,14 @@ def test_sample_projects_from_nothing(name: str) -> None:
     assert_same_solution(solve_network(without_start(network)), solve_network(network))
 
 
+def test_a_network_from_nothing_but_plan_coordinates_has_heights_of_its_own() -> None:
+    network = of_project(SAMPLES / "bridge" / "project.yaml")
+    point = network.start["point"].copy()
+    point[:, 2] = np.nan
+    in_plan = replace(network, start={**network.start, "point": point})
+    assert_same_solution(solve_network(in_plan), solve_network(network))
+
+
 @pytest.mark.parametrize("name", GAMA)
 def test_geodetic_networks_without_coordinates_of_new_points(
     name: str, shared_data: Callable[[str], Path]

@@ -1,0 +1,114 @@
+"""``mor certificate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mor.cli._language import language_option
+
+FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
+"""As :data:`mor.formats.calibration.FORMS`, which ``--help`` need not import."""
+
+
+@click.command(name="certificate")
+@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("camera")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    show_default="certificate_CAMERA.html in RESULTS",
+    help="The file that is written: .html, .txt or .pdf, or the calibration of --to.",
+)
+@click.option(
+    "--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead."
+)
+@click.option(
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper of a PDF."
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@language_option("the certificate")
+def command(
+    results: Path, camera: str, output: Path | None, form: str | None, paper: str, force: bool, lang: str
+) -> None:
+    """Write the certificate of one CAMERA in RESULTS on one page, or its calibration for another program.
+
+    \b
+    Examples:
+      mor certificate project.results D7
+      mor certificate project.results D7 -o d7.pdf --lang de
+      mor certificate project.results D7 --to metashape -o d7.xml
+
+    RESULTS is a folder of results. The certificate has parameters with sigma, correlations, distortion, how far out it
+    was measured, datum and test. A calibration is refused where the other program cannot say the same.
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.errors import InputError, Problem
+
+    target = output or results / _name(camera, form)
+    if target.exists() and not force:
+        raise InputError([Problem("this file exists; --force replaces it", str(target))])
+    if form is not None:
+        _export(results, camera, form, target)
+    else:
+        _certify(results, camera, target, paper, lang)
+    click.echo(str(target), err=True)
+
+
+def _name(camera: str, form: str | None) -> str:
+    """Name of the file; signs that no file name may have become underscores."""
+    import re
+
+    from mor.formats.calibration import SUFFIXES
+
+    plain = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", camera)
+    return f"certificate_{plain}.html" if form is None else f"{plain}_{form}{SUFFIXES[form]}"
+
+
+def _export(results: Path, camera: str, form: str, target: Path) -> None:
+    from mor.errors import InputError, Problem
+    from mor.formats.calibration import write_calibration
+    from mor.pipeline import read_document
+
+    adjusted = results / "adjusted.yaml"
+    if not adjusted.is_file():
+        words = "no adjusted.yaml in this folder; expected the results of mor adjust"
+        raise InputError([Problem(words, str(results))])
+    target.write_bytes(write_calibration(read_document(adjusted), results, camera, form, target))
+
+
+def _certify(results: Path, camera: str, target: Path, paper: str, lang: str) -> None:
+    import tempfile
+
+    from mor.errors import InputError, Problem
+    from mor.report.certificate.content import certificate
+    from mor.report.certificate.sheet import certificate_page, certificate_text
+    from mor.report.html.paper import browser, print_page
+    from mor.report.view import view_of_folder
+    from mor.report.words.language import words_of, words_of_page
+
+    suffix = target.suffix.lower()
+    if suffix not in (".html", ".txt", ".pdf"):
+        raise InputError([Problem("expected a name that ends in .html, .txt or .pdf", str(target))])
+    one = certificate(view_of_folder(results), camera)
+    if suffix == ".html":
+        target.write_text(certificate_page(one, words_of_page(lang)), encoding="utf-8")
+        return
+    text, program = certificate_text(one, words_of(lang)), browser()
+    if suffix == ".txt":
+        target.write_text(text, encoding="utf-8")
+    elif program is None:
+        from mor.report.plots.text_pages import write_text_pages
+
+        click.echo("note: no browser was found: the PDF has the text, without the curve", err=True)
+        write_text_pages(text, text.split("\n", 1)[0], target, paper, words_of_page(lang))
+    else:
+        with tempfile.TemporaryDirectory(prefix="mor") as folder:
+            page = Path(folder) / "certificate.html"
+            page.write_text(certificate_page(one, words_of_page(lang)), encoding="utf-8")
+            print_page(program, page, target, paper)

@@ -1,0 +1,1 @@
+"""JAG3D's column text."""

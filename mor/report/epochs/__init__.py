@@ -1,0 +1,1 @@
+"""Two epochs side by side: movements with ellipses and tests, as a page."""

@@ -1,0 +1,160 @@
+"""Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup, escape
+from scipy.special import chdtri
+
+from mor.arrays import BoolArray, FloatArray
+from mor.report.html.figures.layout import round_length, small_unit
+from mor.report.words.language import ENGLISH, Words
+
+WIDTH = 960
+_LEAST, _MOST = 260, 560
+"""Heights between which the drawing has that of its network."""
+_MARGIN, _LEGEND = 60, 30
+_LETTER, _LINE = 6.6, 13.0
+"""Width of a letter and height of a line of a label."""
+_AROUND = float(np.sqrt(chdtri(2, 0.05)))
+"""Semi-axes of an ellipse of 95 % in units of those of 1σ."""
+_MOST_LABELS = 400
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Points of both epochs: names, places, movements (n, 3) and their covariances (n, 3, 3), in project axes."""
+
+    names: tuple[str, ...]
+    places: FloatArray
+    movements: FloatArray
+    covariances: FloatArray
+    moved: BoolArray
+    unit: str
+    reversed: tuple[bool, bool, bool]
+    """Axes that count to the left or downwards in a plan."""
+    right: int
+    """Which axis is drawn to the right in a plan: 0 or 1."""
+
+
+def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
+    """Axes to the right and upwards: in plan, or in elevation where that shows more of the network."""
+    up = 1 - right
+    extent = np.ptp(places, axis=0) if len(places) else np.zeros(3)
+    if extent[2] <= min(extent[right], extent[up]):
+        return right, up
+    return (right if extent[right] >= extent[up] else up), 2
+
+
+def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
+    """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
+    axes = widest_view(found.places, found.right)
+    xy, factor, height = _on_paper(found, axes)
+    signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
+    vectors = found.movements[:, axes] * signs
+    covariances = found.covariances[:, axes][:, :, axes] * np.outer(signs, signs)
+    scale = _scale(vectors, covariances)
+    parts = [_ellipse(p, c * scale**2) for p, c in zip(xy, covariances, strict=True)]
+    parts += [_vector(p, p + scale * v, m) for p, v, m in zip(xy, vectors, found.moved, strict=True)]
+    parts += _labels(found, xy, xy + scale * vectors, height)
+    parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
+    label = escape(words("Movements between the epochs"))
+    return Markup(
+        f'<svg class="drawing" viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="{label}">'
+        f"{''.join(parts)}</svg>"
+    )
+
+
+def _on_paper(found: Moved, axes: tuple[int, int]) -> tuple[FloatArray, float, float]:
+    """Places on the drawing (n, 2), its units per unit of the project, and its height."""
+    signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
+    xy = found.places[:, axes] * signs
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    room = np.array([WIDTH - 2 * _MARGIN, _MOST - 2 * _MARGIN - _LEGEND], dtype=float)
+    extent = np.where(high > low, high - low, 1e-300)
+    factor = float((room / extent).min()) if (high > low).any() else 1.0
+    height = max(float(high[1] - low[1]) * factor + 2 * _MARGIN + _LEGEND, _LEAST)
+    middle = np.array([WIDTH / 2.0, (height - _LEGEND) / 2.0])
+    placed: FloatArray = (xy - (low + high) / 2.0) * factor + middle
+    return placed, factor, height
+
+
+def _scale(vectors: FloatArray, covariances: FloatArray) -> float:
+    """Units of the drawing per unit of movement: the longest of nearly all is a tenth of the drawing."""
+    around = _AROUND * np.sqrt(np.maximum(np.trace(covariances, axis1=1, axis2=2), 0.0))
+    sizes = np.maximum(np.hypot(vectors[:, 0], vectors[:, 1]), around)
+    largest = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0
+    return 0.1 * _MOST / largest if largest > 0.0 else 1.0
+
+
+def _ellipse(centre: FloatArray, covariance: FloatArray) -> str:
+    values, axes = np.linalg.eigh(covariance)
+    a, b = _AROUND * np.sqrt(np.maximum(values[::-1], 0.0))
+    turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    return (
+        f'<ellipse cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" rx="{a:.2f}" ry="{b:.2f}" '
+        f'transform="rotate({turn:.1f} {centre[0]:.1f} {centre[1]:.1f})"/>'
+    )
+
+
+def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
+    kind = "moved" if moved else "stable"
+    dot = f'<circle class="{kind}" cx="{start[0]:.1f}" cy="{start[1]:.1f}" r="2.2"/>'
+    line = f'<line class="{kind}" x1="{start[0]:.1f}" y1="{start[1]:.1f}" x2="{end[0]:.1f}" y2="{end[1]:.1f}"'
+    return dot + line + (' marker-end="url(#tip)"/>' if moved else "/>")
+
+
+def _labels(found: Moved, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
+    """Names, those of moved points first, each where nothing else is; none where there is no such place."""
+    taken = [(x - 3, y - 3, x + 3, y + 3) for x, y in [*xy.tolist(), *tips[found.moved].tolist()]]
+    order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS]
+    said = []
+    for k in order.tolist():
+        width = _LETTER * len(found.names[k])
+        for dx, dy in (
+            (6, -4),
+            (6, 14),
+            (-6 - width, -4),
+            (-6 - width, 14),
+            (-width / 2, -9),
+            (-width / 2, 19),
+        ):
+            x, y = xy[k, 0] + dx, xy[k, 1] + dy
+            box = (x, y - _LINE + 3, x + width, y + 2)
+            inside = box[0] >= 0 and box[2] <= WIDTH and box[1] >= 0 and box[3] <= height - _LEGEND
+            if inside and not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                weight = ' class="strong"' if found.moved[k] else ""
+                said.append(f'<text{weight} x="{x:.1f}" y="{y:.1f}">{escape(found.names[k])}</text>')
+                break
+    return said
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _bar(scale: float, unit: str, height: float, words: Words) -> str:
+    length = round_length(0.12 * WIDTH / scale)
+    said, factor = small_unit(unit, length)
+    y = height - _LEGEND / 2
+    text = escape(words("{length} in movements and ellipses (95 %)", length=f"{length * factor:g} {said}"))
+    return (
+        f'<line class="bar" x1="{_MARGIN}" y1="{y}" x2="{_MARGIN + scale * length:.1f}" y2="{y}"/>'
+        f'<text x="{_MARGIN + scale * length + 8:.1f}" y="{y + 4}">{text}</text>'
+    )
+
+
+def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, height: float) -> list[str]:
+    """A cross with the names of the axes and a bar of the network in the lower right corner."""
+    length = round_length(0.2 * WIDTH / factor)
+    x, y = WIDTH - _MARGIN - factor * length, height - _LEGEND / 2
+    names = ["XYZ"[k] for k in axes]
+    arrows = ("→" if signs[0] > 0 else "←"), ("↑" if signs[1] < 0 else "↓")
+    return [
+        f'<line class="bar" x1="{x:.1f}" y1="{y}" x2="{WIDTH - _MARGIN}" y2="{y}"/>',
+        f'<text x="{x - 8:.1f}" y="{y + 4}" text-anchor="end">{names[0]} {arrows[0]} {names[1]} {arrows[1]}, '
+        f"{length:g} {unit}</text>",
+    ]
