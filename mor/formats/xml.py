@@ -60,6 +60,9 @@ def parse_xml(content: bytes, file: str) -> Element:
     except expat.ExpatError as error:
         words = f"this is not well-formed XML: {expat.errors.messages[error.code]}"
         raise InputError([Problem(words, file, error.lineno)]) from None
+    except LookupError as error:
+        words = f"this XML is said to be in an encoding that nobody knows ({error})"
+        raise InputError([Problem(words, file, 1)]) from None
     except _EntityError:
         words = "entity declarations are not allowed in an input file"
         raise InputError([Problem(words, file, parser.CurrentLineNumber)]) from None

@@ -123,3 +123,7 @@ def test_a_covariance_matrix_must_be_positive_definite(tmp_path):
     with pytest.raises(InputError, match="positive definite") as error:
         network_of(read_foreign(path), tmp_path)
     assert error.value.problems[0].line == 3
+
+
+def test_an_encoding_that_nobody_knows(tmp_path: Path) -> None:
+    assert "nobody knows" in _problems(tmp_path, '<?xml version="1.0" encoding="utf-81"?><gama-local/>')[0][1]
