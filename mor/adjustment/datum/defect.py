@@ -89,9 +89,8 @@ def similarity_generators(coordinates: FloatArray, used: BoolArray) -> FloatArra
     """The seven movements on the used components of points (k, 7), about their centre, columns scaled to length 1."""
     anywhere = used.any(axis=1)
     centre = coordinates[anywhere].mean(axis=0) if anywhere.any() else np.zeros(3)
-    _, power = np.frexp(
-        np.abs(coordinates[anywhere] - centre).max(initial=0.0)
-    )  # its square may be no number
+    # In parts of the extent, whose square may be no number.
+    _, power = np.frexp(np.abs(coordinates[anywhere] - centre).max(initial=0.0))
     generators = similarities(np.ldexp(coordinates - centre, -power), np.zeros(3))[used]
     lengths = np.linalg.norm(generators, axis=0)
     return generators / np.where(lengths > 0.0, lengths, 1.0)
