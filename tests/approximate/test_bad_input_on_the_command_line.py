@@ -98,7 +98,7 @@ def test_bad_pairs_are_named_by_a_project(scenes, tmp_path, capsys, name):
     assert run(["approximate", path, "-o", str(tmp_path / "start")]) == 2
     printed = capsys.readouterr()
     assert WORDS[name][1] in printed.out
-    said = [line for line in printed.out.splitlines() if not line.startswith(("point ", "image "))]
+    said = [line for line in printed.out.splitlines() if not line.startswith(("point ", "image ", " "))]
     assert len(said) < 25
     assert run(["adjust", path, "-o", str(tmp_path / "results")]) == 2
     printed = capsys.readouterr()
@@ -125,7 +125,8 @@ def test_what_half_of_the_points_contradict_is_doubted(scenes, tmp_path, capsys,
 def test_a_constant_wrong_by_a_third_is_not_taken_for_good(scenes, tmp_path, capsys):
     path = project(tmp_path, bad(scenes, "wrong constant"), scenes.c)
     run(["approximate", path, "-o", str(tmp_path / "start")])
-    assert "camera constant, distortion or identities may be wrong" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())  # lines are broken
+    assert "camera constant, distortion or identities may be wrong" in said
     assert run(["adjust", path, "-o", str(tmp_path / "results"), "--strict"]) == 1
     assert "Global test REJECTED" in capsys.readouterr().err
 
