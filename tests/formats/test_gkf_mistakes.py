@@ -125,5 +125,5 @@ def test_a_covariance_matrix_must_be_positive_definite(tmp_path):
     assert error.value.problems[0].line == 3
 
 
-def test_an_encoding_that_nobody_knows(tmp_path: Path) -> None:
+def test_an_encoding_that_nobody_knows(tmp_path):
     assert "nobody knows" in _problems(tmp_path, '<?xml version="1.0" encoding="utf-81"?><gama-local/>')[0][1]

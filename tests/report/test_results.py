@@ -160,7 +160,7 @@ WITHOUT_UNIT = {
 }
 WITHOUT_UNIT |= {"vTPv", "flagged", "kind", "block", "component", "unit", "between", "flag", "feature"}
 WITHOUT_UNIT |= {"tested", "name", "status", "p", "weakest", "id", "observation", "nabla"}
-BESIDE_UNIT = {"value", "sigma", "observed", "v"}
+BESIDE_UNIT = {"value", "sigma", "observed", "v", "rms v"}
 """Columns of rows of different kinds: their unit is in the column beside."""
 
 

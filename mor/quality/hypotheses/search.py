@@ -38,7 +38,7 @@ from mor.quality.tests.quadratic_form import Moments, log_tail
 LEVEL = 1e-3
 """Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 OFFERED = 5
-_MOST, _LEAST = 60, 3
+_MOST, _LEAST = 40, 3
 """Adjustments that are tried at most, in small networks and in large ones."""
 _BEGUN = 4
 """Hypotheses for which start values are worked out at most: it takes longer than the adjustment."""

@@ -79,6 +79,8 @@ def _best(situation: Situation, problem: Problem, name: str) -> Exchange | None:
     }
     alone = _alone(problem, name, rows)
     pairs = [(number, pair) for number in rows for pair in combinations(rows[number].tolist(), 2)]
+    if len(pairs) * situation.count > SMALL:  # each of them computes all observations of the network
+        return None
     costs = [_cost(situation, alone, _exchanged(situation.network, *pair)) for pair in pairs]
     best = int(np.argmin(costs))
     if not costs[best] < _cost(situation, alone, situation.network):
