@@ -166,3 +166,13 @@ def test_a_point_that_no_ray_refers_to_where_there_are_none(tmp_path: Path) -> N
     listed = LEVELLING.replace(rows, rows + "\n  - {columns: [id, x, y, z], rows: [[N, 1, 2, 3]]}")
     run = mor("adjust", write(tmp_path, listed), "--no-html")
     assert (run.code, "No observation refers to point N" in run.err) == (4, True)
+
+
+def test_a_screen_of_what_is_not_determined(tmp_path: Path) -> None:
+    listed = ", ".join(f"[N{k}, 0, 0, {k}]" for k in range(60))
+    rows = f"  - {{columns: [id, x, y, z], rows: [{listed}]}}\nobservations:"
+    run = mor("adjust", write(tmp_path, LEVELLING.replace("observations:", rows)), "--no-html")
+    assert run.code == 4
+    assert len(run.err.splitlines()) <= 30
+    assert "more lines in the report" in run.err
+    assert "N59" in (tmp_path / "project.results" / "report.txt").read_text()
