@@ -119,7 +119,9 @@ def _solved(
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
-        return Solved(network, with_fitting_reason(adjustment), None, causes=possible_causes(None))
+        known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
+        ended = adjustment if known else with_fitting_reason(adjustment)
+        return Solved(network, ended, None, causes=possible_causes(None))
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"

@@ -24,7 +24,20 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("What is hardly determined")), *turned]) if turned else ""
-    return "\n".join([heading(words("What is not determined")), *explain_singularity(solved, words)])
+    return "\n".join(
+        [
+            heading(words("What is not determined")),
+            *(_named(solved, words) or explain_singularity(solved, words)),
+        ]
+    )
+
+
+def _named(solved: Solved, words: Words) -> list[str]:
+    """A line for each of very many things, which were found before the adjustment and took no part in it."""
+    if solved.adjustment.defect.undetermined:
+        return []
+    things = [thing for thing in solved.network.undeterminable if not thing.treatment]
+    return [f"{words.listed(one.kind)} {one.name}: {words.listed(one.reason)}" for one in things[:SHOWN]]
 
 
 def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
