@@ -44,12 +44,12 @@ MOST_TOLD = 20
 """Mistakes or notes that fill a screen."""
 
 
-def screenful(notes: Sequence[Problem]) -> Sequence[Problem]:
-    """Notes that a terminal is given: all, or the first ones and how many more there are."""
+def screenful(notes: Sequence[Problem], told_by: str) -> Sequence[Problem]:
+    """Notes that a terminal is given: all, or the first ones, how many more there are, and what tells all of them."""
     more = len(notes) - MOST_TOLD
     if more <= 0:
         return notes
-    return [*notes[:MOST_TOLD], Problem(f"… and {more} more notes; mor check --all tells all of them")]
+    return [*notes[:MOST_TOLD], Problem(f"… and {more} more notes; {told_by} tells all of them")]
 
 
 class Undeterminable(NamedTuple):

@@ -92,7 +92,7 @@ class Progress:
         told = list(notes)
         for note in told:
             self.event("note", message=note.message, file=note.file, line=note.line)
-        for note in () if self.quiet else screenful(told):
+        for note in () if self.quiet else screenful(told, "--events FILE"):
             said = replace(note, message=self.words.listed(note.message))
             click.echo(self.words("note: {text}", text=said), err=True)
 

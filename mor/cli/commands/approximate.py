@@ -102,7 +102,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.quality.diagnosis.determinable import completed_or_at_infinity
     from mor.quality.tests.test_statistics import critical_value
 
-    for note in screenful(network.notes) if not quiet else ():
+    for note in screenful(network.notes, "mor check --all") if not quiet else ():
         click.echo(f"note: {note}", err=True)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
         found = approximate(network)

@@ -43,7 +43,7 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
         return error.exit_code
     if not quiet:
         notes = found.network.notes
-        for note in notes if everything else screenful(notes):
+        for note in notes if everything else screenful(notes, "mor check --all"):
             click.echo(f"note: {note}", err=True)
         click.echo(escaped(str(found)))
     return ExitCode.DONE

@@ -40,5 +40,8 @@ def _is_of(files: Sequence[dict[str, Any]], project: Path) -> bool:
 
 
 def _unchanged(file: dict[str, Any], project: Path) -> bool:
-    with (project.parent / file["file"]).open("rb") as content:
+    path = project.parent / file["file"]
+    if not path.is_file() or path.stat().st_size != file["bytes"]:  # a pipe would be waited for
+        return False
+    with path.open("rb") as content:
         return bool(hashlib.file_digest(content, "sha256").hexdigest() == file["sha256"])
