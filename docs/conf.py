@@ -32,10 +32,12 @@ CHAPTERS = {
         "tutorials/aerial-strip",
         "tutorials/machine-part",
         "tutorials/theodolite-network",
+        "tutorials/planning",
     ),
     "Projects": (
         "project-file",
         "observation-types",
+        "earth",
         "camera-models",
         "conventions",
         "start-values",
@@ -52,6 +54,7 @@ CHAPTERS = {
             for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "field-books", "drawings")
         ),
     ),
+    "Before the measurement": ("planning", "batch"),
     "Results": ("reports", "results", "statistics", "reliability"),
     "Scripts and developers": (
         "python",

@@ -111,17 +111,28 @@ def mistakes_in(file: str) -> Iterator[None]:
 
 
 class NoStartValuesError(InputError):
-    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying."""
+    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying.
+
+    ``causes`` is what may have gone wrong, none of it certain, and ``said`` the same in sentences.
+    """
 
     told_by = "mor approximate"
 
-    def __init__(self, things: Iterable[Undeterminable], remarks: Iterable[str]):
+    def __init__(
+        self,
+        things: Iterable[Undeterminable],
+        remarks: Iterable[str],
+        said: Iterable[str] = (),
+        causes: Sequence[object] = (),
+    ):
         self.things = tuple(things)
+        self.causes = tuple(causes)
+        self.remarks = tuple(remarks)
         count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
         advice = (
             f"{count} no start values; settings: {{undetermined: leave_out}} adjusts the rest without them"
         )
-        super().__init__([Problem(words) for words in (advice, *map(str, self.things), *remarks)])
+        super().__init__([Problem(words) for words in (advice, *said, *map(str, self.things), *self.remarks)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -15,6 +15,7 @@ from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.adjustment.undefined import undefined_rows
+from mor.approximate.parts.transfer import CONTRADICTED
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
@@ -45,12 +46,14 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
-from mor.quality.hypotheses.hypothesis import Offered
-from mor.quality.hypotheses.search import Looking, causes, ignore_looking
+from mor.quality.hypotheses.hypothesis import Causes
+from mor.quality.hypotheses.search import Looking, causes, causes_without_start, ignore_looking
 from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
+from mor.report.tables.gross_errors.hypotheses import rows
+from mor.report.text.gross_errors.hypotheses import to_try
 from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
@@ -90,7 +93,7 @@ def solve_network(
     """Adjust a network and assess the outcome.
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
-    ``looking`` is called likewise where something is rejected, with the number of hypotheses that may be tried.
+    ``looking`` is called likewise where something is rejected, with the iterations that trying hypotheses may take.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
         return _solved(network, watch, assessing, looking)
@@ -105,13 +108,13 @@ def _solved(
     settings = network.project.settings
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
-        network, start = determinable_start(network)
+        network, start = _started(network, looking)
         whole = network
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
     suspects = next((left for found, left in rescued if found is adjustment), None)
     plain = suspects.plain if suspects is not None else adjustment
 
-    def possible_causes(quality: Quality | None) -> tuple[Offered, ...]:
+    def possible_causes(quality: Quality | None) -> Causes:
         solution = adjustment if adjustment.outcome.is_solution else None
         return causes(
             whole, network, start, plain, solution, quality, make_problem, _start_or_nothing, looking
@@ -121,7 +124,7 @@ def _solved(
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
         ended = adjustment if known else with_fitting_reason(adjustment)
-        return Solved(network, ended, None, causes=possible_causes(None))
+        return Solved(network, ended, None, found=possible_causes(None))
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
@@ -133,6 +136,21 @@ def _solved(
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found)
+
+
+def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, FloatArray]]:
+    """As :func:`determinable_start`; what is raised where there is none says what may be the cause."""
+    try:
+        return determinable_start(network)
+    except NoStartValuesError as error:
+        if not error.remarks and all(thing.reason != CONTRADICTED for thing in error.things):
+            raise  # something was not measured; nothing contradicts anything
+        names = {thing.name for thing in error.things}
+        found = causes_without_start(network, names, make_problem, _start_or_nothing, looking)
+        if not found.offered:
+            raise
+        said = to_try(rows(network, found.offered))
+        raise NoStartValuesError(error.things, error.remarks, said, found.offered) from None
 
 
 def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
@@ -150,7 +168,9 @@ def _without_gross_errors(
 ) -> tuple[Adjustment, Suspects | None]:
     """A solution without gross errors, where all observations together have none."""
     plain = adjustment.outcome
-    if plain is Outcome.SINGULAR or (plain.is_solution and not may_be_absurd(adjustment)):
+    if plain is Outcome.SINGULAR and not adjustment.iterations:
+        return adjustment, None
+    if plain in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(adjustment):
         return adjustment, None
     settings = Settings(network.project.settings.max_iterations)
     found, suspects = without_suspects(adjustment, settings, _counting_on(watch, len(adjustment.iterations)))

@@ -25,6 +25,7 @@ LAYERS = (
     ("quality",),
     ("report", "formats"),
     ("pipeline",),
+    ("planning",),
     ("api",),
     ("cli",),
 )

@@ -93,7 +93,7 @@ def add_to_diagonal(matrix: BlockMatrix, amounts: FloatArray) -> None:
 
 
 def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
-    """All rows but those of eliminated points, whitened: row set by row set, then cluster by cluster.
+    """All rows but those of eliminated points, whitened: by row sets, by clusters of single rows, then by clusters.
 
     Their columns are those of the reduced system.
     """
@@ -106,7 +106,15 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
             row_set.weight[:, :, None] * rows.jacobian,
             reduced_columns(rows.columns, plan.reduced),
         )
-    for cluster in plan.clusters:
+    of_rows, wide = plan.sorted_clusters
+    for some in of_rows:
+        rows = linearise(problem.groups[some.group], problem.index, values, tangent, some.rows)
+        yield WhiteRows(
+            np.einsum("nij,nj->ni", some.whitening, rows.misclosure),
+            some.whitening @ rows.jacobian,
+            reduced_columns(rows.columns, plan.reduced),
+        )
+    for cluster in wide:
         misclosure, jacobian, columns = cluster_rows(plan, cluster, values, tangent)
         yield WhiteRows(
             (cluster.whitening @ misclosure)[None, :],
@@ -153,12 +161,15 @@ def objective(plan: Plan, values: Values) -> float:
     for row_set in plan.row_sets:
         misclosure = misclosures(groups[row_set.group], values, row_set.rows)
         total += float(np.sum(np.where(row_set.weight > 0.0, row_set.weight * misclosure, 0.0) ** 2))
-    whole = {
-        int(number): misclosures(groups[number], values)
-        for c in plan.clusters
-        for number in np.unique(c.groups)
-    }
-    for cluster in plan.clusters:
+    of_rows, wide = plan.sorted_clusters
+    for some in of_rows:
+        misclosure = misclosures(groups[some.group], values, some.rows)
+        observed = some.whitening.any(axis=1)
+        total += float(
+            np.sum(np.einsum("nij,nj->ni", some.whitening, np.where(observed, misclosure, 0.0)) ** 2)
+        )
+    whole = {int(number): misclosures(groups[number], values) for c in wide for number in np.unique(c.groups)}
+    for cluster in wide:
         places = zip(cluster.groups, cluster.rows, cluster.components, strict=True)
         together = np.array([whole[int(group)][row, component] for group, row, component in places])
         total += float(np.sum((cluster.whitening @ together) ** 2))

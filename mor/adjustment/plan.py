@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -38,6 +39,16 @@ class ClusterRows:
 
 
 @dataclass(frozen=True)
+class RowClusters:
+    """Clusters that are one row of a group each, all of a group together: vectors with a covariance of their own."""
+
+    group: int
+    rows: IntArray
+    whitening: FloatArray
+    """(n, m, m) W of each row, zero rows and columns where a component is not observed."""
+
+
+@dataclass(frozen=True)
 class Plan:
     """Structure of an adjustment, independent of the values."""
 
@@ -51,6 +62,22 @@ class Plan:
     elimination: Elimination
     row_sets: tuple[RowSet, ...]
     clusters: tuple[ClusterRows, ...]
+
+    @cached_property
+    def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[ClusterRows, ...]]:
+        """Clusters that are single rows, by group, and the others."""
+        return _sorted_clusters(self.problem, self.clusters)
+
+    @cached_property
+    def places_in_clusters(self) -> dict[tuple[int, int, int], tuple[ClusterRows, int]]:
+        """Group, row and component of every correlated entry → its cluster, and its place in it."""
+        return {
+            key: (cluster, place)
+            for cluster in self.clusters
+            for place, key in enumerate(
+                zip(cluster.groups.tolist(), cluster.rows.tolist(), cluster.components.tolist(), strict=True)
+            )
+        }
 
 
 def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
@@ -67,8 +94,30 @@ def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     kept, block_of, sizes = reduced_blocks(problem.index, np.flatnonzero(remains), rays)
     reduced = np.full(problem.index.count, -1, dtype=np.int64)
     reduced[kept] = np.arange(len(kept))
-    structure = _structure(problem, row_sets, clusters, rays, block_of, sizes, reduced)
+    of_rows, wide = _sorted_clusters(problem, clusters)
+    structure = _structure(problem, (*row_sets, *of_rows), wide, rays, block_of, sizes, reduced)
     return Plan(problem, kept, reduced, rays, target(structure), analyse(structure), row_sets, clusters)
+
+
+def _sorted_clusters(
+    problem: Problem, clusters: tuple[ClusterRows, ...]
+) -> tuple[tuple[RowClusters, ...], tuple[ClusterRows, ...]]:
+    single: dict[int, list[ClusterRows]] = {}
+    wide = []
+    for cluster in clusters:
+        if (cluster.groups == cluster.groups[0]).all() and (cluster.rows == cluster.rows[0]).all():
+            single.setdefault(int(cluster.groups[0]), []).append(cluster)
+        else:
+            wide.append(cluster)
+    return tuple(_row_clusters(problem, number, some) for number, some in sorted(single.items())), tuple(wide)
+
+
+def _row_clusters(problem: Problem, number: int, clusters: list[ClusterRows]) -> RowClusters:
+    width = problem.groups[number].observed.shape[1]
+    whitening = np.zeros((len(clusters), width, width))
+    for k, cluster in enumerate(clusters):
+        whitening[k][np.ix_(cluster.components, cluster.components)] = cluster.whitening
+    return RowClusters(number, np.array([cluster.rows[0] for cluster in clusters], dtype=np.int64), whitening)
 
 
 def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntArray:
@@ -108,7 +157,7 @@ def _cluster_rows(problem: Problem, cluster: Cluster) -> ClusterRows:
 
 def _structure(
     problem: Problem,
-    row_sets: tuple[RowSet, ...],
+    row_sets: tuple[RowSet | RowClusters, ...],
     clusters: tuple[ClusterRows, ...],
     rays: RayPlan,
     block_of: IntArray,

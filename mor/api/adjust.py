@@ -28,8 +28,8 @@ def adjust(
         watch: called after every iteration.
         assessing: called between the solution and its statistics with the effort ahead; what it returns is told how
             much more is done.
-        looking: called where something is rejected, before possible causes are tried, with how many these may be; what
-            it returns is told each of them.
+        looking: called where something is rejected, before possible causes are tried, with the iterations that these
+            may take; what it returns is told how many more are done.
 
     Raises:
         InputError: the project has mistakes, or start values cannot be found. That an adjustment does not converge, or

@@ -244,5 +244,28 @@ class Result:
         return Table(frame, {name: units[name] for name in frame.columns if name in units})
 
 
-_LENGTHS = ("x", "y", "z", "sx", "sy", "sz", "height", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c")
-_ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation")
+_LENGTHS = (
+    "x",
+    "y",
+    "z",
+    "sx",
+    "sy",
+    "sz",
+    "height",
+    "ellipsoid_a",
+    "ellipsoid_b",
+    "ellipsoid_c",
+    "ellipse_a",
+    "ellipse_b",
+)
+_ANGLES = (
+    "omega",
+    "phi",
+    "kappa",
+    "somega",
+    "sphi",
+    "skappa",
+    "orientation",
+    "sorientation",
+    "ellipse_azimuth",
+)

@@ -112,8 +112,8 @@ def _only_rays(network: Network) -> BoolArray:
     only: BoolArray = blocks.free.all(axis=1) & ~foreign.any(axis=1)
     only[blocks.owner[foreign]] = False
     seen = np.zeros(count, dtype=bool)
-    for group in network.groups:
-        target = target_slot(group.type) if can_be_at_infinity(group.type) else -1
+    targets = [target_slot(group.type) if can_be_at_infinity(group.type) else -1 for group in network.groups]
+    for group, target in zip(network.groups, targets, strict=True):
         for k, (slot, numbers) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
             if slot.kind == "point" and k != target:
                 only[numbers] = False
@@ -122,9 +122,8 @@ def _only_rays(network: Network) -> BoolArray:
             only[group.blocks[target][~group.mask.all(axis=1)]] = False
     for cluster in network.correlations:
         for g, row in zip(cluster.groups, cluster.rows, strict=True):
-            group = network.groups[g]
-            if can_be_at_infinity(group.type):
-                only[group.blocks[target_slot(group.type)][row]] = False
+            if targets[g] >= 0:
+                only[network.groups[g].blocks[targets[g]][row]] = False
     return only & seen
 
 

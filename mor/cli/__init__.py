@@ -17,6 +17,9 @@ COMMANDS = {
     "convert": "Write a foreign file as a project file.",
     "approximate": "Find start values, write a project that has them.",
     "orient": "Orient images without start values: two images (Rinner), a plane object (Killian).",
+    "design": "Say what a project would give before it is measured; rank observations.",
+    "simulate": "Measure a project by numbers: simulated observations, or Monte Carlo.",
+    "batch": "Adjust many projects: one table of verdicts.",
     "report": "Print the report of results as PDF, or write its page in another language.",
     "certificate": "Write the certificate of one camera, or its calibration for another program.",
     "plot": "Draw a picture of results: network, ellipses, residuals, camera, histogram.",
@@ -28,6 +31,9 @@ COMMANDS = {
     "schema": "Print the JSON Schema of project files, or of results.json.",
 }
 
+
+_PLANNING = ("design", "simulate", "batch")
+"""Commands that stand in ``cli/planning``; all others in ``cli/commands``."""
 
 WIDTH = 100
 """Columns of help texts, where the terminal has them."""
@@ -42,7 +48,8 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"mor.cli.commands.{name}").command
+        folder = "planning" if name in _PLANNING else "commands"
+        command: click.Command = importlib.import_module(f"mor.cli.{folder}.{name}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

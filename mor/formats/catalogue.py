@@ -121,8 +121,8 @@ FORMATS: dict[str, Format] = {
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
     ),
     "dynadjust": Format(
-        "DynAdjust DNA files (.stn with .msr): what is Cartesian",
-        Code("mor.formats.dynadjust", "read_dynadjust"),
+        "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",
+        Code("mor.formats.dynadjust.reader", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
     "jag3d": Format(

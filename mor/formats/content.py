@@ -85,7 +85,10 @@ def content_of(document: Document, folder: Path) -> Content:
 
 
 def points(content: Content) -> Things:
-    """All points with x, y, z in the axes and the unit of the project."""
+    """All points with x, y, z in the axes and the unit of the project. Raises :class:`InputError`."""
+    if content.project.world is not None:
+        words = "networks on the earth are written as geojson, dxf and landxml only"
+        raise InputError([content.place("world").problem(words)])
     parts = []
     columns = [Column("id", required=True), *component_columns(POINT.components, content.edge)]
     columns.append(number_column("sigma", LENGTH, content.edge))

@@ -97,6 +97,7 @@ __all__ = [
     "is_image_point",
     "some_rows",
     "target_slot",
+    "to_projection_centres",
     "without",
     "wrap",
 ]

@@ -67,9 +67,13 @@ def target_slot(type_: ObservationType) -> int:
 
 
 def can_be_at_infinity(type_: ObservationType) -> bool:
-    """True for rays: two angles or image coordinates from a frame with an attitude to a point."""
+    """True for rays: two angles or image coordinates from a frame with an attitude to a point.
+
+    Not where the place of the frame turns the axes: without it there is no vertical.
+    """
     positions = sum(slot.kind == "point" for slot in type_.slots)
     frames = positions == 2 and any(slot.part == "rotation" for slot in type_.slots)
     lengths = any(component.quantity == LENGTH for component in type_.components)
     sighted = any(slot.kind == "point" for slot in type_.slots)
-    return frames and sighted and len(type_.components) == 2 and not lengths
+    two = len(type_.components) == 2 and not type_.about_local_vertical
+    return frames and sighted and two and not lengths

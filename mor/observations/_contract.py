@@ -69,6 +69,8 @@ class ObservationType:
     """True where the components are coordinates in the axes of the object system."""
     written: str = ""
     """What a project calls it, where that is not the key."""
+    about_local_vertical: bool = False
+    """True where the equation turns into the horizon of the place: on the earth verticals are not parallel."""
     between_marks: bool = False
     """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
 

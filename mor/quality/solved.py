@@ -11,7 +11,7 @@ from mor.quality.assess import Quality
 from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
-from mor.quality.hypotheses.hypothesis import Offered
+from mor.quality.hypotheses.hypothesis import NOTHING_FOUND, Causes, Offered
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.treatment import Treatment
@@ -29,8 +29,13 @@ class Solved:
     """What was done about gross errors and weights; ``None`` where there was no solution."""
     suspects: Suspects | None = None
     """What was left out because all observations together have no solution."""
-    causes: tuple[Offered, ...] = ()
-    """What may be the cause where something is rejected, the best hypothesis first."""
+    found: Causes = NOTHING_FOUND
+    """What may be the cause where something is rejected."""
+
+    @property
+    def causes(self) -> tuple[Offered, ...]:
+        """What may be the cause where something is rejected, the best hypothesis first."""
+        return self.found.offered
 
     @cached_property
     def movements(self) -> Movements | None:

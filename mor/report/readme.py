@@ -15,6 +15,7 @@ MEANINGS = {
     "report.txt": "the report as text, for the file: verdict first; last what it was read from, and who signs",
     "results.json": "all results for programs; mor schema results describes every key",
     "points.*": "coordinates of the points with sigma, correlations and error ellipsoids",
+    "places.*": "the points in their reference system, above ellipsoid and geoid, and geocentric",
     "images.*": "places and rotation angles of the images with sigma",
     "residuals.*": "every observation: observed, adjusted, residual v, redundancy number r, test w, reliability",
     "residuals_worst.*": "the observations with the largest test values",

@@ -7,9 +7,11 @@ from mor.quality.solved import Solved
 from mor.report.columns import paragraphs
 from mor.report.identity import Identity, identity_of
 from mor.report.layout import ALL
+from mor.report.places import text as places
 from mor.report.text import (
     cameras,
     checks,
+    ellipses,
     features,
     groups,
     head,
@@ -58,7 +60,10 @@ def text_report(
         stations.section(solved, words),
         features.section(solved, words),
         others.section(solved, words),
+        places.section(solved, words, **shown),
         points.section(solved, words, **shown),
+        ellipses.section(solved, words) if full else "",
+        ellipses.relative(solved, words, neighbours=full),
         residuals.section(solved, words),
         residuals.listed(solved, words) if full else "",
         identity.section(about, words),

@@ -19,6 +19,7 @@ from mor.report.edge import points
 from mor.report.identity import Identity, identity_of
 from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
+from mor.report.tables.ellipses import chosen_pairs, relative_rows
 from mor.report.tables.estimates import (
     group_table,
     image_table,
@@ -45,6 +46,7 @@ class View:
     stations: pl.DataFrame
     groups: pl.DataFrame
     cameras: list[dict[str, Any]]
+    relative: list[dict[str, Any]]
     checks: list[dict[str, Any]]
     gross_errors: dict[str, Any]
     suspects: dict[str, Any] | None
@@ -102,6 +104,7 @@ def view_of(
         stations=station_table(solved),
         groups=group_table(solved),
         cameras=interior_rows(solved),
+        relative=relative_rows(solved, chosen_pairs(solved)),
         checks=check_rows(solved),
         gross_errors=gross_errors(solved),
         suspects=suspects(solved),
@@ -146,6 +149,7 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         stations=_frame(data["stations"]),
         groups=_frame(data["groups"]),
         cameras=data["cameras"],
+        relative=data["relative"],
         checks=data["checks"],
         gross_errors=data["gross_errors"],
         suspects=data.get("suspects"),

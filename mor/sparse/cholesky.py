@@ -59,9 +59,8 @@ class Factor:
         itself.
         """
         plan = self.elimination
-        x = np.ascontiguousarray(
-            right_hand_side.reshape(plan.permutation.size, -1)[plan.permutation], dtype=np.float64
-        )
+        columns = right_hand_side[:, None] if right_hand_side.ndim == 1 else right_hand_side
+        x = np.ascontiguousarray(columns[plan.permutation], dtype=np.float64)
         with threads_for(plan.largest_front):
             self._forward(x)
             self._backward(x)

@@ -170,3 +170,28 @@ def test_a_constant_that_nobody_gave_is_guessed_said_and_freed(scenes, tmp_path,
     assert run(["adjust", str(path), "-o", str(tmp_path / "again"), "--quiet"]) == 0
     report = (tmp_path / "again" / "report.txt").read_text()
     assert "28.8" in report or "28.79" in report
+
+
+def test_directions_that_count_the_other_way_contradict_known_points(tmp_path, capsys):
+    places = {"A": (0.0, 0.0), "B": (100.0, 0.0), "C": (90.0, 70.0), "D": (10.0, 80.0)}
+    here = np.array([40.0, 30.0])
+    rows = [
+        f"S,{name},{np.arctan2(y - here[1], x - here[0]) * 200.0 / np.pi % 400.0:.6f}"
+        for name, (x, y) in places.items()
+    ]
+    (tmp_path / "rows.csv").write_text("\n".join(["station,to,horizontal", *rows]) + "\n")
+    project = tmp_path / "project.yaml"
+    project.write_text(f"""\
+mor: 1
+settings: {{dimensions: xy}}
+points:
+  - {{columns: [id, x, y], rows: {[[name, *xy] for name, xy in places.items()]}, fixed: [x, y]}}
+stations: [{{columns: [id], rows: [[S]]}}]
+observations:
+  - {{type: directions, file: rows.csv, values: {{sigma: 1 mgon}}}}
+""")
+    assert run(["adjust", str(project)]) == 2
+    said = capsys.readouterr().err
+    assert "station S: what it sees contradicts the places of its points" in said
+    assert "too few points" not in said
+    assert "a horizontal circle may count the other way" in said

@@ -45,6 +45,7 @@ def test_there_is_one_for_each_kind_of_job() -> None:
         "calibration-field",
         "facade",
         "machine-part",
+        "planning",
         "theodolite-network",
     }
 

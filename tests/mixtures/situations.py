@@ -180,6 +180,11 @@ def _azimuth(world: World, a: str, b: str) -> float:
     return float(np.arctan2(d[0], d[1]))
 
 
+def _zenith(world: World, a: str, b: str) -> float:
+    d = world.points[b].xyz - world.points[a].xyz
+    return float(np.arccos(d[2] / np.linalg.norm(d)))
+
+
 def bearings_only(world: World, draw: Generator) -> None:
     """A plane network of bearings, none of a pair in both senses; two fixed points."""
     _plan(world, draw, 10)
@@ -190,6 +195,32 @@ def bearings_only(world: World, draw: Generator) -> None:
     world.tables.append(_table("bearing", ["from", "to", "bearing"], rows, GON * SIGMA_ANGLE))
     _control(world, draw, ["xyz", "xyz"])
     _fix_heights(world)
+
+
+def free_bearings(world: World, draw: Generator) -> None:
+    """A plane network of bearings, each observed at one of its ends, and one distance; no known point."""
+    bearings_only(world, draw)
+    for point in world.points.values():
+        point.sigma = [None, None, 0.0]
+    world.free = True
+    _distances(world, draw, [("P3", "P7")])
+
+
+def free_traverse_of_bearings(world: World, draw: Generator) -> None:
+    """A traverse of bearings, slope distances and zenith angles, as in a cave: no known point, sights either way."""
+    place = np.zeros(3)
+    for i in range(10):
+        world.points[f"P{i}"] = Point(place)
+        place = place + world.size * draw.uniform([0.2, -0.4, -0.2], [0.6, 0.4, 0.1])
+    chain = [*pairwise(world.points), ("P0", "P4"), ("P3", "P9")]
+    pairs = [(b, a) if draw.random() < 0.5 else (a, b) for a, b in chain]
+    for key, angle in (("bearing", _azimuth), ("zenith_angle", _zenith)):
+        rows = [
+            [a, b, f"{GON * (angle(world, a, b) + SIGMA_ANGLE * draw.standard_normal()):.8f}"]
+            for a, b in pairs
+        ]
+        world.tables.append(_table(key, ["from", "to", key], rows, GON * SIGMA_ANGLE))
+    _distances(world, draw, pairs)
 
 
 def angles_only(world: World, draw: Generator) -> None:
@@ -209,6 +240,21 @@ def angles_only(world: World, draw: Generator) -> None:
     world.tables.append(_table("angle", ["at", "from", "to", "angle"], rows, GON * SIGMA_ANGLE))
     _control(world, draw, ["xyz", "xyz"])
     _fix_heights(world)
+
+
+def directions_without_mutual_sight(world: World, draw: Generator) -> None:
+    """Sets of horizontal directions of four stations around points in plan, none to another station; one distance."""
+    targets = _plan(world, draw, 9)
+    for i in range(4):
+        angle = 0.5 * np.pi * (i + draw.uniform(-0.4, 0.4))
+        place = world.size * (
+            np.array([1.5, 1.0]) + draw.uniform(3.0, 5.0) * np.array([np.cos(angle), np.sin(angle)])
+        )
+        world.points[f"N{i}"] = Point(np.append(place, 0.0), [None, None, 0.0])
+        world.stations[f"S{i}"] = Station(f"N{i}", 0.0, "fixed", about_z(float(draw.uniform(-3.0, 3.0))))
+        for p in targets:
+            sight(world, f"S{i}", p, draw, False, False)
+    _distances(world, draw, [("P0", "P5")])
 
 
 def _fix_heights(world: World) -> None:
@@ -364,7 +410,9 @@ SITUATIONS: dict[str, Callable[[World, Generator], None]] = {
     function.__name__.replace("_", " "): function
     for function in (
         partial_heights, partial_plan, boresight, rig_of_known_leaders, one_image_held, theodolites_and_a_bar,
-        rough_coordinates, gross_coordinates, bearings_only, angles_only, trilateration_from_known,
+        rough_coordinates, gross_coordinates, bearings_only, free_bearings, free_traverse_of_bearings, angles_only,
+        directions_without_mutual_sight,
+        trilateration_from_known,
         free_trilateration_in_plan, multilateration, free_multilateration, free_tracker_multilateration,
         azimuth_and_angles, two_ray_strip, strip_with_gnss, spatial_from_plan, sights_to_cameras,
     )

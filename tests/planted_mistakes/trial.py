@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from mor.report.text.gross_errors.hypotheses import SENTENCES
 from tests.planted_mistakes import of_images, of_instruments, of_names, of_units
 from tests.planted_mistakes.survey import NAMES, survey
-from tests.planted_mistakes.truth import NotHereError
-from tests.small_projects import mor
+from tests.planted_mistakes.truth import NotHereError, Planted
+from tests.small_projects import Run, mor
 
 KINDS = {
     function.__name__: function
@@ -63,23 +65,24 @@ class Trial(NamedTuple):
     offered: tuple[str, ...]
 
 
-def trial(kind: str, seed: int, keep: Path | None = None) -> Trial:
-    """Plant a mistake of a kind into a sample project chosen by the seed, and adjust."""
+def trial(kind: str, seed: int, keep: Path | None = None, sample: str = "") -> Trial:
+    """Plant a mistake of a kind into a sample project, chosen by the seed where none is named, and adjust."""
     random = np.random.default_rng([seed, list(KINDS).index(kind)])
     for _ in range(_TRIES):
-        chosen = survey(str(random.choice(NAMES)))
+        name = str(random.choice(NAMES))
+        chosen = survey(sample or name)
         try:
             planted = KINDS[kind](chosen, random)
         except NotHereError:
             continue
         break
+    else:
+        raise NotHereError
     with tempfile.TemporaryDirectory() as folder:
         project = chosen.write(keep or Path(folder))
         run = mor("adjust", project, "--json", "-q")
     if not run.out:
-        return Trial(
-            kind, chosen.name, tuple(sorted(planted.things)), run.code, "input", True, None, (run.err[:200],)
-        )
+        return _not_begun(kind, chosen.name, planted, run)
     results = json.loads(run.out)
     found = results.get("hypotheses", [])
     places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
@@ -93,3 +96,17 @@ def trial(kind: str, seed: int, keep: Path | None = None) -> Trial:
         places[0] if places else None,
         tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found),
     )
+
+
+def _not_begun(kind: str, sample: str, planted: Planted, run: Run) -> Trial:
+    """What is said where there are no start values, in sentences on standard error."""
+    found = []
+    for line in run.err.splitlines():
+        for cause, sentence in SENTENCES.items():
+            words = re.escape(sentence).replace(r"\{names\}", r"(.*?)")
+            if match := re.search(rf"Possible cause, to be checked: {words}; to try it", line):
+                found.append({"cause": cause, "things": match[1].split(", ")})
+    places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
+    offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found) or (run.err[:200],)
+    things = tuple(sorted(planted.things))
+    return Trial(kind, sample, things, run.code, "input", True, places[0] if places else None, offered)

@@ -51,7 +51,10 @@ class TestObservations:
         ("matrix", "words"),
         [
             ("[[1, 0, 0], [0, 1, 2], [0, 2, 1]]", "the covariance matrix is not positive definite"),
-            ("[[1, 0, 0], [0, -1, 0], [0, 0, 1]]", "a variance is missing, zero or negative"),
+            (
+                "[[1, 0, 0], [0, -1, 0], [0, 0, 1]]",
+                "a variance, or the σ instead of it, is zero, negative or missing",
+            ),
             ("[[1, 0, 0], [0.1, 1, 0], [0, 0, 1]]", "the covariance matrix is not symmetric"),
             ("[[1, 0], [0, 1]]", "covariance: found 2 × 2, expected 3 × 3"),
             ("[[1, 0, 0], [0, 1], [0, 0, 1]]", "covariance: rows of different length"),

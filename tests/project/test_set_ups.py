@@ -205,3 +205,30 @@ def test_mistakes(tmp_path: Path) -> None:
     assert "height is free in this table, and has a σ" in refused(project(tmp_path, CAMERA, both))
     wrong = rows("height", ["1.5"] * 5, free="[hieght]", values="{position: T}")
     assert "did you mean 'height'" in refused(project(tmp_path, CAMERA, wrong))
+
+
+def test_a_station_with_a_place_of_its_own_has_no_height_in_a_plane_network(tmp_path):
+    places = {"A": (0.0, 0.0), "B": (100.0, 0.0), "C": (90.0, 70.0)}
+    here, kappa = np.array([40.0, 30.0]), 0.7
+    rows = [
+        ["S", name, f"{(np.arctan2(x - here[0], y - here[1]) + kappa) % (2.0 * np.pi) / GON:.9f}"]
+        for name, (x, y) in places.items()
+    ]
+    directions = f"""\
+mor: 1
+units: {{length: m, angle: gon}}
+settings: {{dimensions: xy}}
+points:
+  - columns: [id, x, y]
+    rows: {json.dumps([[name, *place] for name, place in places.items()])}
+    fixed: [x, y]
+stations: [{{columns: [id], rows: [[S]]}}]
+observations:
+  - {{type: directions, columns: [station, to, horizontal], rows: {json.dumps(rows)}, values: {{sigma: 1 mgon}}}}
+"""
+    project = write(tmp_path, directions)
+    assert mor("adjust", project, "--quiet").code == 0
+    found = json.loads((tmp_path / "project.results" / "results.json").read_text())
+    assert found["unknowns"] == 3
+    (station,) = found["stations"]
+    assert [station["x"], station["y"]] == pytest.approx(here, abs=1e-6)

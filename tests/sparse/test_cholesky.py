@@ -159,3 +159,11 @@ def test_values_that_are_not_finite_are_refused():
     structure = structure_from_cliques([2], [0, 1], [0])
     with pytest.raises(ValueError, match="not finite"):
         factorise(BlockMatrix(structure, np.array([1.0, 0.0, 0.0, np.nan])), analyse(structure))
+
+
+def test_a_system_without_unknowns_has_solutions_of_its_shape():
+    none = np.zeros(0, dtype=np.int64)
+    structure = structure_from_cliques(none, np.zeros(1, dtype=np.int64), none)
+    factor = factorise(BlockMatrix(structure, np.zeros(0)), analyse(structure))
+    for shape in ((0,), (0, 3), (0, 0)):
+        assert factor.solve(np.zeros(shape)).shape == shape

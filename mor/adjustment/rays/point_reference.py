@@ -197,10 +197,16 @@ def _refuse_pairs_not_stored(rays: Rays, structure: BlockStructure, dense: Dense
 
 
 def _inverse_roots(rays: Rays, damping: float) -> tuple[FloatArray, BoolArray]:
-    """Return L⁻¹ (p, 3, 3) of N_pp = L Lᵀ, zero in rows and columns of coordinates held, and those (p, 3)."""
-    N = _sum_by_point(rays, rays.by_point.transpose(0, 2, 1) @ rays.by_point)
-    L, held = np.zeros_like(N), np.zeros((rays.points, 3), dtype=np.bool_)
-    inverse = np.zeros((rays.points, 3))
+    return inverse_roots(_sum_by_point(rays, rays.by_point.transpose(0, 2, 1) @ rays.by_point), damping)
+
+
+def inverse_roots(N: FloatArray, damping: float = 0.0) -> tuple[FloatArray, BoolArray]:
+    """Return L⁻¹ (p, 3, 3) of N_pp = L Lᵀ, zero in rows and columns of coordinates held, and those (p, 3).
+
+    Held are coordinates whose pivot vanishes, as the compiled passes hold them.
+    """
+    L, held = np.zeros_like(N), np.zeros((len(N), 3), dtype=np.bool_)
+    inverse = np.zeros((len(N), 3))
     for j in range(3):
         whole = N[:, j, j]
         pivot = whole * (1.0 + damping) - np.square(L[:, j, :j]).sum(axis=1)

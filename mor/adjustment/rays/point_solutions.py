@@ -16,6 +16,7 @@ from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_elimination import follow_directions
+from mor.adjustment.rays.point_reference import inverse_roots
 from mor.arrays import FloatArray
 from mor.parameters.index import Values
 
@@ -56,7 +57,8 @@ def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple
     answer = np.zeros((len(plan.rays.columns), 3, rhs.shape[1]))
     for chunk in plan_chunks(plan, values):
         rays = chunk.rays
-        alone = np.linalg.solve(point_normals(rays), rhs[plan.rays.columns[chunk.points]])
+        roots = inverse_roots(point_normals(rays))[0]
+        alone = roots.transpose(0, 2, 1) @ (roots @ rhs[plan.rays.columns[chunk.points]])
         answer[chunk.points] = alone
         moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])
         add_to_others(rays, -moved, reduced)

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.approximate.growth.forward_intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
-from mor.approximate.growth.local_bundle import settle
 from mor.approximate.growth.pose_frame import pose_frame
 from mor.approximate.parts.frames import SLACKS, Frame
 from mor.approximate.parts.part import Part
@@ -51,6 +50,8 @@ def grow_bundles(
         _enter(part, frames, poses, posed)
         fresh = _intersect(part, frames, seen, poses, posed)
         if front[-1] and (len(front[-1]) >= BATCH or not posed):
+            from mor.approximate.growth.local_bundle import settle  # no network without bundles waits for it
+
             moving = [number for batch in front for number in batch]
             settle(part, frames, seen, poses, moving)
             _intersect(part, frames, seen, poses, moving)

@@ -26,6 +26,7 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
         added = _orient(part, measured)
         added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
+        added |= _polar_backwards(part, measured, distances)
         added |= _sections(part, measured)
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
@@ -82,6 +83,21 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
                 xy = part.points[sight.position, :2] + length * np.array([np.sin(t), np.cos(t)])
                 _place(part, int(point), xy, rule("polar from {one}", one=sight.name))
                 added = True
+    return added
+
+
+def _polar_backwards(part: Part, measured: Terrestrial, distances: Distances) -> bool:
+    """Where a bearing and a distance to a known point were observed."""
+    added = False
+    for sight in measured.sights if part.oriented else ():
+        if not sight.oriented or _level_known(part, sight.position):
+            continue
+        point, t = int(sight.points[0]), float(sight.directions[0])
+        length = distances.between(part, sight.position, point) if _level_known(part, point) else np.nan
+        if np.isfinite(length):
+            xy = part.points[point, :2] - length * np.array([np.sin(t), np.cos(t)])
+            _place(part, sight.position, xy, rule("polar from {one}", one=sight.name))
+            added = True
     return added
 
 
@@ -167,19 +183,25 @@ def _free_station(part: Part, sight: Sight, distances: Distances) -> tuple[Float
 
 
 def _vectors(part: Part, measured: Terrestrial) -> bool:
-    added = False
+    """Points at the other end of vectors from known ones, the nearest to what is known first."""
     v = measured.vectors
-    rise = v.start_height - v.end_height
-    for a, b, vector, dh in zip(v.start, v.end, v.value, rise, strict=True):
-        full = vector + np.array([0.0, 0.0, dh]) if len(vector) == 3 else np.full(3, np.nan)
-        for one, other, sign in ((a, b, 1.0), (b, a, -1.0)):
-            candidate = part.points[one] + sign * full
-            fresh = np.isnan(part.points[other]) & np.isfinite(candidate)
-            if fresh.any():
-                part.points[other, fresh] = candidate[fresh]
-                part.how[f"point {other}"] = rule("vector")
-                added = True
-    return added
+    if v.value.shape[1] != 3:
+        return False
+    added = False
+    full = v.value.copy()
+    full[:, 2] += v.start_height - v.end_height
+    start, end = np.concatenate([v.start, v.end]), np.concatenate([v.end, v.start])
+    full = np.concatenate([full, -full])
+    while True:
+        fresh = np.isnan(part.points[end]) & np.isfinite(part.points[start] + full)
+        rows = np.flatnonzero(fresh.any(axis=1))
+        if len(rows) == 0:
+            return added
+        rows = rows[np.sort(np.unique(end[rows], return_index=True)[1])]
+        candidates = part.points[start[rows]] + full[rows]
+        part.points[end[rows]] = np.where(fresh[rows], candidates, part.points[end[rows]])
+        part.how |= {f"point {point}": rule("vector") for point in end[rows].tolist()}
+        added = True
 
 
 def begin_heights(part: Part, measured: Terrestrial) -> bool:

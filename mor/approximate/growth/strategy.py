@@ -20,6 +20,7 @@ from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
 from mor.approximate.growth.seed_levelled import seed_levelled
+from mor.approximate.growth.seed_plan import seed_plan
 from mor.approximate.growth.trilateration import grow_distances, place_by_few_distances, seed_distances
 from mor.approximate.parts.contradictions import (
     Contradiction,
@@ -49,6 +50,7 @@ from mor.approximate.parts.relative_poses import grow_relative
 from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
+from mor.approximate.terrestrial.on_the_earth import to_plane
 from mor.approximate.terrestrial.projection_centres import to_places
 from mor.approximate.terrestrial.sights import Sight
 from mor.arrays import BoolArray, FloatArray
@@ -109,6 +111,7 @@ def approximate(network: Network) -> Approximation:
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
+    network = to_plane(network)
     network = to_places(replace(network, start=with_observed(network)))
     scene = scene_of(network)
     assembly = _assembled(network, scene)
@@ -257,6 +260,9 @@ def _next_seed(assembly: _Assembly) -> Part | None:
             return part
     part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
     part = part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    if part is None:
+        part, reason = seed_plan(measured, unknown, scene.points, tried)
+        assembly.reasons += [reason] if reason else []
     return part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
 
 

@@ -11,7 +11,6 @@ more than one axis; a base that is short beside the network leaves T to the posi
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mor.approximate.parts.movement import OPEN, Movement
 from mor.approximate.parts.part import Part
@@ -52,6 +51,8 @@ def _turns(
     """Candidates of the turn from leader to follower."""
     if np.isfinite(given).all():
         return [given]
+    from scipy.spatial.transform import Rotation  # no network without such pairs waits for it
+
     i, j = np.triu_indices(len(D_l), 1)
     relative = (Rotation.from_matrix(D[i] @ np.swapaxes(D[j], 1, 2)) for D in (D_l, D_f))
     here, there = (one.as_rotvec() for one in relative)

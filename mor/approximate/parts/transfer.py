@@ -14,6 +14,7 @@ from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Undeterminable
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.observations import target_slot
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
 
@@ -147,11 +148,16 @@ _REASONS = {
     "pair": "one of its two images could not be oriented",
 }
 """Why things stay without start values."""
+_ENOUGH = {"image": 4, "station": 2}
+"""Points of known place that an image or a set needs to see for its attitude."""
+CONTRADICTED = "what it sees contradicts the places of its points, which are known, or leaves it open"
+"""The same where they are known, and it has none nevertheless."""
 
 
 def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undeterminable, ...]:
     """What still has no value, each thing once, and the likely reason."""
     found: dict[tuple[str, str], Undeterminable] = {}
+    contradicted = _contradicted(network, start)
     for kind, values in start.items():
         lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if not lost.any():
@@ -160,9 +166,38 @@ def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undetermin
         for number in np.flatnonzero(lost).tolist():
             thing = thing_of(kind, network.blocks[kind].ids[number])
             reason = _REASONS.get(thing[0], "no start value is given")
+            reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
             found.setdefault(thing, Undeterminable(*thing, reason, "", int(rows[number])))
     return tuple(found.values())
+
+
+def _contradicted(network: Network, start: dict[str, FloatArray]) -> set[tuple[str, str]]:
+    """Images and sets without attitude that see points enough whose place is known, in plan at least."""
+    if "rotation" not in start or "point" not in start:
+        return set()
+    known = np.asarray(np.isfinite(start["point"][:, :2]).all(axis=1))
+    seen = [np.zeros((0, 2), dtype=np.int64)]
+    for group in network.groups:
+        rotations = [
+            numbers
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+            if slot.kind == "rotation"
+        ]
+        positions = [slot.kind == "point" for slot in group.type.slots]
+        if len(rotations) == 1 and sum(positions) > 1:
+            target = group.blocks[target_slot(group.type)]
+            seen.append(np.stack([rotations[0], target], axis=1)[known[target]])
+    pairs = np.unique(np.concatenate(seen), axis=0)
+    things: set[tuple[str, str]] = set()
+    if len(pairs):
+        count = np.bincount(pairs[:, 0])
+        lost = np.asarray(~np.isfinite(start["rotation"]).all(axis=(1, 2)))
+        for number in np.flatnonzero(lost[: len(count)]).tolist():
+            thing = thing_of("rotation", network.blocks["rotation"].ids[number])
+            if thing[0] in _ENOUGH and count[number] >= _ENOUGH[thing[0]]:
+                things.add(thing)
+    return things
 
 
 def _rows_of(network: Network, kind: str) -> IntArray:

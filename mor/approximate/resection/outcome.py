@@ -100,7 +100,7 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     pose, agreeing = refined[order[0]]
     redundancy = 2 * int(np.sum(agreeing)) - 6
     sigma0 = float(np.sqrt(costs[order[0]] / redundancy)) if redundancy > 0 else float("nan")
-    excess = AS_GOOD * max(1.0, np.nan_to_num(sigma0) ** 2)
+    excess = AS_GOOD * max(1.0, costs[order[0]] / redundancy if redundancy > 0 else 0.0)
     rivals = []
     for index in order[1:]:
         as_good = costs[index] <= costs[order[0]] + excess

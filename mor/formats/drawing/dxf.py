@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mor.errors import InputError, Problem
-from mor.formats.drawing.results import Drawing, drawing
+from mor.formats.drawing.results import Drawing, drawing_in_metres
 from mor.formats.written import Written
 from mor.project.file.nodes import Document
 
@@ -25,7 +25,7 @@ def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     except ImportError:
         words = "DXF needs the extra formats: pip install 'mor-adjustment[formats]'"
         raise InputError([Problem(words, str(target))]) from None
-    shown = drawing(document, folder)
+    shown = drawing_in_metres(document, folder)
     sheet = new("R2010", setup=False)
     sheet.header["$INSUNITS"] = 6
     for name, colour in LAYERS.items():

@@ -1,4 +1,8 @@
-"""GeoJSON: points and projection centres as points, observed lines as lines, in the coordinates of the project."""
+"""GeoJSON: points and projection centres as points, observed lines as lines, in the coordinates of the project.
+
+On the earth these are those of its reference system, which the member ``crs`` names, as GDAL and QGIS read it: a
+change of datum to the WGS 84 of RFC 7946 would be a guess of decimetres.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +31,13 @@ def write_geojson(document: Document, folder: Path, target: Path) -> Written:
         _feature("LineString", [at[a], at[b]], {"from": a, "to": b, "kind": "observed"})
         for a, b in shown.lines
     ]
-    text = json.dumps({"type": "FeatureCollection", "features": features}, ensure_ascii=False, indent=1)
+    collection: dict[str, Any] = {"type": "FeatureCollection"}
+    if shown.crs:
+        collection["crs"] = {"type": "name", "properties": {"name": shown.crs}}
+    text = json.dumps({**collection, "features": features}, ensure_ascii=False, indent=1)
     words = "coordinates are those of the project, in metres: GeoJSON's own, longitude and latitude, are not known"
+    if shown.crs or shown.degrees:
+        words = "coordinates are those of the reference system of the project, which the file names (crs)"
     return Written({target: (text + "\n").encode()}, [Problem(words, str(target))])
 
 

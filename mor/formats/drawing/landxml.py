@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mor.errors import Problem
-from mor.formats.drawing.results import drawing
+from mor.formats.drawing.results import drawing_in_metres
 from mor.formats.written import Written
 from mor.project.edge import Edge
 from mor.project.file.model import Axes, Units
@@ -17,7 +17,7 @@ from mor.project.file.nodes import Document
 
 def write_landxml(document: Document, folder: Path, target: Path) -> Written:
     """Points in metres. Raises :class:`InputError`."""
-    shown = drawing(document, folder)
+    shown = drawing_in_metres(document, folder)
     east_north = shown.xyz @ Edge(Units(), Axes(xy=shown.axes)).matrix.T
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from mor.errors import Problem
-from mor.formats.drawing.results import drawing
+from mor.formats.drawing.results import drawing_in_metres
 from mor.formats.written import Written
 from mor.project.file.nodes import Document
 
 
 def write_ply(document: Document, folder: Path, target: Path) -> Written:
     """ASCII PLY in metres: x y z, and sx sy sz where there are results. Raises :class:`InputError`."""
-    shown = drawing(document, folder)
+    shown = drawing_in_metres(document, folder)
     known = np.isfinite(shown.sigma).all(axis=1).any()
     names = ("x", "y", "z", *(("sx", "sy", "sz") if known else ()))
     head = [

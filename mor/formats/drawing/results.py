@@ -11,7 +11,9 @@ import polars as pl
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, images, points
+from mor.observations.earth import GEOID
 from mor.project.file.nodes import Document
+from mor.project.network.build import build_network
 from mor.project.tables.sources import from_file, from_rows
 
 _LINES = {
@@ -20,6 +22,12 @@ _LINES = {
     "height_difference": ("from", "to"),
     "vector": ("from", "to"),
     "bearing": ("from", "to"),
+    "azimuth": ("from", "to"),
+    "astronomic_azimuth": ("from", "to"),
+    "gnss_vector": ("from", "to"),
+    "ellipsoid_arc": ("from", "to"),
+    "ellipsoid_chord": ("from", "to"),
+    "mean_sea_level_distance": ("from", "to"),
     "zenith_angle": ("from", "to"),
     "vertical_direction": ("from", "to"),
 }
@@ -27,7 +35,7 @@ _LINES = {
 
 
 class Drawing(NamedTuple):
-    """Everything in metres, in the axes of the project; σ NaN where there is none."""
+    """Everything in metres, in the axes of the project or in its reference system; σ NaN where there is none."""
 
     title: str
     ids: list[str]
@@ -43,6 +51,10 @@ class Drawing(NamedTuple):
     lines: list[tuple[str, str]]
     axes: str
     """Compass directions of x and y."""
+    crs: str = ""
+    """Name (URN) of the reference system on the earth that they are in, where it has one."""
+    degrees: bool = False
+    """True where x and y are longitude and latitude in degrees."""
 
 
 def drawing(document: Document, folder: Path) -> Drawing:
@@ -51,6 +63,8 @@ def drawing(document: Document, folder: Path) -> Drawing:
     Raises :class:`InputError` where no point has coordinates.
     """
     content = content_of(document, folder)
+    if content.project.world is not None:
+        return _on_earth(content)
     found, photos = points(content), images(content)
     metres = content.edge.metres
     placed = np.flatnonzero(np.isfinite(found.values[:, :2]).all(axis=1))
@@ -72,6 +86,45 @@ def drawing(document: Document, folder: Path) -> Drawing:
         _lines(content, set(ids)),
         content.project.axes.xy,
     )
+
+
+def drawing_in_metres(document: Document, folder: Path) -> Drawing:
+    """The drawing of a project that is not in latitude and longitude. Raises :class:`InputError`."""
+    shown = drawing(document, folder)
+    if shown.degrees:
+        words = "latitude and longitude cannot be drawn in metres; geojson has them"
+        raise InputError([Problem(words, document.file)])
+    return shown
+
+
+def _on_earth(content: Content) -> Drawing:
+    """Points in their reference system; places of images are not known before an adjustment."""
+    network = build_network(content.project, content.document, content.folder)
+    world, numbers = network.world, network.things["point"].parts["position"]
+    assert world is not None
+    positions = network.start["point"][numbers]
+    placed = np.flatnonzero(np.isfinite(positions).all(axis=1))
+    ids = [network.things["point"].ids[k] for k in placed.tolist()]
+    N = world.of_points(GEOID, numbers)[placed]
+    xyz = world.from_object(positions[placed], N)
+    degrees = world.system.kind == "geographic"
+    per_unit = [np.degrees(1.0), np.degrees(1.0), world.metres] if degrees else [world.metres] * 3
+    xyz = xyz[:, [1, 0, 2] if degrees else [0, 1, 2]] * per_unit
+    sigma = _sigma_of_places(content.folder / "places.csv", ids) * world.metres
+    nothing = np.full((len(ids), 3), np.nan)
+    lines = _lines(content, set(ids))
+    centres = np.zeros((0, 3))
+    title, urn = content.project.title, world.system.urn
+    return Drawing(title, ids, xyz, sigma, nothing, [], centres, lines, "en", urn, degrees)
+
+
+def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
+    """σ (n, 3) east, north, up by the table of results, NaN where there is none."""
+    rows: dict[str, dict[str, str | None]] = {}
+    if path.is_file():
+        rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
+    columns = ("seast", "snorth", "sup")
+    return np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids])
 
 
 def _precision(path: Path, ids: list[str], metres: float) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
+from mor.project.file.earth import World
+from mor.project.file.plans import Require, Variant
 from mor.project.file.scalars import Measure, Name, Strict, Text, one_sign
 
 
@@ -332,11 +334,15 @@ class Settings(Strict):
 
 
 class Report(Strict):
-    """Who and what stands on the reports; nothing of it changes a number."""
+    """Who and what stands on the reports; nothing of it changes a result."""
 
     operator: Text | None = Field(default=None, description="Who measured or adjusted")
     client: Text | None = Field(default=None, description="Whom it was done for")
     remarks: str | None = Field(default=None, description="Anything else, of several lines where wanted")
+    relative: list[tuple[Name, Name]] = Field(
+        default_factory=list,
+        description="Pairs of points whose distance, with σ, and relative error ellipse are reported",
+    )
 
 
 class Project(Strict):
@@ -349,6 +355,10 @@ class Project(Strict):
     )
     units: Units = Field(default=Units(), description="Units of all values that carry none of their own")
     axes: Axes = Field(default=Axes(), description="Axes of the object system, senses and zeros of angles")
+    world: World | None = Field(
+        default=None,
+        description="Where on the earth the network is; without it its system is a plane of its own",
+    )
     cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
     images: list[Images] = Field(default_factory=list, description="Tables of images")
     pairs: list[Pairs] = Field(
@@ -365,6 +375,14 @@ class Project(Strict):
     checks: list[Observations] = Field(
         default_factory=list,
         description="Observations kept out of the adjustment: check points (type coordinates), check distances",
+    )
+    candidates: list[Observations] = Field(
+        default_factory=list,
+        description="Observations that a plan might have besides; mor design ranks them, no adjustment has them",
+    )
+    require: Require = Field(default=Require(), description="What a plan has to reach, for mor design")
+    variants: dict[Name, Variant] = Field(
+        default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
     )
     datum: Literal["fixed", "free"] | Datum = Field(
         default="fixed", description="What holds the coordinates where the observations leave them free"

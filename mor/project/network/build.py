@@ -20,6 +20,7 @@ from mor.project.edge import Edge, ImageScale
 from mor.project.file.model import Datum, Project
 from mor.project.file.nodes import Document
 from mor.project.network.cameras import read_cameras
+from mor.project.network.candidates import candidate_groups
 from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
 from mor.project.network.feasibility import check_feasible
@@ -39,6 +40,7 @@ from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
 from mor.project.observations.undeclared_points import check_undeclared
 from mor.project.tables.tables import Place
+from mor.project.world.world import World
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,12 @@ class Network:
     """What was assumed on reading, to be said to the user."""
     file: str = ""
     """The project file, for mistakes that belong to no single place in it."""
+    world: World | None = None
+    """The earth under the network: its points are in the horizon of its middle."""
+    unmeasured: tuple[str, ...] = ()
+    """Tables of observations in which values are missing: they are planned."""
+    candidates: tuple[ObservationGroup, ...] = ()
+    """Observations that a plan might have besides; they take no part in the adjustment."""
     undeterminable: tuple[Undeterminable, ...] = ()
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
@@ -121,12 +129,19 @@ _READERS = {
 
 
 def build_network(
-    project: Project, document: Document, folder: Path, read: TableWatcher = ignore_table
+    project: Project,
+    document: Document,
+    folder: Path,
+    read: TableWatcher = ignore_table,
+    planned: bool = False,
 ) -> Network:
-    """The network of a project. Raises :class:`InputError` with every mistake found."""
+    """The network of a project. Raises :class:`InputError` with every mistake found.
+
+    Where it is ``planned``, observations need no values: what stands for them is 0.
+    """
     problems: list[Problem] = []
     edge = Edge(project.units, project.axes)
-    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems, read)
+    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems, read, planned=planned)
     for space, reader in _READERS.items():
         before = len(problems)
         reader(reading)
@@ -141,26 +156,30 @@ def build_network(
         *level_groups(reading),
         *variant_groups(reading, reading.variants),
         *prior_groups(reading),
+        *reading.control,
     ]
     refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
     check_undeclared(reading, [*plain, *others])
     checks = check_groups(reading, [*plain, *others])
+    candidates = candidate_groups(reading)
     correlated = correlations(reading, read_in) if not problems else ()
     correlated = tuple(replace(c, groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
+    _check_pairs(reading)
     if not problems:
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
     groups = (*plain, *(_said_outside(reading, group) for group in others))
-    return _network(reading, groups, checks, correlated, datum)
+    return _network(reading, groups, checks, candidates, correlated, datum)
 
 
 def _network(
     reading: Reading,
     groups: tuple[ObservationGroup, ...],
     checks: tuple[ObservationGroup, ...],
+    candidates: tuple[ObservationGroup, ...],
     correlated: tuple[Correlation, ...],
     datum: DatumChoice,
 ) -> Network:
@@ -195,6 +214,9 @@ def _network(
             for name in reading.table_ids.get(("stations", number), [])
         },
         file=document.file,
+        world=reading.world,
+        unmeasured=tuple(dict.fromkeys(reading.unmeasured)),
+        candidates=candidates,
         station_levels={
             name: table.level
             for number, table in enumerate(project.stations)
@@ -250,6 +272,17 @@ def _datum(reading: Reading) -> DatumChoice:
         for components, names in by_components.items()
     ]
     return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)
+
+
+def _check_pairs(reading: Reading) -> None:
+    """Names of the pairs of points that are to be reported."""
+    points = reading.shop.things["point"]
+    for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
+        place = reading.at("report", "relative", number)
+        unknown = [name for name in pair if name not in points.numbers]
+        reading.problems += [place.problem(unknown_name("point", name, points.ids)) for name in unknown]
+        if pair[0] == pair[1]:
+            reading.problems.append(place.problem("a pair of one point; expected two"))
 
 
 def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:

@@ -10,7 +10,7 @@ from mor.arrays import IntArray
 from mor.parameters.kinds import POINT
 from mor.project.file.model import Points
 from mor.project.network.entities import entities
-from mor.project.network.poses import Seen, check_unique, inwards
+from mor.project.network.poses import Seen, check_unique, in_dimensions, inwards
 from mor.project.network.reading import Reading
 from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, read_table
@@ -19,6 +19,9 @@ from mor.units import LENGTH
 
 def read_points(reading: Reading) -> None:
     """Object points; coordinates go into internal axes."""
+    if reading.project.world is not None:
+        _read_on_earth(reading)
+        return
     ids: list[str] = []
     numbers: list[IntArray] = []
     seen: list[Seen] = []
@@ -38,6 +41,14 @@ def read_points(reading: Reading) -> None:
     reading.shop.things["point"] = entities(ids, {"position": position, "height": np.zeros_like(position)})
 
 
+def _read_on_earth(reading: Reading) -> None:
+    from mor.project.world.points import read_world  # most projects need nothing of it
+
+    nothing = np.zeros(0, dtype=np.int64)
+    reading.shop.things["point"] = entities((), {"position": nothing, "height": nothing})
+    read_world(reading)
+
+
 def _read_points_table(
     reading: Reading, table: Points, place: Place, seen: list[Seen]
 ) -> tuple[list[str], IntArray] | None:
@@ -53,12 +64,7 @@ def _read_points_table(
 
 
 def _add(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray:
-    """Add points; coordinates that are not estimated at all are fixed."""
-    absent = [c for c in "xyz" if c not in reading.project.settings.dimensions]
-    for k, component in enumerate("xyz"):
-        if component in absent:
-            statuses.values[:, k] = np.nan_to_num(statuses.values[:, k])
-            statuses.free[:, k], statuses.sigma[:, k], statuses.start[:, k] = False, np.nan, np.nan
+    statuses = in_dimensions(statuses, reading)
     return reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
 
 

@@ -23,7 +23,11 @@ from mor.project.tables.tables import Rows
 def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[str]) -> IntArray:
     """Position block of every row: its own, or that of the point or shared position it names."""
     shop = reading.shop
-    statuses = component_rows(rows, POINT.components, fixed, reading.problems)
+    statuses = in_dimensions(component_rows(rows, POINT.components, fixed, reading.problems), reading)
+    if reading.project.world is not None:
+        words = "x, y, z of its own have no place in the world; put it on a point (column point)"
+        given = np.any(np.isfinite(np.hstack([statuses.values, statuses.start])), axis=1)
+        tell_rows(reading.problems, given, rows, words)
     named = rows.text("position") if "position" in rows.texts else rows.text("point")
     points = shop.things["point"]
     shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
@@ -50,6 +54,17 @@ def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[s
             result[i] = known[name]
     shop.things["position"] = entities(known, {"position": np.array(list(known.values()), dtype=np.int64)})
     return result
+
+
+def in_dimensions(statuses: Statuses, reading: Reading) -> Statuses:
+    """Positions whose coordinates are fixed where the network has no such dimension, at 0 where none is given."""
+    absent = [c not in reading.project.settings.dimensions for c in "xyz"]
+    return Statuses(
+        np.where(absent, np.nan_to_num(statuses.values), statuses.values),
+        statuses.free & ~np.array(absent),
+        np.where(absent, np.nan, statuses.sigma),
+        np.where(absent, np.nan, statuses.start),
+    )
 
 
 def rotations(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from mor.errors import Problem
+from mor.observations import PLAIN_TYPES, ObservationGroup, ObservationType
 from mor.project.edge import Edge, ImageScale
 from mor.project.file.model import Project, Table
 from mor.project.file.nodes import Document
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
+from mor.project.world.world import World
 
 TableWatcher: TypeAlias = Callable[[str | None], None]
 """Told the file of a table when it has been read."""
@@ -56,8 +58,18 @@ class Reading:
     """Tables that the things of a namespace come from, in their order, and how many things each has."""
     undeclared: dict[str, tuple[str, int]] = field(default_factory=dict)
     """Points that only observations name, with file and line where they come first."""
+    planned: bool = False
+    """True where observations need no values: they are planned, not measured."""
+    unmeasured: list[str] = field(default_factory=list)
+    """Tables of observations in which values are missing, where they may be."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
+    world: World | None = None
+    """The earth under the network, where the project has one."""
+    types: Mapping[str, ObservationType] = field(default_factory=lambda: PLAIN_TYPES)
+    """Observation types of the project, besides image coordinates."""
+    control: list[ObservationGroup] = field(default_factory=list)
+    """Observed points on the earth."""
 
     def begin(self, section: str, number: int, table: Table) -> None:
         """Blocks that are added from now on come from this table of a section."""

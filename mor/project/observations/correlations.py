@@ -171,10 +171,11 @@ def _not_positive_definite(matrix: FloatArray) -> str:
     """What is wrong with a covariance matrix, in words; empty where nothing is."""
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"
-    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+    if (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix)).any():
         return "the covariance matrix is not symmetric"
     if (np.diagonal(matrix) <= 0.0).any():
-        return "the covariance matrix is not positive definite: a variance is missing, zero or negative"
+        words = "a variance, or the σ instead of it, is zero, negative or missing"
+        return f"the covariance matrix is not positive definite: {words}"
     if not ((np.diagonal(matrix) >= SMALLEST_SIGMA**2) & (np.diagonal(matrix) <= LARGEST**2)).all():
         return f"the covariance matrix has a σ outside of {SMALLEST_SIGMA:g} to {LARGEST:g}"
     try:

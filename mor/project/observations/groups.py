@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,10 @@ from mor.observations import (
     ObservationGroup,
     ObservationType,
     SetUp,
+    to_projection_centres,
 )
+from mor.observations.earth import GEOID
+from mor.observations.earth.catalogue import EARTH_TYPES, NOT_ON_EARTH
 from mor.project.axes import edge_transform, external
 from mor.project.edge import UnitError, split
 from mor.project.file.model import Observations
@@ -25,12 +28,15 @@ from mor.project.observations.image_groups import image_groups, raw_image, units
 from mor.project.observations.instrument_heights import note_points_under_instruments, with_own_height
 from mor.project.observations.names import Resolved, check_different, instrument_blocks, resolve
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.observations.planned_rows import planned_rows, without_required
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
+from mor.project.world.observed import known_at, needs_place, place_of_observed
 from mor.units import IMAGE, LENGTH, Component
 
 TYPE_NAMES = ("image", *PLAIN_TYPES)
+"""Types of a project that is nowhere on the earth."""
 
 
 def read_groups(reading: Reading) -> list[Group]:
@@ -40,17 +46,22 @@ def read_groups(reading: Reading) -> list[Group]:
         place = reading.at("observations", number)
         if entry.type in ("parameter", "difference"):
             continue
-        if entry.type not in TYPE_NAMES:
-            known = (*TYPE_NAMES, "parameter", "difference")
-            words = f"unknown observation type {entry.type!r}{nearest(entry.type, known)} (known: {', '.join(known)})"
-            reading.problems.append(place.problem(words, "type"))
+        if entry.type != "image" and entry.type not in reading.types:
+            if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:
+                reading.problems.append(place.problem(_unknown_type(reading, entry.type), "type"))
             continue
-        type_ = IMAGE_TYPES["mor"] if entry.type == "image" else PLAIN_TYPES[entry.type]
+        type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
         if entry.type == "image":
             entry = units_of_values(entry)
-        rows = read_table(entry, _columns(type_, reading), place, reading.problems)
+        measured = [component.name for component in type_.components]
+        columns = _columns(type_, reading)
+        if reading.planned:
+            columns = without_required(columns, measured)
+        rows = read_table(entry, columns, place, reading.problems)
         if rows is None:
             continue
+        if reading.planned:
+            rows = planned_rows(rows, measured, reading, group_name(entry, number))
         if entry.type == "image":
             result += image_groups(reading, entry, number, rows, place)
         else:
@@ -58,6 +69,15 @@ def read_groups(reading: Reading) -> list[Group]:
             result += [group] if group is not None else []
         reading.watch(entry.file)
     return result
+
+
+def _unknown_type(reading: Reading, name: str) -> str:
+    known = ("image", *reading.types, "parameter", "difference")
+    if reading.world is not None and name in NOT_ON_EARTH:
+        return f"{name} does not say what it refers to on the earth, expected {NOT_ON_EARTH[name]}"
+    if reading.world is None and name in EARTH_TYPES:
+        return f"{name} needs to know where on the earth the network is: world: {{crs: …}}"
+    return f"unknown observation type {name!r}{nearest(name, known)} (known: {', '.join(known)})"
 
 
 def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
@@ -83,6 +103,8 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
         columns.append(number_column("face", type_.constants[-1].quantity, edge))
     if type_.slots[0].of == "station":
         columns.append(Column("set"))
+    if needs_place(type_):
+        columns.append(number_column(GEOID, LENGTH, edge))
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns
@@ -121,11 +143,12 @@ def _plain_group(
         for slot in type_.slots
     )
     note_points_under_instruments(reading, type_, named, rows)
+    given = np.stack([rows.number(component.name) for component in type_.components], axis=1)
+    constants = _constants(reading, type_, rows, given, named)
     if any(found.at_centre.any() for found in named.values()):
-        type_ = PROJECTION_CENTRE_TYPES[type_.key]
+        type_ = to_projection_centres(type_) if reading.world else PROJECTION_CENTRE_TYPES[type_.key]
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
     transform, offset = edge_transform(type_, reading.edge)
-    given = np.stack([rows.number(component.name) for component in type_.components], axis=1)
     for k, component in enumerate(type_.components):
         if component.name == "distance":
             words = "found a negative distance, expected one above 0"
@@ -137,7 +160,7 @@ def _plain_group(
         blocks=blocks,
         observed=_turn(given, transform) + offset,
         sigma=_turn(sigma * entry.factor, np.abs(transform)),
-        constants=_constants(reading, type_, rows, given),
+        constants=constants,
         references=tuple(named[reference.name].names for reference in type_.references),
         ppm=entry.ppm * entry.factor,
         centring=_centring(reading, entry, place),
@@ -192,23 +215,43 @@ def _has_covariances(rows: Rows, type_: ObservationType) -> bool:
 
 
 def covariance_of_rows(rows: Rows, type_: ObservationType) -> FloatArray | None:
-    """(n, 3, 3) covariances given column by column, or ``None``."""
+    """(n, 3, 3) covariances given column by column, or ``None``.
+
+    A variance that has no column, or no value in it, is the square of the σ of its component, where that is given.
+    """
     if not _has_covariances(rows, type_):
         return None
     size = len(type_.components)
+    sigma = _sigma(rows, type_)
     result = np.zeros((rows.count, size, size))
     names = [component.name for component in type_.components]
     for i, a in enumerate(names):
         for j, b in enumerate(names[i:], start=i):
-            result[:, i, j] = result[:, j, i] = np.nan_to_num(rows.number(f"cov_{a}_{b}"))
+            given = rows.number(f"cov_{a}_{b}")
+            if i == j:
+                given = np.where(np.isnan(given), sigma[:, i] ** 2, given)
+            result[:, i, j] = result[:, j, i] = np.nan_to_num(given)
     return result
 
 
-def _constants(reading: Reading, type_: ObservationType, rows: Rows, given: FloatArray) -> FloatArray:
-    """Constants of a type: earth radius in the project's unit; the face, given or told by the vertical circle."""
-    columns = []
+def _constants(
+    reading: Reading, type_: ObservationType, rows: Rows, given: FloatArray, named: Mapping[str, Resolved]
+) -> FloatArray:
+    """Constants of a type: earth radius in the project's unit; the face, given or told by the vertical circle.
+
+    On the earth also what is known of the places it names: deflections, geoid heights.
+    """
+    columns: list[FloatArray] = []
+    if reading.world is not None and needs_place(type_):
+        return place_of_observed(reading, reading.world, named["point"].blocks["position"], rows, given)
     for constant in type_.constants:
-        if constant.name == "face":
+        known, _, end = constant.name.partition(" of ")
+        if end and reading.world is not None:
+            found = named[end]
+            columns.append(
+                known_at(reading, reading.world, known, found.blocks["position"], rows, found.names)
+            )
+        elif constant.name == "face":
             told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
             columns.append(own_or_common(rows.number("face"), told))
         else:

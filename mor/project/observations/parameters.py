@@ -18,6 +18,7 @@ from mor.project.network.entities import unknown_name
 from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import group_name
+from mor.project.observations.planned_rows import without_required
 from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
@@ -74,6 +75,8 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
             Column("value", required=entry.type == "parameter"),
             Column("sigma", required=True),
         ]
+        if reading.planned:
+            columns = without_required(columns, ["value"])
         rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
         if rows is not None:
             found = _parameter_rows(reading, entry, rows, names, said)

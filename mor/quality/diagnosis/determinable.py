@@ -38,6 +38,8 @@ PARALLEL = "its rays are parallel to their precision: it has a direction, and no
 NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
+FAILURES = 3
+"""Adjustments without a solution after which it is not points at infinity that keep it from one."""
 FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
 EXPLAINED = 30
@@ -130,6 +132,7 @@ def _with_far_points(
     """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
     plain, first, doubted = network, values, found.points
     failed = np.zeros(0, dtype=np.int64)
+    failures = 0
     far = _beyond_reach(network, values, found, means)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
@@ -141,7 +144,8 @@ def _with_far_points(
         now = _beyond_reach(network, there, found, means)
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
-            if np.isin(now.points, failed).all():
+            failures += 1
+            if failures == FAILURES or np.isin(now.points, failed).all():
                 break
             values = first
             now = found.take(np.isin(found.points, np.union1d(now.points, failed)))

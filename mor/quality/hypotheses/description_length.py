@@ -25,13 +25,19 @@ _MEDIAN = 0.6745
 def cost_of_residuals(sizes: Sequence[FloatArray], count: int) -> float:
     """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n."""
     every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
-    factor = float(np.median(every)) / _MEDIAN if every.size else 1.0
+    factor = factor_of_sigmas(sizes)
     plain = _cost(every, count)
     return (
         plain
         if factor <= 1.0
         else min(plain, _cost(every / factor, count) + 2.0 * every.size * np.log(factor))
     )
+
+
+def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
+    """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
+    every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
+    return float(np.median(every)) / _MEDIAN if every.size else 1.0
 
 
 def _cost(sizes: FloatArray, count: int) -> float:

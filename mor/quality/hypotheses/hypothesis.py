@@ -60,6 +60,8 @@ class Fit(NamedTuple):
     freedom: int
     length: float
     """Description length: see :mod:`mor.quality.hypotheses.description_length`."""
+    scale: float
+    """Factor of all σ by the median of the residuals."""
 
 
 class Offered(NamedTuple):
@@ -75,3 +77,15 @@ class Offered(NamedTuple):
     gain: float
     """By how much the description of the observations becomes shorter, in units of χ²."""
     amount: Amount | None
+
+
+class Causes(NamedTuple):
+    """What was found."""
+
+    offered: tuple[Offered, ...] = ()
+    """The best first; none where none is good enough."""
+    untried: int = 0
+    """Hypotheses that were not tried because looking for causes would have taken too long."""
+
+
+NOTHING_FOUND = Causes()

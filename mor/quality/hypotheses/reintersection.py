@@ -45,9 +45,34 @@ def reintersected(
     for point in _suspected(problem, sizes, limit):
         sights = _sights_to(problem, point)
         if (columns[point] >= 0).any() and sum(len(one.rows) for one in sights) >= _LEAST:
-            found = _best(sights, values, [points[point], middle], problem.observations)
+            found = _best(
+                sights, values, [points[point], middle], problem.observations, places=[points[point]]
+            )
             points[point] = np.where(columns[point] >= 0, found, points[point])
     return {**values, "point": points}
+
+
+def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:
+    """(k, 3) places of points by their sights alone, whatever their coordinates say; NaN without two sights."""
+    places = np.full((len(points), 3), np.nan)
+    middle = np.nanmedian(values["point"], axis=0)
+    for k, point in enumerate(points.tolist()):
+        sights = _sights_to(problem, point)
+        if sum(len(one.rows) for one in sights) >= 2:
+            pair = [values["point"][point], middle]
+            places[k] = _best(sights, values, pair, problem.observations, places=[])
+    return places
+
+
+def costs_at_places(problem: Problem, values: Values, point: int, places: FloatArray) -> FloatArray:
+    """(k,) what the sights of a point cost if it were at other places (k, 3); 0 where nothing sights it."""
+    sights = _sights_to(problem, point)
+    if not sights:
+        return np.zeros(len(places))
+    count = problem.observations
+    found = [cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count) for place in places]
+    costs: FloatArray = np.nan_to_num(np.array(found), nan=np.inf)
+    return costs
 
 
 def _slot_of_target(group: ObservationGroup) -> int | None:
@@ -80,15 +105,17 @@ def _sights_to(problem: Problem, point: int) -> list[_Sights]:
     return found
 
 
-def _best(sights: list[_Sights], values: Values, begins: list[FloatArray], count: int) -> FloatArray:
-    """The place (3,) among all intersections, and the first beginning, that costs least."""
+def _best(
+    sights: list[_Sights], values: Values, begins: list[FloatArray], count: int, places: list[FloatArray]
+) -> FloatArray:
+    """The place (3,) among all intersections, and some further places, that costs least."""
 
     def cost(place: FloatArray) -> float:
         own = cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count)
         return own if np.isfinite(own) else np.inf
 
     total = sum(len(one.rows) for one in sights)
-    places = [begins[0]]
+    places = list(places)
     for pair in combinations(range(total), 2):
         places += [_intersected(sights, values, begin, list(pair)) for begin in begins]
     return min(places, key=cost)

@@ -7,7 +7,8 @@ with the number of candidates counted in), is offered, the shortest first. Nothi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,33 +19,30 @@ from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.effort import Done
 from mor.quality.gross_errors.graduated_weights import graduated_weights
-from mor.quality.hypotheses.circles import circle_hypotheses, face_hypotheses
-from mor.quality.hypotheses.control import control_hypotheses, exchange_hypotheses
 from mor.quality.hypotheses.description_length import cost_of_residuals
-from mor.quality.hypotheses.distances import distance_hypotheses
-from mor.quality.hypotheses.heights import height_hypotheses
-from mor.quality.hypotheses.hypothesis import Fit, Hypothesis, Offered
-from mor.quality.hypotheses.images import camera_constant_hypotheses, image_hypotheses
-from mor.quality.hypotheses.levelling import levelling_hypotheses
-from mor.quality.hypotheses.names import name_hypotheses
+from mor.quality.hypotheses.effort import SMALL, allowed
+from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Offered
+from mor.quality.hypotheses.mistakes.circles import circle_hypotheses, face_hypotheses
+from mor.quality.hypotheses.mistakes.control import control_hypotheses, exchange_hypotheses
+from mor.quality.hypotheses.mistakes.distances import distance_hypotheses
+from mor.quality.hypotheses.mistakes.heights import height_hypotheses
+from mor.quality.hypotheses.mistakes.images import camera_constant_hypotheses, image_hypotheses
+from mor.quality.hypotheses.mistakes.levelling import levelling_hypotheses
+from mor.quality.hypotheses.mistakes.names import name_hypotheses
+from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
+from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.reintersection import reintersected
-from mor.quality.hypotheses.sigmas import sigma_hypotheses
-from mor.quality.hypotheses.situation import SMALL, SUSPECT, Begin, Make, Situation, sizes_of
-from mor.quality.tests.group_tests import group_tests
-from mor.quality.tests.levels import sidak
-from mor.quality.tests.p_values import log_p_chi2, log_p_normal
-from mor.quality.tests.quadratic_form import Moments, log_tail
+from mor.quality.hypotheses.rejection import LEVEL, is_rejected, nothing_is_left
+from mor.quality.hypotheses.situation import SUSPECT, Begin, Make, Situation, fit_of, sizes_of
+from mor.quality.hypotheses.trying import tried
 
-LEVEL = 1e-3
-"""Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 OFFERED = 5
-_MOST, _LEAST = 40, 3
-"""Adjustments that are tried at most, in small networks and in large ones."""
-_BEGUN = 4
-"""Hypotheses for which start values are worked out at most: it takes longer than the adjustment."""
-
+_ABSURD, _LESS = 10.0, 0.3
+"""Factor of all σ that nobody errs by, and part of it that is less."""
+_RIVAL = 0.5
+"""Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
 Looking = Callable[[int], Done]
-"""Told how many hypotheses may be tried; what it returns is told each of them."""
+"""Told how many iterations the hypotheses may take; what it returns is told each of them."""
 
 
 def ignore_looking(_: int) -> Done:
@@ -53,89 +51,115 @@ def ignore_looking(_: int) -> Done:
 
 
 Family = Callable[[Situation], list[Hypothesis]]
-FAMILIES: tuple[Family, ...] = (
-    name_hypotheses,
-    levelling_hypotheses,
-    exchange_hypotheses,
-    face_hypotheses,
+OF_ROWS: tuple[Family, ...] = (levelling_hypotheses, name_hypotheses, exchange_hypotheses, face_hypotheses)
+"""Families that change a few observations or points: what explains everything so has no rival among the others."""
+OF_UNKNOWNS: tuple[Family, ...] = (
     distance_hypotheses,
     height_hypotheses,
     camera_constant_hypotheses,
-    sigma_hypotheses,
 )
+OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
 
-def is_rejected(quality: Quality, network: Network) -> bool:
-    """True where a test of the verdict rejects at ``LEVEL``: of all, of single observations, or of groups."""
-    freedom = float(quality.redundancy)
-    if freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL):
-        return True
-    if _largest(quality) < np.log(LEVEL):
-        return True
-    tests = group_tests(quality, network)
-    limit = np.log(sidak(LEVEL, len(tests.tests)))
-    return any(test.log_p < limit for test in tests.rejected)
+class Before(NamedTuple):
+    """vᵀPv without a hypothesis."""
+
+    told: float
+    """That of the plain adjustment, or of its last iteration; not finite where there was none."""
+    compared: float
+    """That which a hypothesis has to improve."""
+    freedom: int
 
 
-def _two_sided(omega: float, freedom: float) -> float:
-    """ln of the two-sided probability of χ²."""
-    one = np.array([freedom])
-    return float(log_tail(np.array([omega]), Moments(one, one, one))[0])
-
-
-def _largest(quality: Quality) -> float:
-    """ln of the probability of the largest test value among so many; 0 where none is flagged."""
-    largest = 0.0
-    for reliability, flags in zip(quality.reliability, quality.flagged, strict=True):
-        rows = np.flatnonzero(flags.any(axis=1))
-        if len(rows):
-            largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
-    count = quality.adjustment.problem.observations
-    return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
-
-
-def possible_causes(situation: Situation, plain: Adjustment, looking: Looking) -> tuple[Offered, ...]:
-    """Hypotheses for observations of which something is rejected, the best first; none where none is good enough."""
-    most = int(np.clip(_MOST * SMALL // max(situation.count, 1), _LEAST, _MOST))
-    done = looking(most)
+def possible_causes(situation: Situation, before: Before) -> Causes:
+    """Hypotheses for observations of which something is rejected."""
     found: list[tuple[Hypothesis, Fit]] = []
-    count = begun = 0
-    families = (*FAMILIES, *OF_A_WHOLE) if situation.something_is_wrong_as_a_whole else FAMILIES
-    for family in families:
-        different: dict[tuple[str, tuple[str, ...]], Hypothesis] = {}
+    untried, explained, done = 0, -np.inf, False
+    stages = _stages(situation)
+    for number, stage in enumerate(stages, 1):
+        share = number / len(stages)  # no stage takes what the next ones need
+        for hypothesis, promised in _of_stage(situation, stage):
+            if promised < _RIVAL * explained:
+                continue
+            if situation.effort.made >= share * situation.effort.most:
+                untried += 1
+                continue
+            fit = tried(situation, hypothesis, afresh=not done)
+            if fit is None:
+                continue
+            found.append((hypothesis, fit))
+            if nothing_is_left(fit) and stage is not OF_SIGMAS:  # with large σ nothing is ever left
+                done = True
+                explained = max(explained, promised) if stage is OF_A_WHOLE else explained
+        if stage is OF_ROWS and done:
+            break
+    return Causes(_offered(situation, before, found), untried)
+
+
+def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
+    """Families that are asked together: those of a whole first where most observations do not fit, else last."""
+    if not situation.settled:
+        return OF_SIGMAS, OF_A_WHOLE
+    if situation.most_do_not_fit:
+        return OF_SIGMAS, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return OF_SIGMAS, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+
+
+def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:
+    """The different hypotheses of some families, and what they promise; 0 where that is not asked.
+
+    Changes of a whole come with the most promising first; where nothing as large is seen to be wrong, those alone that
+    the start values speak for.
+    """
+    different: dict[tuple[str, tuple[str, ...]], Hypothesis] = {}
+    for family in stage:
         for hypothesis in family(situation):
             different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
-        candidates = list(different.values())[: most - count]
-        count += len(candidates)
-        for hypothesis in candidates:
-            afresh = begun < _BEGUN and not any(nothing_is_left(one) for _, one in found)
-            begun += int(afresh and hypothesis.afresh)
-            fit = situation.tried(hypothesis, afresh)
-            found += [(hypothesis, fit)] if fit is not None else []
-            done(1)
-        if any(h.rows and nothing_is_left(fit) for h, fit in found):
-            break  # what changes a few rows, and explains everything, has no rival among what changes whole groups
-    if not found:
-        return ()
-    gains = [situation.fit.length - fit.length for _, fit in found]
-    before = plain.normals.objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
-    order = sorted(range(len(found)), key=lambda k: -gains[k])
-    freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
+    found = list(different.values())
+    if stage is not OF_A_WHOLE or not found:
+        return [(hypothesis, 0.0) for hypothesis in found]
+    promised = promises(situation, found)
+    seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
+    least = -np.inf if seen else -2.0 * np.log(LEVEL)
+    order = np.argsort(-promised, kind="stable").tolist()
+    return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
+
+
+def _offered(
+    situation: Situation, before: Before, found: list[tuple[Hypothesis, Fit]]
+) -> tuple[Offered, ...]:
+    """Those that are better than none by more than chance, the best first."""
+    gains = np.array([situation.fit.length - fit.length for _, fit in found])
+    good = [k for k in np.argsort(-gains, kind="stable").tolist() if _is_good(situation, before, found[k][1])]
+    if good and nothing_is_left(found[good[0]][1]):  # then what explains much less is no rival
+        good = [k for k in good if gains[k] >= _RIVAL * gains[good[0]]]
     return tuple(
         Offered(
             found[k][0],
-            plain.normals.objective,
-            freedom,
+            before.told,
+            before.freedom,
             found[k][1].omega,
             found[k][1].freedom,
-            gains[k],
+            float(gains[k]),
             found[k][0].amount_at(found[k][1].values),
         )
-        for k in order
-        if gains[k] > -2.0 * np.log(LEVEL) and _nearer(found[k][1], before, freedom)
-    )[:OFFERED]
+        for k in good[:OFFERED]
+    )
+
+
+def _is_good(situation: Situation, before: Before, fit: Fit) -> bool:
+    """True where a change is better than none by more than chance."""
+    gain = situation.fit.length - fit.length
+    return gain > -2.0 * np.log(LEVEL) and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
+
+
+def _before(situation: Situation, plain: Adjustment) -> Before:
+    freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
+    objective = plain.normals.objective
+    compared = objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
+    return Before(objective, compared, freedom)
 
 
 def causes(
@@ -148,16 +172,24 @@ def causes(
     make: Make,
     begin: Begin,
     looking: Looking = ignore_looking,
-) -> tuple[Offered, ...]:
+) -> Causes:
     """What may be wrong with a network whose ``plain`` adjustment did not end well; nothing where nothing is rejected.
 
     ``start`` are the start values of the whole of it; ``adjusted`` is what took part, for things may have been left
     out. ``solution`` is the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
     """
     if solution is plain and quality is not None and not is_rejected(quality, adjusted):
-        return ()
-    if not plain.problem.index.count or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
-        return ()
+        return Causes()
+    if not plain.problem.index.count:
+        return Causes()
+    effort = allowed(network.observations, looking)
+    useless = plain.outcome is Outcome.CONVERGED and quality is None  # no number of it can be relied on
+    if useless or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
+        situation = Situation(network, start, start, None, make, begin, effort, settled=False)
+        if not useless and fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
+            return Causes()  # something is missing, a datum say; nothing contradicts anything
+        before = _before(situation, plain)
+        return possible_causes(situation, before._replace(compared=situation.fit.omega))
     if [group.count for group in plain.problem.groups[: len(network.groups)]] != [
         g.count for g in network.groups
     ]:
@@ -165,22 +197,37 @@ def causes(
         values = _graduated(make(network, start, start), start)
     else:
         values = _where_most_fit(plain, solution)
-    return possible_causes(Situation(network, start, values, solution, make, begin), plain, looking)
+    situation = Situation(network, start, values, solution, make, begin, effort)
+    return possible_causes(situation, _before(situation, plain))
 
 
-def _nearer(fit: Fit, before: float, freedom: int) -> bool:
+def causes_without_start(
+    network: Network,
+    unstarted: Iterable[str],
+    make: Make,
+    begin: Begin,
+    looking: Looking = ignore_looking,
+) -> Causes:
+    """What may be wrong with a network some things of which have no start values: changes that give it some."""
+    effort = allowed(network.observations, looking)
+    start = network.start
+    names = frozenset(unstarted)
+    situation = Situation(network, start, start, None, make, begin, effort, names, settled=False)
+    return possible_causes(situation, Before(np.nan, np.inf, 0))
+
+
+def _is_an_explanation(fit: Fit, without: Fit) -> bool:
+    """False where half of all residuals stay absurd, and hardly become smaller: an iteration that ended elsewhere."""
+    return fit.scale <= max(_ABSURD, _LESS * without.scale)
+
+
+def _nearer(fit: Fit, before: Before) -> bool:
     """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
-    if fit.omega <= before:
-        return bool(before - fit.omega > -2.0 * np.log(LEVEL))
-    ratios = np.array([fit.omega / max(fit.freedom, 1), before / max(freedom, 1)])
+    if fit.omega <= before.compared:
+        return bool(before.compared - fit.omega > -2.0 * np.log(LEVEL))
+    ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
     after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
     return bool(after < now)
-
-
-def nothing_is_left(fit: Fit) -> bool:
-    """True where chance explains the residuals that a change leaves."""
-    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
-    return bool(p[0] > np.log(LEVEL))
 
 
 def _graduated(problem: Problem, begin: Values) -> Values:
@@ -194,9 +241,10 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     if solution is not None and problem.observations > SMALL:
         return solution.values
     known = [plain.values] if solution is None else [solution.values]
-    begin = plain.start if solution is None else plain.values
+    if solution is plain:
+        known.append(_graduated(problem, plain.values))
     if solution is None or solution is plain:
-        known.append(_graduated(problem, begin))
+        known.append(_graduated(problem, plain.start))
     costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
     best = known[int(np.argmin(costs))]
     if problem.observations > SMALL:

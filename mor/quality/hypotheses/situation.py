@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Iteration, Watcher
+from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.errors import InputError
 from mor.observations import ObservationGroup
-from mor.parameters.index import Values, all_known, with_shared_components
+from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
-from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
-from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
-from mor.sparse.cholesky import NotFiniteError
+from mor.quality.hypotheses.description_length import (
+    cost_of_residuals,
+    factor_of_sigmas,
+    price_of_gross_error,
+)
+from mor.quality.hypotheses.effort import SMALL, Effort
+from mor.quality.hypotheses.hypothesis import Fit
 
-SMALL = 20_000
-"""Observations up to which graduated weights and many adjustments cost next to nothing."""
-_ITERATIONS = 15
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
-_AS_EXPECTED = 2.0
-"""vᵀPv over its degrees of freedom up to which no other beginning is tried."""
-_PATIENCE = 2
-"""Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
 SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
-
-
-class HopelessError(Exception):
-    """An iteration that leads nowhere."""
 
 
 Make = Callable[[Network, Values, Values], Problem]
@@ -57,12 +46,33 @@ class Situation:
     """The adjustment, where there is one; suspects may be left out of it."""
     make: Make
     begin: Begin
+    effort: Effort
+    """What looking for causes may take."""
+    unstarted: frozenset[str] = frozenset()
+    """Names of things without start values: what refers to them does not fit, and there is no place where most fit."""
+
+    settled: bool = True
+    """False where the values are start values, and nothing is known of where most observations fit."""
 
     @cached_property
     def sizes(self) -> tuple[FloatArray, ...]:
-        """|v|/σ (n, m) of every group, 0 where not observed."""
+        """|v|/σ (n, m) of every group, 0 where not observed; ∞ where start values are missing."""
+        if self.unstarted:
+            return tuple(np.where(self._concerned(group), np.inf, 0.0) for group in self.network.groups)
         problem = self.make(self.network, self.start, self.values)
         return sizes_of(problem.groups, self.values)
+
+    def _concerned(self, group: ObservationGroup) -> BoolArray:
+        """(n, m) observations that refer to something without start values."""
+        rows = np.zeros(group.count, dtype=bool)
+        for column in group.references:
+            rows |= np.array([name in self.unstarted for name in column], dtype=bool)
+        return group.mask & rows[:, None]
+
+    @property
+    def begun(self) -> bool:
+        """False where start values could not be worked out."""
+        return not self.unstarted
 
     @property
     def count(self) -> int:
@@ -83,27 +93,23 @@ class Situation:
         In large networks few errors leave half of all residuals as they are: the median tells how large chance makes
         them. In small ones an error is in all residuals.
         """
-        if self.count <= SMALL:
+        if self.count <= SMALL or self.unstarted:
             return SUSPECT
         scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
         return max(SUSPECT, scale * price_of_gross_error(self.count))
-
-    def without_row(self, group: int, row: int) -> Values:
-        """Where the others lead without a row; where most fit, if they have no solution."""
-        try:
-            problem = self.make(self.network, self.start, self.values)
-            masks = [own.left_out.copy() for own in problem.groups]
-            masks[group][row] = True
-            with np.errstate(all="ignore"):
-                found = adjust(exclude(problem, masks), self.values, Settings(_ITERATIONS), _impatient())
-        except (InputError, NotFiniteError, HopelessError):
-            return self.values
-        return found.values if found.outcome.is_solution else self.values
 
     @cached_property
     def misfitting(self) -> tuple[BoolArray, ...]:
         """(n, m) observations that do not fit."""
         return tuple(size > SUSPECT for size in self.sizes)
+
+    @property
+    def most_do_not_fit(self) -> bool:
+        """True where half of all rows have an observation that does not fit."""
+        pairs = zip(self.network.groups, self.misfitting, strict=False)
+        return 2 * sum(int(bad.any(axis=1).sum()) for _, bad in pairs) > sum(
+            g.count for g in self.network.groups
+        )
 
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:
@@ -122,107 +128,22 @@ class Situation:
 
     @cached_property
     def fit(self) -> Fit:
-        """How well the network fits as it is."""
-        return self._fit(self.network, self.values, 0.0)
+        """How well the network fits as it is.
 
-    def tried(self, hypothesis: Hypothesis, afresh: bool = True) -> Fit | None:
-        """The network changed and adjusted; nothing where that does not converge.
-
-        ``afresh`` allows that start values are worked out for it, which takes longer than all else.
+        At start values nothing fits yet: they are compared with a fit that leaves twice of what is expected, and with
+        observations that refer to nothing as good as wrong.
         """
-        network = hypothesis.change(self.network)
-        cost = cost_of_choice(self.count, hypothesis.candidates, hypothesis.parameters, hypothesis.stretch)
-        best: Fit | None = None
-        for begin in self._beginnings(network, hypothesis, afresh):
-            values = self._adjusted(network, begin, hypothesis)
-            fit = None if values is None else self._fit(network, values, cost)
-            if fit is not None and (best is None or fit.length < best.length):
-                best = fit
-            if best is not None and best.omega <= _AS_EXPECTED * best.freedom:
-                break
-        return best
-
-    def _beginnings(self, network: Network, hypothesis: Hypothesis, afresh: bool) -> Iterator[Values]:
-        """Where to begin: where most observations fit; for what is not local, at new start values, too.
-
-        Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
-        """
-        here = {kind: _longer(values, network.start[kind]) for kind, values in self.values.items()}
-        for kind, blocks in hypothesis.anew.items():
-            given = network.start[kind][blocks]
-            told: BoolArray = np.asarray(np.isfinite(given.reshape(len(given), -1)).all(axis=1))
-            here[kind] = here[kind].copy()
-            here[kind][blocks[told]] = given[told]
-        here = with_shared_components(network.blocks, here)
-        yield here
-        if not hypothesis.rows and ((afresh and hypothesis.afresh) or all_known(network.start)):
-            begin = self.begin(network)
-            if begin is not None:
-                yield begin
-
-    def _adjusted(self, network: Network, begin: Values, hypothesis: Hypothesis) -> Values | None:
-        """Values of the changed network; with a change of few observations the others that do not fit are left out."""
-        try:
-            problem = self.make(network, begin, begin)
-            if hypothesis.rows:
-                out = [mask.copy() for mask in self.misfitting]
-                for group, row in hypothesis.rows:
-                    out[group][row] = False
-                with np.errstate(all="ignore"):
-                    reduced = exclude(
-                        problem, [o | g.left_out for o, g in zip(out, problem.groups, strict=True)]
-                    )
-                    found = adjust(reduced, begin, Settings(_ITERATIONS), _impatient())
-                if found.outcome.is_solution:
-                    return self._with_all(problem, found.values)
-            with np.errstate(all="ignore"):
-                found = adjust(problem, begin, Settings(_ITERATIONS), _impatient())
-        except (InputError, NotFiniteError, HopelessError):
-            return None
-        return found.values if found.outcome.is_solution else None
-
-    def _with_all(self, problem: Problem, values: Values) -> Values:
-        """The adjustment of all observations from there, where it converges and does not go anywhere else."""
-        try:
-            with np.errstate(all="ignore"):
-                found = adjust(problem, values, Settings(_ITERATIONS), _impatient())
-        except (NotFiniteError, HopelessError):
-            return values
-        costs = [cost_of_residuals(sizes_of(problem.groups, v), self.count) for v in (found.values, values)]
-        return found.values if found.outcome.is_solution and costs[0] <= costs[1] + 1.0 else values
-
-    def _fit(self, network: Network, values: Values, cost: float) -> Fit:
-        problem = self.make(network, values, values)
-        sizes = sizes_of(problem.groups, values)
-        used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
-        return Fit(
-            values,
-            float(sum(np.sum(size**2) for size in used)),
-            problem.observations - problem.index.count + self._defect,
-            cost_of_residuals(used, self.count) + cost,
-        )
+        if not self.settled:
+            lost = sum(int(np.isinf(size).sum()) for size in self.sizes)
+            length = 2.0 * self.count + lost * 2.0 * float(np.log(max(self.count, 2)))
+            return Fit(self.start, np.inf, 0, length, np.inf)
+        problem = self.make(self.network, self.values, self.values)
+        return fit_of(problem, self.values, self.defect, self.count)
 
     @property
-    def _defect(self) -> int:
+    def defect(self) -> int:
+        """Movements of the whole network that the observations leave free; 0 where that is not known."""
         return 0 if self.solution is None else int(self.solution.defect.datum.shape[1])
-
-
-def _impatient() -> Watcher:
-    """A watcher that ends an iteration which does not come near to a solution as quickly as one that will."""
-    seen: list[float] = []
-
-    def watch(iteration: Iteration) -> None:
-        seen.append(iteration.objective)
-        last = seen[-1 - _PATIENCE :]
-        slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))
-        if (
-            slow
-            and iteration.objective > 25.0 * max(iteration.redundancy, 1)
-            and iteration.largest_change > 1.0
-        ):
-            raise HopelessError
-
-    return watch
 
 
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
@@ -233,6 +154,14 @@ def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatA
     )
 
 
-def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
-    """Values (n, …) with those of blocks that were added."""
-    return values if len(values) == len(start) else np.concatenate([values, start[len(values) :]])
+def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: float = 0.0) -> Fit:
+    """How well some values fit the observations, ``cost`` being that of the choice of their model."""
+    sizes = sizes_of(problem.groups, values)
+    used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
+    return Fit(
+        values,
+        float(sum(np.sum(size**2) for size in used)),
+        problem.observations - problem.index.count + defect,
+        cost_of_residuals(used, count) + cost,
+        factor_of_sigmas(used),
+    )

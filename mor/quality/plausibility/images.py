@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.errors import Problem
 from mor.observations import ObservationGroup
 from mor.project.edge import split
@@ -22,6 +22,18 @@ def rays(network: Network) -> list[ObservationGroup]:
 
 def outside_the_format(network: Network) -> Iterator[Problem]:
     """Image coordinates more than a pixel beyond the edge of the format that their camera gives."""
+    for group, out in _outside(network):
+        words = "{}, outside the format of the camera"
+        yield from noted(group, np.flatnonzero(out), _ray(group, words))
+
+
+def count_outside_the_format(network: Network) -> int:
+    """Number of image points beyond the format of their camera."""
+    return sum(int(np.count_nonzero(out)) for _, out in _outside(network))
+
+
+def _outside(network: Network) -> Iterator[tuple[ObservationGroup, BoolArray]]:
+    """Groups of image coordinates, and which of their rows (n,) are outside the format."""
     images, half = network.things["image"], _half_formats(network)
     for group in rays(network):
         names = group.references[0]
@@ -30,8 +42,7 @@ def outside_the_format(network: Network) -> Iterator[Problem]:
         camera[used] = [images.part(names.known[k], "camera") for k in used]
         with np.errstate(invalid="ignore"):
             out = (np.abs(group.observed) > half[camera[names.numbers]]).any(axis=1)
-        words = "{}, outside the format of the camera"
-        yield from noted(group, np.flatnonzero(out), _ray(group, words))
+        yield group, np.asarray(out)
 
 
 def _ray(group: ObservationGroup, words: str):  # type: ignore[no-untyped-def]

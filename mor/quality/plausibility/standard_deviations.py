@@ -31,20 +31,36 @@ def implausible_sigmas(network: Network) -> Iterator[Problem]:
             yield from _component(group, sigma, component)
 
 
+def beyond_any_instrument(network: Network, group: ObservationGroup) -> int:
+    """1 where most σ of all components of a group are too small for any instrument, −1 where too large, else 0."""
+    if not group.count or group.type.key.startswith(("observed/", "difference/")):
+        return 0
+    number = next(k for k, own in enumerate(network.groups) if own is group)
+    sigma = sigmas(network)[number]
+    signs = {_beyond(group, sigma, component)[0] for component in range(group.observed.shape[1])}
+    return signs.pop() if len(signs) == 1 else 0
+
+
 def _component(group: ObservationGroup, sigma: FloatArray, component: int) -> Iterator[Problem]:
-    kind = _kind(group, component)
-    here = group.mask[:, component]
-    if not kind or not here.any():
-        return
-    size = _sizes(group, component, kind, here)
-    ratio = sigma[here, component] / size
-    for beyond, words in ((ratio < _SMALLEST[kind], "smaller"), (ratio > _LARGEST[kind], "larger")):
-        if 2 * np.count_nonzero(beyond) <= len(beyond):
-            continue
-        row = int(np.flatnonzero(here)[np.argmax(beyond)])
+    sign, row = _beyond(group, sigma, component)
+    if sign:
+        words = "smaller" if sign > 0 else "larger"
         name = group.type.components[component].name
         said = f"{group.type.name}, {name}: the standard deviation is {words} than that of any instrument; its unit?"
         yield Problem(said, group.file, line_of(group, row))
+
+
+def _beyond(group: ObservationGroup, sigma: FloatArray, component: int) -> tuple[int, int]:
+    """1 where most σ of a component are too small, −1 where too large, else 0; and the first such row."""
+    kind = _kind(group, component)
+    here = group.mask[:, component]
+    if not kind or not here.any():
+        return 0, 0
+    ratio = sigma[here, component] / _sizes(group, component, kind, here)
+    for sign, beyond in ((1, ratio < _SMALLEST[kind]), (-1, ratio > _LARGEST[kind])):
+        if 2 * np.count_nonzero(beyond) > len(beyond):
+            return sign, int(np.flatnonzero(here)[np.argmax(beyond)])
+    return 0, 0
 
 
 def _kind(group: ObservationGroup, component: int) -> str:

@@ -6,14 +6,14 @@ import numpy as np
 
 from mor.adjustment.linearise import linearise
 from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows
+from mor.adjustment.plan import ClusterRows, RowClusters, reduced_columns
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.reliability.influence_on_position import Directions, counted_columns, lengths_of_rows
 from mor.quality.reliability.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests.joint_test import joint_statistic
 from mor.sparse.block_matrix import BlockMatrix
-from mor.sparse.rows import gather
+from mor.sparse.rows import gather, row_cofactors
 
 
 def cluster_quality(
@@ -56,6 +56,68 @@ def cluster_quality(
             freedom=freedom[here],
         )
     return found
+
+
+def row_cluster_quality(
+    adjustment: Adjustment,
+    cofactors: BlockMatrix,
+    clusters: RowClusters,
+    quality: ObservationQuality,
+    tangent: FloatArray | None,
+    extra: Directions,
+) -> dict[int, Correlated]:
+    """The same of all clusters of a group that are single rows, together; quality is that of the group."""
+    plan, number = adjustment.plan, clusters.group
+    group, index = adjustment.problem.groups[number], adjustment.problem.index
+    rows = linearise(group, index, adjustment.inverse.values, tangent, clusters.rows)
+    counted = counted_columns(adjustment, number, clusters.rows, rows.columns)
+    own = np.where(counted[:, None, :], rows.jacobian, 0.0)
+    both = np.concatenate([rows.jacobian, own], axis=1)
+    q = row_cofactors(cofactors, plan.target.block_of, both, reduced_columns(rows.columns, plan.reduced))
+    m = rows.jacobian.shape[1]
+    image = rows.jacobian @ _of_columns(adjustment.inverse.weak, rows.columns)
+    adjusted = q[:, :m, :m] + image @ np.swapaxes(image, 1, 2)
+    moved = own @ _of_columns(extra.own, rows.columns)
+    through = q[:, m:, :m] + moved @ np.swapaxes(
+        rows.jacobian @ _of_columns(extra.through, rows.columns), 1, 2
+    )
+    precision = np.swapaxes(clusters.whitening, 1, 2) @ clusters.whitening
+    length = lengths_of_rows(adjustment, number, clusters.rows, rows.jacobian, rows.columns)
+    carried = np.sum(through * precision, axis=2) * length
+    here = np.diagonal(precision, axis1=1, axis2=2) > 0.0
+    row, component = np.nonzero(here)
+    place = clusters.rows[row], component
+    quality.carried[place] = carried[here]
+    weighted = np.einsum("nij,nj->ni", precision, np.where(here, quality.v[clusters.rows], 0.0))
+    weighted_cofactors = precision - precision @ adjusted @ precision
+    # Of what is not observed the variance is 1, apart from all else, so that the others have theirs.
+    apart = precision + np.eye(m) * ~here[:, None, :]
+    covariance = np.linalg.inv(apart)
+    scale = np.sqrt(np.diagonal(apart, axis1=1, axis2=2))
+    joint, freedom = joint_statistic(
+        weighted / scale, weighted_cofactors / (scale[:, :, None] * scale[:, None, :]), here
+    )
+
+    def diagonal(matrices: FloatArray) -> FloatArray:
+        return np.asarray(np.diagonal(matrices, axis1=1, axis2=2)[here])
+
+    found = Correlated(
+        *place,
+        r=1.0 - diagonal(adjusted @ precision),
+        q_adjusted=diagonal(adjusted),
+        q_residual=np.maximum(diagonal(covariance - adjusted), 0.0),
+        weighted=weighted[here],
+        precision=diagonal(precision),
+        q_weighted=np.clip(diagonal(weighted_cofactors), 0.0, diagonal(precision)),
+        joint=joint[row],
+        freedom=freedom[row],
+    )
+    return {number: found}
+
+
+def _of_columns(directions: FloatArray, columns: IntArray) -> FloatArray:
+    """(n, K, d) of directions (u, d) at columns (n, K), 0 where fixed."""
+    return np.where((columns >= 0)[:, :, None], directions[columns], 0.0)
 
 
 def _what_counts(

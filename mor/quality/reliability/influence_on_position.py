@@ -64,8 +64,8 @@ def counted_columns(adjustment: Adjustment, number: int, rows: IntArray, columns
     """(n, K) those of the columns of the rows of a group whose movement counts."""
     group, index = adjustment.problem.groups[number], adjustment.problem.index
     if group.type.key not in OF_IMAGES:
-        is_point = np.array([kind == "point" for kind in index.unknown_kind])[index.kind_of]
-        return np.asarray((columns >= 0) & is_point[np.maximum(columns, 0)])
+        is_point = np.array([kind == "point" for kind in index.unknown_kind])
+        return np.asarray((columns >= 0) & is_point[index.kind_of[np.maximum(columns, 0)]])
     target = index.columns["point"][group.blocks[-1][rows]]
     counted: BoolArray = (columns[:, :, None] == target[:, None, :]).any(axis=2) & (columns >= 0)
     return counted
@@ -100,7 +100,7 @@ def lengths_of_rows(
     """The same (n, m) for rows of a group with Jacobians (n, m, K); 0 for image coordinates of points that are held."""
     group, index = adjustment.problem.groups[number], adjustment.problem.index
     if group.type.key not in OF_IMAGES:
-        return length_of_sight(adjustment, number)[rows]
+        return length_of_sight(adjustment, number, rows)
     target = index.columns["point"][group.blocks[-1][rows]]
     if not np.array_equal(columns[:, -3:], target):  # held throughout, and left out of the columns
         return np.zeros(jacobian.shape[:2])
@@ -114,17 +114,17 @@ def _quotient(above: FloatArray, below: FloatArray) -> FloatArray:
     return quotient
 
 
-def length_of_sight(adjustment: Adjustment, number: int) -> FloatArray:
-    """(n, m) length of the sight for angular components, 1 for all others."""
+def length_of_sight(adjustment: Adjustment, number: int, rows: IntArray) -> FloatArray:
+    """(n, m) length of the sight for angular components of the rows, 1 for all others."""
     group = adjustment.problem.groups[number]
     positions = [
-        adjustment.values["point"][blocks]
+        adjustment.values["point"][blocks[rows]]
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
         if slot.kind == "point" and slot.part == "position"
     ]
     angular = group.type.wraps
     if len(positions) < 2 or not angular.any():
-        return np.ones(group.observed.shape)
+        return np.ones((len(rows), group.observed.shape[1]))
     along = positions[-1] - positions[0]
     horizontal, slope = np.hypot(along[:, 0], along[:, 1]), np.linalg.norm(along, axis=1)
     columns = [

@@ -11,7 +11,6 @@ import numpy as np
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
@@ -44,22 +43,13 @@ def gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray
     """Aᵀ P e of an observation: unknowns (k,) and values (k,)."""
     problem = adjustment.problem
     tangent = rotation_tangents(problem.index, adjustment.values)
-    for cluster in adjustment.plan.clusters:
-        place = _place_in(cluster, entry)
-        if place is not None:
-            _, jacobian, columns = cluster_rows(adjustment.plan, cluster, adjustment.values, tangent)
-            return columns, jacobian.T @ (cluster.whitening.T @ cluster.whitening[:, place])
+    found = adjustment.plan.places_in_clusters.get((entry.group, entry.row, entry.component))
+    if found is not None:
+        cluster, place = found
+        _, jacobian, columns = cluster_rows(adjustment.plan, cluster, adjustment.values, tangent)
+        return columns, jacobian.T @ (cluster.whitening.T @ cluster.whitening[:, place])
     group = problem.groups[entry.group]
     rows = linearise(group, problem.index, adjustment.values, tangent, np.array([entry.row]))
     used = rows.columns[0] >= 0
     weight = 1.0 / group.sigma[entry.row, entry.component] ** 2
     return rows.columns[0][used], rows.jacobian[0, entry.component][used] * weight
-
-
-def _place_in(cluster: ClusterRows, entry: Entry) -> int | None:
-    here = (
-        (cluster.groups == entry.group)
-        & (cluster.rows == entry.row)
-        & (cluster.components == entry.component)
-    )
-    return int(np.flatnonzero(here)[0]) if here.any() else None

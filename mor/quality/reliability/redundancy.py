@@ -24,7 +24,7 @@ from mor.arrays import AnyIntArray, BoolArray, FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.effort import Done
 from mor.quality.reliability import ray_kernels as compiled_rays
-from mor.quality.reliability.correlated import cluster_quality
+from mor.quality.reliability.correlated import cluster_quality, row_cluster_quality
 from mor.quality.reliability.influence_on_position import (
     Directions,
     add_directions,
@@ -57,8 +57,13 @@ def observation_quality(
     for row_set in plan.row_sets:
         if len(row_set.rows):
             _fill_row_set(adjustment, cofactors, row_set, quality[row_set.group], tangent, extra)
+    of_rows, wide = plan.sorted_clusters
     correlated = [
-        cluster_quality(adjustment, cofactors, cluster, quality, tangent, extra) for cluster in plan.clusters
+        *(
+            row_cluster_quality(adjustment, cofactors, some, quality[some.group], tangent, extra)
+            for some in of_rows
+        ),
+        *(cluster_quality(adjustment, cofactors, cluster, quality, tangent, extra) for cluster in wide),
     ]
     of_points = np.zeros((len(adjustment.problem.index.columns.get("point", ())), 3, 3))
     weak = adjustment.inverse.weak

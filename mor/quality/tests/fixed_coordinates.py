@@ -15,6 +15,7 @@ from mor.adjustment.datum.defect import network_components
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.normals import cluster_rows
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup
 from mor.parameters.index import Index, index_unknowns
 from mor.quality.assess import Quality
 from mor.quality.tests.p_values import log_p_chi2, log_p_f
@@ -110,26 +111,36 @@ def _rows(quality: Quality, extended: Index, places: IntArray):  # type: ignore[
     problem = replace(adjustment.problem, index=extended)
     tangent = rotation_tangents(extended, adjustment.values)
     touched: BoolArray = np.asarray((places >= 0).any(axis=1))
+    looks = [_looks(group, touched) for group in problem.groups]
     correlated = [np.zeros(group.observed.shape, dtype=bool) for group in problem.groups]
     for cluster in adjustment.plan.clusters:
+        looking = False
         for group, row, component in zip(cluster.groups, cluster.rows, cluster.components, strict=True):
             correlated[group][row, component] = True
+            looking |= bool(looks[group][row])
+        if not looking:
+            continue
         misclosure, jacobian, columns = cluster_rows(
             replace(adjustment.plan, problem=problem), cluster, adjustment.values, tangent
         )
         yield (cluster.whitening @ jacobian)[None], (cluster.whitening @ misclosure)[None], columns[None]
     for number, group in enumerate(problem.groups):
-        looks = np.zeros(group.count, dtype=bool)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                looks |= touched[blocks]
-        rows = np.flatnonzero(looks)
+        rows = np.flatnonzero(looks[number])
         if len(rows) == 0:
             continue
         part = linearise(group, extended, adjustment.values, tangent, rows)
         use: BoolArray = group.mask[rows] & ~correlated[number][rows]
         weight = np.where(use, 1.0 / group.sigma[rows], 0.0)
         yield part.jacobian * weight[:, :, None], part.misclosure * weight, part.columns
+
+
+def _looks(group: ObservationGroup, touched: BoolArray) -> BoolArray:
+    """(n,) rows of a group that refer to a touched point."""
+    looks = np.zeros(group.count, dtype=bool)
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.kind == "point":
+            looks |= touched[blocks]
+    return looks
 
 
 def _test(

@@ -132,11 +132,14 @@ def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estima
 
 
 def _step(quality: Quality, method: Method, estimated: BoolArray) -> FloatArray:
-    """Factors (g,) to multiply σ with; simplified ones, which are never negative, where some of Helmert's are."""
+    """Factors (g,) to multiply σ with; simplified ones where some of Helmert's are negative.
+
+    0 where there is none: also a simplified one is negative where groups share a covariance.
+    """
     found = _estimate(quality, method, estimated).variances
     if (found <= 0.0).any():
         found = _estimate(quality, "simplified", estimated).variances
-    step: FloatArray = np.sqrt(found)
+    step: FloatArray = np.sqrt(np.maximum(found, 0.0))
     return step
 
 

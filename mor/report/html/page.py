@@ -107,6 +107,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "cameras": [_camera(camera) for camera in view.cameras],
         "groups": view.groups.to_dicts(),
         "gross": view.gross_errors,
+        "relative": view.relative,
         "checks": view.checks,
         "control": control[:MOST_LISTED],
         "control_left": max(0, len(control) - MOST_LISTED),

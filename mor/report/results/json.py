@@ -14,6 +14,7 @@ from mor.report.identity import Identity, identity_of
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
+from mor.report.tables.ellipses import chosen_pairs, relative_rows
 from mor.report.tables.estimates import (
     component_rows,
     group_table,
@@ -63,6 +64,7 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
         "suspects": suspects(solved),
         "hypotheses": hypotheses(solved),
         "fixed_points": fixed_point_rows(solved),
+        "relative": relative_rows(solved, chosen_pairs(solved)),
         "checks": check_rows(solved),
         "failure": failure(solved),
         "tables": tables,

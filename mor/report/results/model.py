@@ -28,6 +28,7 @@ from mor.report.results.model_parts import (
     Pair,
     Part,
     Point,
+    Relative,
     Residual,
     Sigma0,
     Station,
@@ -105,6 +106,10 @@ class Results(Part):
         description="What may be the cause where something is rejected, the best first; none is applied",
     )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
+    relative: list[Relative] = Field(
+        default=[],
+        description="Distances and relative error ellipses of the pairs that report: {relative: …} names",
+    )
     checks: list[Check] = Field(description="Observations kept out to check by")
     failure: Failure | None = Field(
         default=None, description="Where there is no solution: what does not come to rest, what fits worst"

@@ -122,6 +122,11 @@ class Point(Position):
     ellipsoid_a: Number = Field(description="Longest semi-axis of the standard error ellipsoid")
     ellipsoid_b: Number = Field(description="Middle semi-axis")
     ellipsoid_c: Number = Field(description="Shortest semi-axis")
+    ellipse_a: Number = Field(description="Larger semi-axis of the standard error ellipse in plan")
+    ellipse_b: Number = Field(description="Smaller semi-axis")
+    ellipse_azimuth: Number = Field(
+        description="Bearing of the larger one, unit of angles, within half a circle"
+    )
     rxy: Share = Field(description="Correlation of x and y")
     rxz: Share = Field(description="Correlation of x and z")
     ryz: Share = Field(description="Correlation of y and z")
@@ -283,6 +288,19 @@ class FixedPoint(Part):
     p: float = Field(description="Probability of one as large")
     test_estimated: Number = Field(description="The same with σ0 a posteriori, F")
     p_estimated: Number = Field(description="Its probability")
+
+
+class Relative(Part):
+    """The difference of two points: how well their distance and their relative place are known."""
+
+    from_: str = Field(alias="from", description="The first point")
+    to: str = Field(description="The second point")
+    distance: float = Field(description="Their distance in space, unit of lengths")
+    sdistance: Number = Field(description="Its σ; null for two points at one place")
+    a: float = Field(description="Larger semi-axis of the relative standard error ellipse in plan")
+    b: float = Field(description="Smaller semi-axis")
+    azimuth: float = Field(description="Bearing of the larger one, unit of angles, within half a circle")
+    sdz: float = Field(description="σ of the difference of heights")
 
 
 class Check(Part):

@@ -15,6 +15,7 @@ from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.places.table import place_table
 from mor.report.readme import FILE as README
 from mor.report.readme import may_write, readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, remarks
@@ -155,6 +156,8 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         "points": lambda path: table_writer(point_table(solved), kind)(path),
         "images": lambda path: table_writer(image_table(solved), kind)(path),
     }
+    if solved.network.world is not None:
+        tables["places"] = lambda path: table_writer(place_table(solved), kind)(path)
     if choice.tables == "all":
         write = residual_writer(solved, kind, choice.done)
         tables["residuals"] = _by_itself(solved, write) if _is_alone(solved, choice) else write

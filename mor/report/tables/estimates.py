@@ -22,6 +22,7 @@ from mor.quality.reliability.observation_quality import omega_of, redundancy_of
 from mor.quality.solved import Solved
 from mor.report.edge import Estimate, angle_unit, plain, points, rotations
 from mor.report.tables.control import control_of_images, control_of_points
+from mor.report.tables.ellipses import ellipse_columns
 from mor.report.tables.shared import once
 from mor.units import ANGLE_UNITS, IMAGE
 
@@ -52,6 +53,7 @@ def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
         columns = _with_sigma(estimate, XYZ)
         for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
             columns[f"ellipsoid_{name}"] = axis
+        columns |= ellipse_columns(solved, estimate.covariance, len(estimate.values))
         columns |= _correlations_of_axes(estimate)
         absent = np.isnan(estimate.values).all(axis=1)
         if absent.any():

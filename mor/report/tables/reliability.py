@@ -42,6 +42,7 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
     }
 
 
+@once
 def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
     """Tests of the fixed points: would the observations rather have them elsewhere? In project axes."""
     if solved.quality is None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import yaml
 
@@ -56,7 +57,9 @@ ENGLISH = Words("en")
 _SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
 _ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
 _START_VALUES = (*_ORIENTATION, "{language}_start_values.yaml")
+_PLANNING = (*_SENTENCES, "{language}_planning.yaml")
 _PAGE = (*_SENTENCES, "{language}_page.yaml")
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where PyYAML has its C part
 _DECIMALS = {"de": ","}
 
 
@@ -75,6 +78,11 @@ def words_of_start_values(language: str) -> Words:
     return _of_text(language, _START_VALUES)
 
 
+def words_of_planning(language: str) -> Words:
+    """Words of plans, simulations and batches. Raises ``KeyError`` for another language."""
+    return _of_text(language, _PLANNING)
+
+
 def _of_text(language: str, names: tuple[str, ...]) -> Words:
     return ENGLISH if language == "en" else Words(language, _catalogue(language, names), _DECIMALS[language])
 
@@ -86,12 +94,13 @@ def words_of_page(language: str) -> Words:
     return {"en": ENGLISH}[language]
 
 
+@cache
 def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
-    """Catalogues one after the other; a later one has the last word."""
+    """Catalogues one after the other; a later one has the last word. Read once in a process."""
     from importlib.resources import files  # English, which has none, does without loading it
 
     catalogue: dict[str, str] = {}
     for name in names:
         text = files("mor.report.words").joinpath(name.format(language=language)).read_text(encoding="utf-8")
-        catalogue |= yaml.safe_load(text)
+        catalogue |= yaml.load(text, Loader=_LOADER)
     return catalogue

@@ -11,11 +11,12 @@ from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
-from mor.quality.hypotheses.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
-from mor.quality.hypotheses.heights import _hypothesis, _reductions, _sights
+from mor.quality.hypotheses.effort import Effort
+from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
+from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
 from mor.quality.hypotheses.reintersection import _slot_of_target, reintersected
-from mor.quality.hypotheses.search import is_rejected
+from mor.quality.hypotheses.rejection import is_rejected
 from mor.quality.hypotheses.situation import SUSPECT, Situation, sizes_of
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
@@ -26,6 +27,10 @@ CASES = [
     ("misnumbered_at_station", 1),
     ("offset", 1),
     ("wrong_station", 1),  # one of the few distances that give the scale
+    ("levelling_sign", 701),  # a line that is not controlled fully
+    ("elevation", 700),  # a station that gets no start values
+    ("turned", 701),  # an image whose plain adjustment is of no use
+    ("image_unit", 702),  # a camera that everything else can be bent to fit
 ]
 """A few that are quick; ``python -m tests.planted_mistakes`` has all kinds."""
 
@@ -63,9 +68,8 @@ def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Pa
     solved = _solved(survey("bridge").write(tmp_path))
     network, plain = solved.network, solved.adjustment
     sights = [one for one in _sights(network) if one.things[0] in ("P4", "NE1")]
-    situation = Situation(
-        network, plain.start, plain.values, plain, pipeline.make_problem, lambda changed: changed.start
-    )
+    begin, effort = (lambda changed: changed.start), Effort(100, lambda _: None)
+    situation = Situation(network, plain.start, plain.values, plain, pipeline.make_problem, begin, effort)
     promised = _reductions(plain, sights)
     for one, reduction in zip(sights, promised, strict=True):
         changed = _hypothesis(situation, one, 1).change(network)

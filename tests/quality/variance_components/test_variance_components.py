@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from dense_reference import dense_system
 from reliability_scenes import correlated_everywhere
 from scenes import Scene, mixed_network, photo_block, plane_network
+from small_projects import mor
 
 from mor.adjustment.solve import adjust
 from mor.quality.assess import Levels, assess
@@ -222,3 +226,13 @@ def test_groups_that_cannot_be_told_apart_get_the_simplified_estimate():
     estimate = components(_assessed(scene, scene.problem(), scene.start(0.0)), "helmert")
     assert estimate.method == "simplified"
     np.testing.assert_allclose(estimate.factors, 3.0 / np.sqrt(2.0), rtol=1e-9)
+
+
+def test_a_group_whose_part_is_negative_keeps_its_sigma(tmp_path):
+    # Two groups share a covariance: the simplified component of one of them comes out negative.
+    case = Path(__file__).parents[2] / "cases" / "shared_covariance_crash.yaml"
+    project = tmp_path / "project.yaml"
+    project.write_text(case.read_text() + "settings: {variance_components: iterate}\n")
+    assert mor("adjust", project, "--quiet", "--no-html").code in (0, 1)
+    results = json.loads((tmp_path / "project.results" / "results.json").read_text())
+    assert results["redundancy_sum"] == pytest.approx(results["redundancy"])

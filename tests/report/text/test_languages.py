@@ -13,13 +13,18 @@ import mor.quality
 import mor.report.text
 from mor.adjustment.datum.defect import MOVEMENTS
 from mor.parameters.kinds import KINDS
+from mor.planning import batch
+from mor.planning.design import AS_IT_IS
 from mor.project.network.entities import FRAMES
 from mor.quality.diagnosis import connected_components, singularities
+from mor.report.design import text as design_text
 from mor.report.layout import table
+from mor.report.simulation import monte_carlo
 from mor.report.words.datum import datum_name
-from mor.report.words.language import ENGLISH, words_of, words_of_page
+from mor.report.words.language import ENGLISH, words_of, words_of_page, words_of_planning
 
 CLI = Path(mor.cli.__file__).parent
+REPORT = Path(mor.report.text.__file__).parents[1]
 QUALITY = Path(mor.quality.__file__).parent
 SECTIONS = [
     *sorted(Path(mor.report.text.__file__).parent.glob("*.py")),
@@ -48,6 +53,24 @@ def headers(path: Path) -> set[str]:
             constants = [part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)]
             found |= {str(text).partition(" [")[0] for text in constants} - {"", "]"}
     return found
+
+
+PLANNING = [
+    path
+    for folder in (REPORT / "design", REPORT / "simulation", REPORT / "batch", CLI / "planning")
+    for path in sorted(folder.glob("*.py"))
+]
+
+
+@pytest.mark.parametrize("path", PLANNING, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_every_sentence_of_plans_simulations_and_batches_is_there_in_german(path: Path) -> None:
+    german = words_of_planning("de").catalogue
+    assert sorted((sentences(path) | headers(path)) - set(german)) == []
+
+
+def test_what_plans_simulations_and_batches_call_things_is_there_in_german() -> None:
+    named = {*design_text._WHAT.values(), *monte_carlo._NAMES.values(), *batch._STATUS.values(), AS_IT_IS}
+    assert sorted(named - set(words_of_planning("de").catalogue)) == []
 
 
 @pytest.mark.parametrize("path", SECTIONS, ids=lambda path: path.stem)

@@ -16,6 +16,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import Undeterminable
+from mor.observations.earth import DEFLECTIONS
 from mor.parameters.kinds import INTERIORS, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
@@ -43,7 +44,9 @@ def adjusted_project(
             entries.append({"file": f"start_{name}", "units": _units(placed, frame), **keys})
         if entries:
             data[section] = entries
-    for section in ("observations", "checks"):
+    if "geoid" in (data.get("world") or {}):
+        data["world"] = {**data["world"], "geoid": _from(target, source / data["world"]["geoid"])}
+    for section in ("observations", "checks", "candidates"):
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if "cameras" in data:
@@ -78,15 +81,21 @@ def _moved(
             moved[key] = f"given_{'_'.join(words)}.csv"
             tables[moved[key]] = frame
         elif isinstance(moved.get(key), str):
-            moved[key] = Path(os.path.relpath(source / moved[key], target)).as_posix()
+            moved[key] = _from(target, source / moved[key])
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
     return moved
 
 
+def _from(folder: Path, file: Path) -> str:
+    """A file as it is found from a folder."""
+    return Path(os.path.relpath(file, folder)).as_posix()
+
+
 def _units(placed: Placed, frame: pl.DataFrame) -> dict[str, str]:
     """Units of the angles, where the project's own (d-m-s) is not what a table of numbers has."""
-    angles = [c for c in frame.columns if c.split("_")[-1] in (*ROTATION.names, "orientation")]
+    angular = (*ROTATION.names, "orientation", "latitude", "longitude")
+    angles = [c for c in frame.columns if c.split("_")[-1] in angular or c in DEFLECTIONS]
     return dict.fromkeys(angles, angle_unit(placed))
 
 

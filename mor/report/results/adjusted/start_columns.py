@@ -11,6 +11,7 @@ import polars as pl
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
+from mor.observations.earth import DEFLECTIONS, GEOID
 from mor.parameters.index import Values
 from mor.parameters.kinds import POINT, ROTATION, BlockKind
 from mor.project.network.build import Network
@@ -73,6 +74,34 @@ def coordinate_columns(placed: Placed, numbers: IntArray) -> dict[str, FloatArra
     return _component_columns(placed, "point", numbers, POINT.names, values)
 
 
+def place_columns(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
+    """Points on the earth as their tables have them: coordinates, σ east, north, up, geoid height and deflection."""
+    world = placed.network.world
+    assert world is not None
+    N = world.of_points(GEOID, numbers)
+    sigma = np.full((len(numbers), 3), np.nan)
+    sigma[~placed.network.blocks["point"].free[numbers].any(axis=1)] = 0.0
+    given = placed.values["point"][numbers].copy()
+    row_of = {int(number): row for row, number in enumerate(numbers)}
+    observed = np.zeros(len(numbers), dtype=bool)
+    for group in (group for group in placed.network.groups if group.type.key == "control"):
+        rows = [row_of[int(number)] for number in group.blocks[0]]
+        sigma[rows], given[rows], observed[rows] = group.given_sigma, group.constants, True
+    adjusted = world.from_object(placed.values["point"][numbers], N)
+    own = world.from_object(given, N)
+    per_unit = ANGLE_UNITS[angle_unit(placed)]
+    columns: dict[str, FloatArray] = {}
+    for k, name in enumerate(world.system.coordinates):
+        unit = per_unit if name in ("latitude", "longitude") else 1.0
+        columns[name] = own[:, k] / unit
+        columns[f"start_{name}"] = np.where(observed, adjusted[:, k] / unit, np.nan)
+    columns |= {f"sigma_{name}": sigma[:, k] for k, name in enumerate(("east", "north", "up"))}
+    columns[GEOID] = N
+    given_there = np.isfinite([world.at_points[name] for name in DEFLECTIONS]).any()
+    columns |= {name: world.of_points(name, numbers) / per_unit for name in DEFLECTIONS if given_there}
+    return {key: c for key, c in columns.items() if key in world.system.coordinates or not np.isnan(c).all()}
+
+
 def angle_columns(placed: Placed, numbers: IntArray, M: FloatArray) -> dict[str, FloatArray]:
     """ω, φ, κ of rotations D Mᵀ, in the unit of the tables."""
     per_unit = ANGLE_UNITS[angle_unit(placed)]
@@ -125,8 +154,9 @@ def pose_columns(
 ) -> dict[str, Any]:
     """Position and attitude of frames, and the name of what they stand on."""
     edge = placed.network.edge
+    on_earth = placed.network.world is not None  # there the places of frames are those of points
     return {
         shared: _shared_names(placed, positions),
-        **coordinate_columns(placed, positions),
+        **({} if on_earth else coordinate_columns(placed, positions)),
         **angle_columns(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
     }

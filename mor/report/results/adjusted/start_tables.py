@@ -16,6 +16,7 @@ from mor.report.results.adjusted.start_columns import (
     angle_columns,
     constant_columns,
     coordinate_columns,
+    place_columns,
     plain_columns,
     pose_columns,
     start_frame,
@@ -62,7 +63,9 @@ def _free(unknown: Iterable[tuple[str, ...]]) -> dict[str, Any]:
 def _points(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     positions = placed.network.things["point"].parts["position"]
     tables, first = [], 0
-    for frame, keys in _by_table(placed, "point", coordinate_columns(placed, positions)):
+    on_earth = placed.network.world is not None
+    columns = place_columns(placed, positions) if on_earth else coordinate_columns(placed, positions)
+    for frame, keys in _by_table(placed, "point", columns):
         group = placed.network.point_groups.get(int(positions[first])) if frame.height else None
         tables.append((frame, {**keys, **({"group": group} if group else {})}))
         first += frame.height

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from mor.quality.hypotheses.effort import times
 from mor.quality.solved import Solved
 from mor.report.layout import heading, short
 from mor.report.tables.gross_errors.hypotheses import hypotheses
@@ -38,25 +39,47 @@ SENTENCES = {
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
     """The hypotheses, the best first, with what each does to vᵀPv and a line to try it."""
-    rows = hypotheses(solved)
-    if not rows:
+    rows, untried = hypotheses(solved), solved.found.untried
+    if not rows and not untried:
         return ""
-    lines = [
-        heading(words("What may be the cause")),
-        words(
-            "Each was tried in an adjustment of its own. None is applied, and none is certain: look at the "
-            "measurements before you change anything."
-        ),
-    ]
+    lines = [heading(words("What may be the cause"))]
+    if rows:
+        lines.append(
+            words(
+                "Each was tried in an adjustment of its own. None is applied, and none is certain: look at the "
+                "measurements before you change anything."
+            )
+        )
     for number, row in enumerate(rows, 1):
         lines += [f"{number}. {sentence(row, words)}", f"   {_effect(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))
+    if untried:
+        lines.append(
+            words(
+                "{count:further cause was|further causes were} not tried: that would have taken longer than "
+                "{times:adjustment|adjustments} of this size.",
+                count=untried,
+                times=times(solved.network.observations),
+            )
+        )
     return "\n".join(lines)
 
 
 def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
     """The best hypothesis, for the verdict."""
     return [words("Possible cause, to be checked: {cause}.", cause=sentence(row, words)) for row in rows[:1]]
+
+
+def to_try(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
+    """Hypotheses and the lines to try them, where there is no adjustment to tell more of."""
+    return [
+        words(
+            "Possible cause, to be checked: {cause}; to try it: {line}",
+            cause=sentence(row, words),
+            line=row["line"],
+        )
+        for row in rows
+    ]
 
 
 def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:

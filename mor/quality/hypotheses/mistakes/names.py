@@ -18,8 +18,9 @@ from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.hypotheses.changes import with_blocks
 from mor.quality.hypotheses.hypothesis import Hypothesis
+from mor.quality.hypotheses.mistakes.station_alone import exchanges_at_stations
 from mor.quality.hypotheses.situation import Situation, sizes_of
-from mor.quality.hypotheses.station_alone import exchanges_at_stations
+from mor.quality.hypotheses.trying import without_row
 
 _ROWS = 40
 """Rows of a group that are looked at, the worst first."""
@@ -61,13 +62,6 @@ def name_hypotheses(situation: Situation) -> list[Hypothesis]:
     return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
 
 
-def mixed_up(situation: Situation) -> list[tuple[str, str]]:
-    """Names of targets as written, and those that the row would fit with, one pair for each such row."""
-    return [
-        (match.names[-1], match.right) for match in _all_matches(situation) if match.reference not in _BEGIN
-    ]
-
-
 def _all_matches(situation: Situation) -> list[Match]:
     return [
         match
@@ -84,11 +78,14 @@ def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterat
     names = tuple(column[row] for column in group.references)
     values, sizes_now = situation.values, situation.sizes[number][row]
     if alone:
-        values = situation.without_row(number, row)
+        values = without_row(situation, number, row)
         sizes_now = sizes_of([group], values)[0][row]
     now = float(np.sqrt(np.mean(sizes_now**2)))
     for place, reference in enumerate(group.type.references):
         slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
+        named: set[int] = (
+            set()
+        )  # places that a thing of an earlier kind has: a station over a point is named by it
         for space in reference.among:
             things = situation.network.things.get(space)
             if things is None or not len(things.ids):
@@ -100,19 +97,25 @@ def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterat
             }
             if not blocks or (space == "station" and names[place] in situation.network.sets):
                 continue
-            sizes = _sizes_with(values, group, row, blocks)
-            same = np.all([values == group.blocks[slot][row] for slot, values in blocks.items()], axis=0)
-            sizes[same | np.isin(things.ids, names)] = np.inf
+            # A height may belong to the thing of that name, or to the row as it stands.
+            places = {k: own for k, own in blocks.items() if group.type.slots[k].kind != "height"}
+            variants = [blocks] if len(places) == len(blocks) or not places else [blocks, places]
+            each = np.array([_sizes_with(values, group, row, variant) for variant in variants])
+            chosen, sizes = each.argmin(axis=0), each.min(axis=0)
+            same = np.all([own == group.blocks[slot][row] for slot, own in blocks.items()], axis=0)
+            place_of = things.parts.get("position", np.full(len(things.ids), -1))
+            sizes[same | np.isin(things.ids, names) | np.isin(place_of, list(named))] = np.inf
+            named |= set(place_of[place_of >= 0].tolist())
             for k in np.argsort(sizes, kind="stable")[:_NAMES]:
                 if sizes[k] <= max(_AS_GOOD, 0.05 * now) and sizes[k] < 0.3 * now:
-                    chosen = {slot: int(values[k]) for slot, values in blocks.items()}
+                    right = {slot: int(own[k]) for slot, own in variants[int(chosen[k])].items()}
                     yield Match(
                         number,
                         row,
                         reference.name,
                         names,
                         things.ids[k],
-                        chosen,
+                        right,
                         len(things.ids),
                         now - sizes[k],
                     )
@@ -157,6 +160,7 @@ def _at_spoiled_stations(situation: Situation) -> Iterator[Hypothesis]:
 
 def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]) -> Hypothesis:
     group = network.groups[one.group]
+    one, other = sorted((one, other), key=lambda match: match.row)
     slots = [k for k, slot in enumerate(group.type.slots) if slot.of == one.reference]
     swapped = {k: [group.blocks[k][other.row], group.blocks[k][one.row]] for k in slots}
     rows = (one.row, other.row)

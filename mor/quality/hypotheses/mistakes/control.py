@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -12,8 +11,9 @@ import numpy as np
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
 from mor.quality.hypotheses.changes import with_points
+from mor.quality.hypotheses.effort import SMALL
 from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.names import mixed_up
+from mor.quality.hypotheses.reintersection import by_sights_alone, costs_at_places
 from mor.quality.hypotheses.situation import Situation
 
 _UNITS = {
@@ -26,6 +26,8 @@ _UNITS = {
 }
 _PAIRS = 3
 """Exchanges that are tried, of all pairs."""
+_SUSPECTED = 12
+"""Control points whose sights are put to each other's places: those they fit worst at their own."""
 _POINTS = 60
 """Control points up to which all pairs are looked through."""
 
@@ -113,24 +115,43 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
 
 
 def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
-    """The pairs that leave least of the misclosures of a similarity to where the other observations have the points."""
+    """The pairs whose sights fit each other's places, and that leave least misclosure of a similarity to theirs."""
     count = len(control.points)
-    if not 3 <= count <= _POINTS:
+    if count < 3:
         return []
+    best = _sighted_exchanged(situation, control)
+    if count <= _POINTS:
+        adjusted = _without_control(situation, control)
+        sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
+        best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
+    return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
+
+
+def _without_control(situation: Situation, control: Control) -> FloatArray:
+    """(k, 3) where the points are by their sights; where nobody sights them, where they are in the adjustment."""
     adjusted = situation.values["point"][control.points]
-    sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
-    best = _seen_exchanged(situation, control)
-    best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
-    return [_exchange(situation, control, pair, len(sums)) for pair in best]
+    if situation.count > SMALL:
+        return adjusted
+    problem = situation.make(situation.network, situation.start, situation.values)
+    places = by_sights_alone(problem, situation.values, control.points)
+    return np.where(np.isfinite(places), places, adjusted)
 
 
-def _seen_exchanged(situation: Situation, control: Control) -> list[tuple[int, int]]:
-    """Pairs of which the rays to one fit the place of the other."""
-    ids = situation.network.blocks["point"].ids
-    place = {ids[point]: k for k, point in enumerate(control.points.tolist())}
-    found = [(place[a], place[b]) for a, b in mixed_up(situation) if a in place and b in place]
-    pairs = Counter((min(pair), max(pair)) for pair in found)
-    return [pair for pair, _ in pairs.most_common(_PAIRS)]
+def _sighted_exchanged(situation: Situation, control: Control) -> list[tuple[int, int]]:
+    """Pairs of which the sights to each fit the given place of the other, and not its own; the clearest first."""
+    if situation.count > SMALL:
+        return []
+    problem, values = situation.make(situation.network, situation.start, situation.values), situation.values
+    points, given = control.points.tolist(), control.given
+    own = [float(costs_at_places(problem, values, p, given[[k]])[0]) for k, p in enumerate(points)]
+    worst = np.argsort(-np.array(own), kind="stable")[:_SUSPECTED].tolist()
+    there = {k: costs_at_places(problem, values, points[k], given[worst]) for k in worst}
+    drops = {}
+    for (m, one), (n, other) in combinations(enumerate(worst), 2):
+        drop = own[one] + own[other] - there[one][n] - there[other][m]
+        if drop > 0.5 * (own[one] + own[other]):
+            drops[min(one, other), max(one, other)] = drop
+    return sorted(drops, key=lambda pair: -drops[pair])[:_PAIRS]
 
 
 def _swapped(given: FloatArray, pair: tuple[int, int]) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,6 +21,8 @@ Change = Callable[[FloatArray], FloatArray]
 
 _BAD = 0.5
 """Part of the rays of an image that do not fit, from which on it is looked at."""
+_CLEAR = 14.0
+"""Σ ln by which the start values have to speak for other signs: odds of a million to one, if they were that good."""
 _IMAGES = 6
 """Images that are looked at, the worst first."""
 _MIRRORS = {
@@ -44,6 +46,7 @@ def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:
+    """Single images, those that the start values speak against first; where most are bad, it is none of them."""
     parts: dict[str, list[tuple[int, IntArray]]] = {}
     bad: dict[str, tuple[int, int]] = {}
     for number in numbers:
@@ -55,12 +58,42 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
             before = bad.get(name, (0, 0))
             bad[name] = before[0] + int(rows_bad[rows].sum()), before[1] + len(rows)
     shares = {name: wrong / count for name, (wrong, count) in bad.items() if count >= 3}
-    worst = sorted((n for n in shares if shares[n] >= _BAD), key=lambda n: -shares[n])[:_IMAGES]
-    for name in worst:
+    worst = sorted((n for n in shares if shares[n] >= _BAD), key=lambda n: -shares[n])
+    named = [
+        names for names in (worst, _against_start_values(situation, parts)) if 2 * len(names) <= len(parts)
+    ]
+    for name in dict.fromkeys(name for names in reversed(named) for name in names[:_IMAGES]):
         for cause, (signs, axes) in _MIRRORS.items():
             yield _mirrored(
                 situation, cause, (name,), parts[name], signs, f"image {name}: −{axes}", True, len(bad)
             )
+
+
+def _against_start_values(
+    situation: Situation, parts: Mapping[str, Sequence[tuple[int, IntArray]]]
+) -> list[str]:
+    """Images whose rays come nearer to their start values mirrored or turned, the clearest first."""
+    gains = {}
+    for name, rows in parts.items():
+        plain, *others = (
+            sum(_beside(situation.network, number, chosen, signs) for number, chosen in rows)
+            for signs in ((1.0, 1.0), *(signs for signs, _ in _MIRRORS.values()))
+        )
+        gains[name] = plain - min(others)
+    clear = [name for name, gain in gains.items() if gain > _CLEAR]
+    return sorted(clear, key=lambda name: -gains[name])
+
+
+def _beside(network: Network, number: int, rows: IntArray, signs: tuple[float, float]) -> float:
+    """Σ ln |v|/σ of some rays at the given start values, their coordinates with other signs."""
+    group = network.groups[number]
+    blocks = [
+        network.start[slot.kind][own[rows]] for slot, own in zip(group.type.slots, group.blocks, strict=True)
+    ]
+    with np.errstate(all="ignore"):
+        computed = group.type.equation(blocks, group.constants[rows]).values
+        sizes = np.abs(group.observed[rows] * np.array(signs) - computed) / group.given_sigma[rows]
+    return float(np.sum(np.log(np.maximum(sizes[np.isfinite(sizes)], 1.0))))
 
 
 def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:
@@ -100,7 +133,7 @@ def _mirrored(
         return network
 
     anew = _poses(situation.network, parts) if local else {}
-    return Hypothesis(cause, things, change, line, candidates, anew=anew)
+    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local)
 
 
 def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
@@ -130,7 +163,7 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
 
         unit = words.partition(" ")[0]
         line = f"observations, {table}: units: {{x: {unit}, y: {unit}}}"
-        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch)
+        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True)
 
 
 def _readings(scale: ImageScale) -> dict[str, Change]:
@@ -151,7 +184,7 @@ def _readings(scale: ImageScale) -> dict[str, Change]:
 
 
 def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothesis]:
-    """The camera constant as an unknown, where it is fixed or observed."""
+    """The camera constant as an unknown, where it is fixed or observed: the latter costs its observation already."""
     network = situation.network
     model = network.project.cameras[name].model
     kind = f"interior/{model}"
@@ -184,7 +217,7 @@ def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothes
         change,
         line,
         len(network.things["camera"].ids),
-        parameters=len(held),
+        parameters=sum(not _is_observed(network, kind, block, k) for k in held),
         amount=amount,
     )
 

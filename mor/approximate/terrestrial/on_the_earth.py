@@ -1,0 +1,91 @@
+"""Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
+
+Over 10 km heights are wrong by some metres then, over 100 km by a few hundred: near enough to begin from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mor.geometry.earth import Horizon
+from mor.observations import PLAIN_TYPES, ObservationGroup, some_rows
+from mor.project.network.build import Network
+
+_NEUTRAL = 0
+"""Block of the height that nothing has."""
+
+
+def to_plane(network: Network) -> Network:
+    """The network with plain observations in place of those that need the ellipsoid."""
+    if network.world is None:
+        return network
+    horizon = network.world.horizon
+    groups = tuple(
+        _PLAIN[group.type.key](group, horizon) if group.type.key in _PLAIN else group
+        for group in network.groups
+    )
+    return replace(network, groups=groups)
+
+
+def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    return replace(kept, type=PLAIN_TYPES["vector"], observed=kept.observed @ horizon.axes.T)
+
+
+def _geocentric(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=horizon.from_geocentric(kept.observed))
+
+
+def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
+    observed = horizon.from_geodetic(kept.observed)
+    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
+
+
+def _projected(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=group.constants[:, :3])
+
+
+def _heights(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    geoid = group.constants[:, :1] if group.type.constants else 0.0
+    nothing = np.full((group.count, 2), np.nan)
+    observed, sigma = (np.hstack([nothing, column]) for column in (group.observed + geoid, group.sigma))
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
+
+
+def _differences(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    rise = group.constants[:, 1:] - group.constants[:, :1] if group.type.constants else 0.0
+    return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
+
+
+def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    return replace(group, type=PLAIN_TYPES["bearing"])
+
+
+def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    start, end, meter = group.blocks
+    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
+
+
+_PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
+    "gnss_vector": _vectors,
+    "gnss_position": _geocentric,
+    "geodetic_position": _geodetic,
+    "projected_position": _projected,
+    "ellipsoidal_height": _heights,
+    "orthometric_height": _heights,
+    "height_difference": _differences,
+    "ellipsoidal_height_difference": _differences,
+    "azimuth": _bearings,
+    "astronomic_azimuth": _bearings,
+    "ellipsoid_arc": _distances,
+    "ellipsoid_chord": _distances,
+    "mean_sea_level_distance": _distances,
+    "height_reduced_distance": _distances,
+}

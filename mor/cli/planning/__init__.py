@@ -1,0 +1,1 @@
+"""Commands before the measurement, and of many projects at once."""

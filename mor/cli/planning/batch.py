@@ -1,0 +1,157 @@
+"""``mor batch``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli._language import language_option
+from mor.errors import ExitCode, InputError, Problem
+
+if TYPE_CHECKING:
+    from mor.planning.batch import Case
+    from mor.report.batch.rows import Row
+
+
+@click.command(name="batch")
+@click.argument("projects", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    default="batch.results",
+    show_default=True,
+    help="Folder of the tables, with a folder of results for each project in it.",
+)
+@click.option(
+    "--jobs",
+    metavar="N",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Processes that share the projects.",
+)
+@click.option("--strict", is_flag=True, help="A project that is rejected or has flagged observations fails.")
+@click.option("--snoop", is_flag=True, help="Data snooping in every project.")
+@click.option("--html", is_flag=True, help="Write the page of each project as well.")
+@click.option(
+    "--against",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    help="A batch kept from an earlier run: projects whose numbers differ from it fail.",
+)
+@click.option(
+    "--tol",
+    metavar="NUMBER",
+    default=1e-6,
+    show_default=True,
+    type=click.FloatRange(min=0.0),
+    help="Numbers are equal within this times max(1, |number|).",
+)
+@click.option(
+    "--timeout",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="End a project that takes longer.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print batch.json on standard output.")
+@language_option("the tables and reports")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(
+    projects: tuple[str, ...],
+    output: Path,
+    jobs: int,
+    strict: bool,
+    snoop: bool,
+    html: bool,
+    against: Path | None,
+    tol: float,
+    timeout: float | None,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    """Adjust many PROJECTS, and say of all in one table what became of them.
+
+    \b
+    Examples:
+      mor batch 'blocks/**/project.yaml'
+      mor batch 'blocks/**/project.yaml' --jobs 4 --strict -o nightly
+      mor batch 'blocks/**/project.yaml' --against kept.results -o now
+      mor batch *.dat --json --quiet | jq .failed
+
+    PROJECTS are files, or patterns in quotes, in which ** stands for any number of folders. The folder has batch.txt,
+    batch.json, batch.html, junit.xml, and for each project results.json, report.txt and log.txt. A project that crashes
+    or takes too long fails by itself alone.
+
+    \b
+    Exit codes: 0 none fails; 1 some fail; 2 input: nothing is called so.
+    A project fails where mor adjust exits with another code than 0, or where it differs from what
+    was kept.
+    """
+    from mor.planning.batch import cases
+    from mor.report.batch.files import batch_page, junit_xml
+    from mor.report.batch.rows import batch_data, batch_text
+    from mor.report.results.json import to_json
+    from mor.report.words.language import words_of_planning
+
+    words = words_of_planning(lang)
+    if against is not None and not against.is_dir():
+        raise InputError([Problem("there is no such folder of kept results", str(against))])
+    options = [
+        *(["--strict"] if strict else []),
+        *(["--snoop"] if snoop else []),
+        *([] if html else ["--no-html"]),
+        *("--tables", "none", "--lang", lang, "--force"),
+    ]
+    rows = _rows(cases(projects, output), options, jobs, timeout, against, tol, quiet)
+    text, data = batch_text(rows, words), to_json(batch_data(rows))
+    files = {"batch.txt": text, "batch.json": data, "batch.html": batch_page(rows, words)}
+    for name, content in {**files, "junit.xml": junit_xml(rows, words)}.items():
+        (output / name).write_text(content, encoding="utf-8", newline="\n")
+    if as_json:
+        click.echo(data, nl=False)
+    if not quiet:
+        click.echo(text, err=True, nl=False)
+        click.echo(words("tables in {place}", place=output), err=True)
+    return ExitCode.REJECTED if any(row.fails for row in rows) else ExitCode.DONE
+
+
+def _rows(
+    found: Sequence[Case],
+    options: Sequence[str],
+    jobs: int,
+    timeout: float | None,
+    against: Path | None,
+    tol: float,
+    quiet: bool,
+) -> list[Row]:
+    """The row of each project in the order of their names; each is told when it is done."""
+    from mor.planning.batch import LOG, row_of
+    from mor.planning.workers import Task, run_tasks
+
+    for case in found:
+        case.folder.mkdir(parents=True, exist_ok=True)
+    tasks = [Task((str(case.project), str(case.folder), *options), case.folder / LOG) for case in found]
+    rows: dict[int, Row] = {}
+    begun = time.monotonic()
+    for done in run_tasks(adjust_one, tasks, min(jobs, len(tasks)), timeout):
+        rows[done.number] = row = row_of(found[done.number], done, against, tol)
+        if not quiet:
+            click.echo(f"{len(rows)}/{len(tasks)} {row.name}: {row.status}, {done.seconds:.1f} s", err=True)
+    if not quiet:
+        click.echo(f"{time.monotonic() - begun:.1f} s", err=True)
+    return [rows[k] for k in sorted(rows)]
+
+
+def adjust_one(project: str, folder: str, *options: str) -> int:
+    """One project, in the process of a batch; its old results go first, so that none of them are taken for new ones."""
+    from mor.cli import run
+
+    (Path(folder) / "results.json").unlink(missing_ok=True)
+    return run(["adjust", project, "-o", folder, *options])

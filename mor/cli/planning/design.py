@@ -1,0 +1,118 @@
+"""``mor design``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli._format import format_option
+from mor.cli._language import language_option
+from mor.errors import ExitCode
+
+if TYPE_CHECKING:
+    from mor.planning.design import Design
+
+
+@click.command(name="design")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.design",
+    help="Folder of the plan.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@format_option
+@click.option("--rank", is_flag=True, help="Rank planned observations and candidates by what they are worth.")
+@click.option(
+    "--greedy",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Choose up to N candidates, one after the other, until all that is required is reached.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print design.json on standard output; files only with -o."
+)
+@language_option("the report")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    source_format: str | None,
+    rank: bool,
+    greedy: int | None,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    """Say what PROJECT would give, before anything of it is measured.
+
+    \b
+    Examples:
+      mor design project.yaml
+      mor design project.yaml --rank --greedy 20
+      mor design project.yaml --json --quiet | jq .fulfilled
+      mor design project.results/adjusted.yaml -o plan_of_next_epoch
+
+    Measured values may be missing, and are ignored where they are there: expected sigmas, redundancy numbers,
+    detectable errors, weak directions at the place of the start values. What has to be reached stands in the project
+    file under require, what-if variants under variants, observations one might add under candidates.
+
+    \b
+    Exit codes: 0 done, all that is required is reached; 1 something is not reached; 2 input;
+    4 singular: the plan leaves something undetermined.
+    """
+    from mor.input_files import files_read
+    from mor.planning.design import designed
+    from mor.report.identity import Identity
+    from mor.report.results.folder import check_inputs, folder_beside
+    from mor.report.results.reservation import check_free, reserve
+
+    writes = output is not None or not as_json
+    folder = output or folder_beside(project, ".design")
+    if writes:
+        check_free(folder, force)
+    with files_read() as files:
+        design = designed(project, source_format or "", rank or greedy is not None, greedy or 0)
+    of = Identity(tuple(files.values()), project.parent, _options(rank, greedy, source_format))
+    if writes:
+        from mor.report.design.writing import DESIGN_FILES
+
+        check_inputs(folder, [project, *(project.parent / name for name in design.files)], DESIGN_FILES)
+        with reserve(folder, force) as place:
+            design.write(place, of, lang)
+    if as_json:
+        click.echo(design.json(of), nl=False)
+    if not quiet:
+        _tell(design, lang, folder if writes else None)
+    return _exit_code(design)
+
+
+def _options(rank: bool, greedy: int | None, source_format: str | None) -> tuple[str, ...]:
+    options = (*(("--rank",) if rank else ()), *(("--greedy", str(greedy)) if greedy else ()))
+    return (*options, *(("--from", source_format) if source_format else ()))
+
+
+def _tell(design: Design, lang: str, folder: Path | None) -> None:
+    from mor.errors import screenful
+    from mor.report.words.language import words_of_planning
+
+    words = words_of_planning(lang)
+    for note in screenful(design.notes, "mor check --all"):
+        said = replace(note, message=words.listed(note.message))
+        click.echo(words("note: {text}", text=said), err=True)
+    click.echo(design.screen(words), err=True)
+    if folder is not None:
+        click.echo(words("plan in {place}", place=folder), err=True)
+
+
+def _exit_code(design: Design) -> int:
+    if design.solved.quality is None:
+        return ExitCode.SINGULAR
+    return ExitCode.DONE if design.fulfilled else ExitCode.REJECTED

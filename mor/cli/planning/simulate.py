@@ -1,0 +1,259 @@
+"""``mor simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli._format import format_option
+from mor.cli._language import language_option
+from mor.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mor.planning.monte_carlo import Trial
+    from mor.quality.simulation.planted import Systematic, Wishes
+
+
+@click.command(name="simulate")
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="PROJECT.simulated, with --runs PROJECT.montecarlo",
+    help="Folder of the simulated project, or of the report of many runs.",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@format_option
+@click.option(
+    "--seed",
+    metavar="N",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=0),
+    help="Seed of all that is drawn.",
+)
+@click.option("--noise-free", is_flag=True, help="No random errors: only those that are planted.")
+@click.option(
+    "--gross",
+    default=0,
+    show_default=True,
+    metavar="N",
+    type=click.IntRange(min=0),
+    help="Plant N gross errors.",
+)
+@click.option(
+    "--size",
+    metavar="K",
+    default=20.0,
+    show_default=True,
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Size of a gross error, in units of the sigma of its observation.",
+)
+@click.option(
+    "--drop",
+    default=0.0,
+    show_default=True,
+    metavar="SHARE",
+    type=click.FloatRange(min=0.0, max=1.0, max_open=True),
+    help="Lose this share of the rows of tables, e.g. 0.1.",
+)
+@click.option(
+    "--offset",
+    "offsets",
+    multiple=True,
+    metavar="GROUP[:COMPONENT]=AMOUNT",
+    help="Add an amount to all observations of a group, in its unit.",
+)
+@click.option(
+    "--ppm",
+    "scales",
+    multiple=True,
+    metavar="GROUP[:COMPONENT]=PPM",
+    help="Add parts per million of the values of a group.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    help="Monte Carlo: N simulated measurements, adjusted one by one, against what the adjustment says of itself.",
+)
+@click.option(
+    "--jobs",
+    metavar="N",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Processes that runs are shared among.",
+)
+@click.option(
+    "--starts",
+    is_flag=True,
+    help="Work out start values anew in every run of --runs.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print montecarlo.json on standard output as well.")
+@language_option("the report of many runs")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+def command(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    source_format: str | None,
+    seed: int,
+    noise_free: bool,
+    gross: int,
+    size: float,
+    drop: float,
+    offsets: tuple[str, ...],
+    scales: tuple[str, ...],
+    runs: int | None,
+    jobs: int,
+    starts: bool,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    """Measure PROJECT by numbers: the same project with simulated observations, ready to be adjusted.
+
+    \b
+    Examples:
+      mor simulate project.yaml && mor adjust project.simulated/project.yaml
+      mor simulate project.yaml -o trial --seed 7 --gross 3 --drop 0.1
+      mor simulate project.yaml -o trial --offset distances.csv=0.003 --force
+      mor simulate project.yaml --runs 2000 --jobs 4
+
+    The place of everything is that of the start values; measured values are ignored. Errors are drawn from the sigmas
+    and covariances of the project; prior knowledge, as control points with a sigma, gets its error as well. truth.csv
+    has what is true, planted.csv what was planted on purpose. With --runs nothing is written but a report: bias,
+    coverage of confidence regions, levels and power of the tests, against the analytic values; the same bytes for a
+    seed whatever the number of jobs, and a run that was interrupted goes on where it stood.
+
+    \b
+    Exit codes: 0 done; 1 simulation and theory disagree (--runs); 2 input; 4 singular (--runs).
+    """
+    from mor.planning.monte_carlo import Trial
+    from mor.quality.simulation.planted import Wishes
+
+    systematic = (*_systematic(offsets, False), *_systematic(scales, True))
+    wishes = Wishes(gross, size, drop, systematic)
+    if runs is not None:
+        _refuse_with_runs(gross, drop, systematic, noise_free)
+        trial = Trial(project, source_format or "", seed, starts)
+        return _many(trial, output, force, runs, jobs, as_json, lang, quiet)
+    return _one(project, output, force, source_format or "", seed, noise_free, wishes, quiet)
+
+
+def _one(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    form: str,
+    seed: int,
+    noise_free: bool,
+    wishes: Wishes,
+    quiet: bool,
+) -> int:
+    from mor.errors import screenful
+    from mor.planning.simulation import simulated
+    from mor.report.results.folder import check_inputs, folder_beside
+    from mor.report.results.reservation import check_free, reserve
+
+    folder = output or folder_beside(project, ".simulated")
+    check_free(folder, force)
+    simulation = simulated(project, form, seed, wishes, not noise_free)
+    tables = [project.parent / name for name in simulation.document.table_files()]
+    check_inputs(folder, [project, *tables], [path.name for path in (project, *tables)])
+    with reserve(folder, force) as place:
+        simulation.write(place)
+    if not quiet:
+        for note in screenful(simulation.network.notes, "mor check --all"):
+            click.echo(f"note: {note}", err=True)
+        click.echo(f"simulated project in {folder}", err=True)
+    return ExitCode.DONE
+
+
+def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
+    """What is planted goes into one simulated project; runs have errors of their own."""
+    from mor.errors import InputError, Problem
+
+    given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
+    problems = [
+        Problem("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _many(
+    trial: Trial,
+    output: Path | None,
+    force: bool,
+    runs: int,
+    jobs: int,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    from mor.cli._progress import progress
+    from mor.input_files import files_read
+    from mor.planning.monte_carlo import prepared, run_trial
+    from mor.quality.simulation.findings import findings
+    from mor.report.identity import Identity
+    from mor.report.results.folder import folder_beside
+    from mor.report.results.json import to_json
+    from mor.report.simulation.monte_carlo import finding_table, monte_carlo_data, monte_carlo_text, verdict
+    from mor.report.words.language import words_of_planning
+
+    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of_planning(lang)
+    _check_folder(folder, force)
+    with files_read() as files:
+        ready = prepared(trial)
+    if ready.truth is None:
+        click.echo(words("the plan has no solution; mor design says why"), err=True)
+        return ExitCode.SINGULAR
+    with progress(quiet, False, words=words) as say:
+        tally = run_trial(ready, runs, jobs, folder / "runs", files, say.phase("simulating", runs))
+    of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
+    about = ready.network, ready.truth, tally, trial.seed, trial.starts
+    data = to_json(monte_carlo_data(*about, of))
+    for name, text in (("montecarlo.txt", monte_carlo_text(*about, words, of)), ("montecarlo.json", data)):
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    if as_json:
+        click.echo(data, nl=False)
+    found = findings(ready.truth, tally)
+    if not quiet:
+        click.echo(f"{verdict(found, words)}\n{finding_table(found, words)}", err=True)
+        click.echo(words("report in {place}", place=folder), err=True)
+    return ExitCode.DONE if all(one.agrees for one in found) else ExitCode.REJECTED
+
+
+def _check_folder(folder: Path, force: bool) -> None:
+    """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
+    from mor.report.results.reservation import check_free
+
+    if not (folder / "runs" / "key.json").is_file():
+        check_free(folder, force)
+
+
+def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
+    from mor.errors import InputError, Problem
+    from mor.quality.simulation.planted import Systematic
+
+    found, problems = [], []
+    for text in given:
+        pattern, sign, amount = text.rpartition("=")
+        try:
+            found.append(Systematic(pattern, float(amount), is_ppm))
+            if not sign:
+                raise ValueError
+        except ValueError:
+            words = f"found {text!r}, expected GROUP=AMOUNT, e.g. distances.csv=0.003"
+            problems.append(Problem(words, "--ppm" if is_ppm else "--offset"))
+    if problems:
+        raise InputError(problems)
+    return found

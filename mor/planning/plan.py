@@ -1,0 +1,108 @@
+"""A plan: the network as it is going to be measured, with the precision and reliability that can be expected.
+
+σ, redundancy numbers and detectable errors need geometry and weights alone. So a plan is the adjustment of observations
+that are free of errors at the place the project gives: its solution is that place, its statistics are those expected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Adjustment
+from mor.arrays import FloatArray
+from mor.compilation import chosen_by_size
+from mor.errors import InputError, mistakes_in
+from mor.errors import Problem as Mistake
+from mor.parameters.index import Values, all_known
+from mor.pipeline import check_minimal, determinable_start, levels, make_problem
+from mor.project.file.nodes import Document
+from mor.project.file.validation import validate
+from mor.project.network.build import Network, build_network
+from mor.project.network.entities import said_thing
+from mor.quality.assess import assess
+from mor.quality.diagnosis.determinable import Means, adjust_determinable
+from mor.quality.simulation.implied import place_with_errors
+from mor.quality.simulation.measurements import measured_at
+from mor.quality.solved import Solved
+from mor.quality.tests.test_statistics import critical_value
+
+NO_PLACE = "a plan needs start values of everything: coordinates of points, poses of images"
+ON_EARTH = "plans and simulated projects of networks on the earth (world) need measured values in all tables"
+MEASURED = "the place of what the project gives no start values of is worked out from its measured values"
+
+
+def read_plan(document: Document, folder: Path) -> Network:
+    """The network of a project in which measured values may be missing. Raises :class:`InputError`."""
+    return build_network(validate(document), document, folder, planned=True)
+
+
+def at_its_place(network: Network) -> Network:
+    """The network at the place that its project gives, with observations that are free of errors there.
+
+    Circles of levelled instruments without orientation are taken to stand at zero. Anything else that has no place is
+    worked out where everything has been measured already; else it is a mistake (:class:`InputError`).
+    """
+    if network.project.world is not None and network.unmeasured:
+        raise InputError([Mistake(ON_EARTH, network.file)])
+    if all_known(network.start):
+        return _measured_where_implied(network, network.start)
+    if not network.unmeasured:
+        found, place = determinable_start(network)
+        return _measured_where_implied(replace(found, notes=(*found.notes, Mistake(MEASURED))), place)
+    place, missing = _with_circles_at_zero(network)
+    if missing:
+        raise InputError([Mistake(f"{thing}: no place; {NO_PLACE}", network.file) for thing in missing])
+    return _measured_where_implied(network, place)
+
+
+def _measured_where_implied(network: Network, place: Values) -> Network:
+    """The network at the nearest place to the one given at which points lie on their planes, levelled things level."""
+    with chosen_by_size(network.observations):
+        problem = make_problem(network, place, place)
+        exact = [np.zeros(group.observed.shape) for group in problem.groups]
+        return measured_at(network, place_with_errors(problem, place, exact, exact))
+
+
+def _with_circles_at_zero(network: Network) -> tuple[dict[str, FloatArray], list[str]]:
+    """Start values with free turns of circles, and what has no place still."""
+    place = {kind: values.copy() for kind, values in network.start.items()}
+    stations = network.things["station"].parts["rotation"]
+    loose = (
+        stations[~np.isfinite(place["rotation"][stations]).all(axis=(1, 2))] if len(stations) else stations
+    )
+    if len(loose):
+        place["rotation"][loose] = np.eye(3)
+    missing = [
+        said_thing(kind, network.blocks[kind].ids[block])
+        for kind, values in place.items()
+        for block in np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1)).tolist()
+    ]
+    return place, list(dict.fromkeys(missing))
+
+
+def solve_plan(network: Network) -> Solved:
+    """The expected quality of a network that is :func:`at_its_place`; σ are those a priori.
+
+    Where it is singular there is no quality, and the outcome says what is loose.
+    """
+    settings = network.project.settings
+
+    def solve(some: Network, start: Values) -> Adjustment:
+        return adjust(make_problem(some, start, start), start, Settings(settings.max_iterations))
+
+    means = Means(
+        lambda some, start: make_problem(some, start, start),
+        solve,
+        critical_value(settings.snooping_level),
+        lambda adjustment: adjustment.outcome.is_solution,
+    )
+    with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
+        network, adjustment = adjust_determinable(network, network.start, means)
+        if not adjustment.outcome.is_solution:
+            return Solved(network, adjustment, None)
+        check_minimal(network, adjustment)
+        return Solved(network, adjustment, assess(adjustment, levels(settings), aposteriori=False))

@@ -1,0 +1,1 @@
+"""The network on the earth: coordinate reference system, geoid, deflections. Nothing else imports pyproj."""

@@ -1,0 +1,56 @@
+"""What observations on the earth must know besides what was measured: deflections, geoid heights, their own place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray
+from mor.observations import ObservationType
+from mor.observations.earth import GEOID
+from mor.observations.names import Names
+from mor.project.network.reading import Reading
+from mor.project.tables.columns import tell_rows
+from mor.project.tables.tables import Rows
+from mor.project.world.geoid import GeoidError, geoid_heights
+from mor.project.world.world import World
+
+_MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
+
+
+def known_at(
+    reading: Reading, world: World, known: str, blocks: IntArray, rows: Rows, names: Names
+) -> FloatArray:
+    """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
+    values = world.of_points(known, blocks)
+    tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {_MEANT}")
+    return values
+
+
+def place_of_observed(
+    reading: Reading, world: World, blocks: IntArray, rows: Rows, given: FloatArray
+) -> FloatArray:
+    """Constants (n, 10) of positions (n, 3) that were observed in the projection of the project."""
+    N = np.zeros(rows.count)
+    if world.orthometric:
+        N = rows.number(GEOID)
+        N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
+        N = np.where(np.isnan(N), _of_grid(reading, world, given), N)
+        tell_rows(reading.problems, np.isnan(N), rows, _MEANT)
+    lost = np.any(np.isnan(given), axis=1)
+    tell_rows(reading.problems, lost, rows, "a position on the earth needs all of east, north, height")
+    place = world.to_object(given, N)
+    return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
+
+
+def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
+    if world.geoid is None:
+        return np.full(len(given), np.nan)
+    try:
+        return geoid_heights(world.geoid, world.system.to_geodetic(given * world.metres)) / world.metres
+    except GeoidError:  # told with the points
+        return np.full(len(given), np.nan)
+
+
+def needs_place(type_: ObservationType) -> bool:
+    """True for types that are told where they were observed."""
+    return any(constant.name.startswith("grid ") for constant in type_.constants)

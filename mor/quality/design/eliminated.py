@@ -1,0 +1,103 @@
+"""Points that are eliminated by their own rays, many at once: N⁻¹ and N⁻¹Cᵀ of each.
+
+As ``quality/reliability/local_influence.py`` has them one by one: N the normal equations of a point, C their coupling
+with the unknowns of its rays. Rows of all points are as long as the longest, filled up with zeros.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.state import Adjustment
+from mor.arrays import FloatArray, IntArray
+
+_RAYS = 200_000
+_POINTS = 1_000
+
+
+class Eliminated(NamedTuple):
+    """P eliminated points."""
+
+    place: IntArray
+    """(points,) number of each point block among them, −1 where it is not."""
+    columns: IntArray
+    """(P, 3) their unknowns."""
+    inverse: FloatArray
+    """(P, 3, 3) N⁻¹."""
+    others: IntArray
+    """(P, k) reduced unknowns of their rays; 0 where there are less than k."""
+    back: FloatArray
+    """(P, 3, k) N⁻¹Cᵀ, 0 there."""
+
+    def solutions(self, reduced: FloatArray, right: FloatArray) -> FloatArray:
+        """(P, 3, m) what they do where the reduced unknowns do x (r, m), with their own right-hand sides (P, 3, m)."""
+        found = self.inverse @ right
+        for first in range(0, len(found), _POINTS):
+            some = slice(first, first + _POINTS)
+            found[some] -= self.back[some] @ reduced[self.others[some]]
+        return found
+
+    def cofactors(self, reduced: FloatArray) -> FloatArray:
+        """(P, 3, 3) N⁻¹ + N⁻¹Cᵀ Q_rr C N⁻¹."""
+        found = self.inverse.copy()
+        for first in range(0, len(found), _POINTS):
+            some = slice(first, first + _POINTS)
+            others, back = self.others[some], self.back[some]
+            inner = reduced[others[:, :, None], others[:, None, :]]
+            found[some] += back @ inner @ back.transpose(0, 2, 1)
+        return found
+
+
+def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
+    """Those of the point blocks that are eliminated on the fly."""
+    problem, plan = adjustment.problem, adjustment.plan
+    own = problem.index.columns["point"]
+    blocks = np.unique(blocks)
+    blocks = blocks[(own[blocks] >= 0).all(axis=1)]
+    blocks = blocks[(plan.reduced[own[blocks]] < 0).all(axis=1)]
+    place = np.full(len(own), -1, dtype=np.int64)
+    place[blocks] = np.arange(len(blocks))
+    normals = np.zeros((len(blocks), 3, 3))
+    keys, values = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
+    size = len(plan.kept)
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    for group in problem.groups:
+        if not len(blocks) or group.type.slots[-1].kind != "point":
+            continue
+        seen = np.flatnonzero(place[group.blocks[-1]] >= 0)
+        for first in range(0, len(seen), _RAYS):
+            rows = seen[first : first + _RAYS]
+            part = linearise(group, problem.index, adjustment.values, tangent, rows)
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            J = part.jacobian * weight[:, :, None]
+            by_point, by_others = J[:, :, -3:], J[:, :, :-3]
+            number = place[group.blocks[-1][rows]]
+            np.add.at(normals, number, by_point.transpose(0, 2, 1) @ by_point)
+            coupling = by_others.transpose(0, 2, 1) @ by_point
+            others = part.columns[:, :-3]
+            free = others >= 0
+            key = number[:, None] * size + plan.reduced[np.maximum(others, 0)]
+            keys.append(key[free])
+            values.append(coupling[free])
+    inverse = np.asarray(np.linalg.inv(normals), dtype=np.float64)
+    return Eliminated(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
+
+
+def _padded(
+    inverse: FloatArray, keys: list[IntArray], values: list[FloatArray], size: int
+) -> tuple[IntArray, FloatArray]:
+    """Unknowns (P, k) of the rays of each point, each once, and N⁻¹Cᵀ (P, 3, k)."""
+    key, number = np.unique(np.concatenate(keys), return_inverse=True)
+    all_values = np.concatenate(values)
+    coupling = np.stack([np.bincount(number, all_values[:, c], len(key)) for c in range(3)], axis=1)
+    point, other = np.divmod(key, size)
+    count = np.bincount(point, minlength=len(inverse))
+    within = np.arange(len(key)) - np.repeat(np.cumsum(count) - count, count)
+    most = int(count.max(initial=0))
+    others = np.zeros((len(inverse), most), dtype=np.int64)
+    padded = np.zeros((len(inverse), most, 3))
+    others[point, within], padded[point, within] = other, coupling
+    return others, inverse @ padded.transpose(0, 2, 1)

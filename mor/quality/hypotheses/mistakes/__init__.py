@@ -1,0 +1,1 @@
+"""The mistakes that people make, one file for what they are made with."""

@@ -1,0 +1,51 @@
+"""Whether anything is rejected: only then causes are looked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mor.project.network.build import Network
+from mor.quality.assess import Quality
+from mor.quality.hypotheses.hypothesis import Fit
+from mor.quality.tests.group_tests import group_tests
+from mor.quality.tests.levels import sidak
+from mor.quality.tests.p_values import log_p_chi2, log_p_normal
+from mor.quality.tests.quadratic_form import Moments, log_tail
+
+LEVEL = 1e-3
+"""Of every question that is asked: is anything rejected; is a hypothesis better than none."""
+
+
+def is_rejected(quality: Quality, network: Network) -> bool:
+    """True where a test of the verdict rejects at ``LEVEL``: of all, of single observations, or of groups."""
+    freedom = float(quality.redundancy)
+    if freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL):
+        return True
+    if _largest(quality) < np.log(LEVEL):
+        return True
+    tests = group_tests(quality, network)
+    limit = np.log(sidak(LEVEL, len(tests.tests)))
+    return any(test.log_p < limit for test in tests.rejected)
+
+
+def _two_sided(omega: float, freedom: float) -> float:
+    """ln of the two-sided probability of χ²."""
+    one = np.array([freedom])
+    return float(log_tail(np.array([omega]), Moments(one, one, one))[0])
+
+
+def _largest(quality: Quality) -> float:
+    """ln of the probability of the largest test value among so many; 0 where none is flagged."""
+    largest = 0.0
+    for reliability, flags in zip(quality.reliability, quality.flagged, strict=True):
+        rows = np.flatnonzero(flags.any(axis=1))
+        if len(rows):
+            largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
+    count = quality.adjustment.problem.observations
+    return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
+
+
+def nothing_is_left(fit: Fit) -> bool:
+    """True where chance explains the residuals that a change leaves."""
+    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
+    return bool(p[0] > np.log(LEVEL))

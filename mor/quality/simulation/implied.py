@@ -1,0 +1,66 @@
+"""Observations whose values stand in no table: planes, levels of instruments, image-variant interiors.
+
+They are observed as zero. In a simulation that is to be read again as a project the error hence cannot be in the
+observation: the truth has it. Points lie beside their plane, an instrument is tilted, an image differs from its camera,
+each by a random amount of the σ given. The place is changed by the smallest steps that do this,
+
+    A dx = −e − f(x),  |dx| least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.problem import Problem
+from mor.arrays import BoolArray, FloatArray
+from mor.observations import ObservationGroup
+from mor.observations.parameter import OBSERVED_PARAMETERS
+from mor.parameters.index import Values, move
+
+_STEPS = 20
+_CLOSE = 1e-6
+"""Parts of σ that may be left of an error."""
+
+
+def is_implied(group: ObservationGroup) -> bool:
+    """True for groups whose observed values are zeros that nobody wrote."""
+    return not len(group.lines) and group.type.key not in {kind.key for kind in OBSERVED_PARAMETERS.values()}
+
+
+def place_with_errors(
+    problem: Problem, place: Values, given: Sequence[FloatArray], errors: Sequence[FloatArray]
+) -> Values:
+    """The place at which the implied observations have the ``given`` values (n, m) and the negative ``errors``."""
+    chosen = [k for k, group in enumerate(problem.groups) if is_implied(group)]
+    if not chosen:
+        return place
+    for _ in range(_STEPS):
+        jacobians, misclosures, sizes = [], [], []
+        tangent = rotation_tangents(problem.index, place)
+        for k in chosen:
+            group = problem.groups[k]
+            part = linearise(group, problem.index, place, tangent, slice(None))
+            mask = group.mask
+            rows = np.zeros((int(np.count_nonzero(mask)), problem.index.count + 1))
+            row = np.broadcast_to(np.arange(len(mask))[:, None], mask.shape)[mask]
+            np.add.at(rows, (np.arange(len(row))[:, None], part.columns[row]), part.jacobian[mask])
+            computed = group.observed - part.misclosure
+            jacobians.append(rows[:, :-1])
+            misclosures.append((given[k] - errors[k] - computed)[mask])
+            sizes.append(group.sigma[mask])
+        wanted, sigma = np.concatenate(misclosures), np.concatenate(sizes)
+        if np.abs(wanted / sigma).max() < _CLOSE:
+            break
+        A = np.concatenate(jacobians)
+        used = _used(A)
+        step = np.zeros(problem.index.count)
+        step[used] = np.linalg.lstsq(A[:, used] / sigma[:, None], wanted / sigma, rcond=1e-12)[0]
+        place = move(problem.index, place, step)
+    return place
+
+
+def _used(A: FloatArray) -> BoolArray:
+    return np.asarray((A != 0.0).any(axis=0))

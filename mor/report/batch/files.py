@@ -1,0 +1,101 @@
+"""The table of a batch as a page, and as JUnit XML for CI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from xml.etree import ElementTree
+
+from mor.escapes import escaped
+from mor.report.batch.rows import Row, reason, summary
+from mor.report.layout import short
+from mor.report.words.language import Words
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; padding: 0 1rem; color: #1a1a1a; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: right; padding: .3rem .7rem; border-bottom: 1px solid #ddd; vertical-align: top; }
+th:first-child, td:first-child, th:nth-child(2), td:nth-child(2), td:last-child { text-align: left; }
+tr.fails td:nth-child(2) { color: #a40000; font-weight: 600; }
+td:last-child { color: #555; }
+@media (prefers-color-scheme: dark) {
+  body { background: #16181a; color: #e6e6e6; }
+  th, td { border-color: #3a3d40; }
+  tr.fails td:nth-child(2) { color: #ff8a80; }
+  td:last-child { color: #aaa; }
+  a { color: #8ab4f8; }
+}
+"""
+_HEADERS = (
+    "project",
+    "verdict",
+    "n",
+    "redundancy",
+    "sigma0 [1]",
+    "flagged",
+    "uncontrolled",
+    "differences",
+)
+
+
+def batch_page(rows: Sequence[Row], words: Words) -> str:
+    """One page with the table; each project leads to its report."""
+    heads = "".join(f"<th>{escape(words.header(name))}</th>" for name in _HEADERS)
+    lines = "\n".join(_line(row, words) for row in rows)
+    said = escape(summary(rows, words))
+    return (
+        f'<!doctype html>\n<html lang="{words.language}">\n<meta charset="utf-8">\n'
+        f'<meta name="viewport" content="width=device-width">\n<title>{said}</title>\n<style>{_STYLE}</style>\n'
+        f"<h1>{said}</h1>\n<table>\n<tr>{heads}<th></th></tr>\n{lines}\n</table>\n</html>\n"
+    )
+
+
+def _line(row: Row, words: Words) -> str:
+    file = "report.txt" if row.observations is not None else "log.txt"
+    name = escape(escaped(row.name))
+    cells = [
+        f'<a href="{escape(row.name, quote=True)}/{file}">{name}</a>',
+        escape(words.listed(row.status)),
+        *(_number(value) for value in (row.observations, row.redundancy)),
+        words.number(short(row.sigma0, 4)) if row.sigma0 is not None else "",
+        *(_number(value) for value in (row.flagged, row.uncontrolled)),
+        "" if row.differences in (None, -1) else str(row.differences),
+        escape(escaped(reason(row, words))),
+    ]
+    kind = ' class="fails"' if row.fails else ""
+    return f"<tr{kind}>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _number(value: int | None) -> str:
+    return "" if value is None else str(value)
+
+
+def junit_xml(rows: Sequence[Row], words: Words) -> str:
+    """JUnit XML: a test case for each project; a failure where it fails, an error where it crashed."""
+    errors = [row for row in rows if row.fails and row.code in (None, 70)]
+    failures = [row for row in rows if row.fails and row not in errors]
+    suite = ElementTree.Element(
+        "testsuite",
+        name="mor batch",
+        tests=str(len(rows)),
+        failures=str(len(failures)),
+        errors=str(len(errors)),
+        time=f"{sum(row.seconds for row in rows):.3f}",
+    )
+    for row in rows:
+        folder, _, name = row.name.rpartition("/")
+        case = ElementTree.SubElement(
+            suite,
+            "testcase",
+            classname=escaped(folder or "mor"),
+            name=escaped(name),
+            time=f"{row.seconds:.3f}",
+        )
+        if row.fails:
+            kind = "error" if row in errors else "failure"
+            message = escaped(
+                "; ".join(part for part in (words.listed(row.status), reason(row, words)) if part)
+            )
+            ElementTree.SubElement(case, kind, message=message, type=row.status)
+    ElementTree.indent(suite)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"

@@ -1,0 +1,1 @@
+"""Simulated projects, and the report of a Monte Carlo simulation."""

@@ -1,0 +1,115 @@
+"""Batches: one table for all, whatever becomes of some; what was kept is compared; the same whatever the jobs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from xml.etree import ElementTree
+
+import pytest
+
+from mor.cli import run
+from mor.planning.workers import Task, run_tasks
+
+NET = """mor: 1
+title: {title}
+settings: {{dimensions: xy}}
+points:
+- columns: [id, x, y]
+  rows: [[A, 0, 0], [B, 100, 0], [C, 100, 80], [D, 0, 90]]
+observations:
+- type: horizontal_distance
+  columns: [from, to, distance]
+  values: {{sigma: 2 mm}}
+  rows: [[A, B, {ab}], [B, C, 80.001], [C, D, 100.499], [D, A, 89.999], [A, C, 128.062], [B, D, 134.537]]
+datum: free
+"""
+
+
+def _write(folder, name, ab="", text=NET):
+    path = folder / name / "project.yaml"
+    path.parent.mkdir(parents=True)
+    path.write_text(text.format(title=name, ab=ab))
+
+
+def act(deed: str) -> int:
+    """What a project may do to the process it is in."""
+    if deed == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if deed == "hang":
+        time.sleep(600.0)
+    if deed == "raise":
+        raise RuntimeError("broken")
+    if deed == "leave":
+        os._exit(7)
+    print("done", flush=True)
+    return 0
+
+
+def test_what_dies_hangs_or_raises_takes_nothing_along(tmp_path):
+    deeds = ["ok", "die", "ok", "hang", "raise", "leave", "ok"]
+    tasks = [Task((deed,), tmp_path / f"{k}.txt") for k, deed in enumerate(deeds)]
+    done = {one.number: one for one in run_tasks(act, tasks, 2, 8.0)}
+    assert [done[k].code for k in range(7)] == [0, None, 0, None, 70, None, 0]
+    assert done[1].death == "killed by SIGKILL"
+    assert done[3].death == "ended after 8 s"
+    assert done[5].death == "its process left with 7"
+    assert "RuntimeError: broken" in (tmp_path / "4.txt").read_text()
+    assert (tmp_path / "6.txt").read_text() == "done\n"
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("batch")
+    _write(folder / "blocks", "good", "100.003")
+    _write(folder / "blocks", "deep/better", "100.004")
+    _write(folder / "blocks", "wrong", text="mor: 1\npoints: nothing\n")
+    _write(folder / "blocks", "bad", "100.200")
+    code = run(
+        ["batch", str(folder / "blocks/**/project.yaml"), "-o", str(folder / "kept"), "--strict", "-q"]
+    )
+    return folder, code
+
+
+def test_one_table_of_all(batch):
+    folder, code = batch
+    data = json.loads((folder / "kept" / "batch.json").read_text())
+    status = {row["name"]: row["status"] for row in data["projects"]}
+    assert code == 1
+    assert status == {"bad": "rejected", "deep/better": "accepted", "good": "accepted", "wrong": "input"}
+    assert data["failed"] == 2
+    assert (folder / "kept" / "deep" / "better" / "report.txt").is_file()
+    assert "points" in (folder / "kept" / "wrong" / "log.txt").read_text()
+    suite = ElementTree.parse(folder / "kept" / "junit.xml").getroot()
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "2", "0")
+    assert {case.get("name") for case in suite if len(case)} == {"bad", "wrong"}
+    page = (folder / "kept" / "batch.html").read_text()
+    assert 'href="deep/better/report.txt"' in page
+    assert page.count('class="fails"') == 2
+
+
+def test_what_differs_from_what_was_kept_fails_and_the_jobs_change_nothing(batch, tmp_path):
+    folder, _ = batch
+    pattern = str(folder / "blocks/**/project.yaml")
+    assert run(["batch", pattern, "-o", str(tmp_path / "again"), "--strict", "-q", "--jobs", "2"]) == 1
+    one, other = ((place / "batch.json").read_bytes() for place in (folder / "kept", tmp_path / "again"))
+    assert one == other
+    path = folder / "blocks" / "good" / "project.yaml"
+    text = path.read_text()
+    path.write_text(text.replace("80.001", "80.002"))
+    code = run(["batch", pattern, "-o", str(tmp_path / "now"), "--against", str(folder / "kept"), "-q"])
+    path.write_text(text)
+    rows = {row["name"]: row for row in json.loads((tmp_path / "now" / "batch.json").read_text())["projects"]}
+    assert code == 1
+    assert rows["good"]["differences"] > 0
+    assert rows["good"]["fails"]
+    assert rows["deep/better"]["differences"] == 0
+    assert not rows["deep/better"]["fails"]
+    assert rows["bad"]["differences"] == 0
+
+
+def test_a_pattern_of_nothing_is_a_mistake(tmp_path, capfd):
+    assert run(["batch", str(tmp_path / "*.yaml")]) == 2
+    assert "no project file is called so" in capfd.readouterr().err

@@ -1,0 +1,144 @@
+"""Looking for causes takes a stated effort: what is not tried for it is told, and what is tried first is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_projects import mor
+
+from mor import pipeline
+from mor.adjustment.solve import adjust
+from mor.errors import ExitCode, NoStartValuesError
+from mor.observations import PLAIN_TYPES
+from mor.project.network.build import Network
+from mor.quality.hypotheses import effort
+from mor.quality.hypotheses.changes import with_observed
+from mor.quality.hypotheses.effort import Effort, allowed, times
+from mor.quality.hypotheses.mistakes.circles import circle_hypotheses
+from mor.quality.hypotheses.mistakes.levelling import _reductions
+from mor.quality.hypotheses.mistakes.station_alone import _alone, _cost, _exchanged
+from mor.quality.hypotheses.promise import promises
+from mor.quality.hypotheses.situation import Situation
+from mor.quality.plausibility.standard_deviations import beyond_any_instrument
+from mor.quality.solved import Solved
+from tests.planted_mistakes.survey import Survey, survey
+
+
+def _network(of: Survey, folder: Path) -> Network:
+    path = of.write(folder)
+    return pipeline.read_network(pipeline.read_document(path), folder)
+
+
+def _situation(solved: Solved) -> Situation:
+    """That of a solved network, whatever fits or not."""
+    plain, effort = solved.adjustment, Effort(1000, lambda _: None)
+    make = pipeline.make_problem
+    return Situation(solved.network, plain.start, plain.values, plain, make, lambda n: n.start, effort)
+
+
+def _elevations_at(station: str) -> Survey:
+    """The bridge with elevations for zenith angles at one of its pillars, which gets no start values so."""
+    bridge = survey("bridge")
+    for row in bridge.tables["directions.csv"]:
+        if row["station"] == station:
+            row["zenith"] = f"{(100.0 - float(row['zenith'])) % 400.0:.4f}"
+    return bridge
+
+
+def _report(folder: Path) -> str:
+    """The text report as one line."""
+    return " ".join((folder / "project.results" / "report.txt").read_text(encoding="utf-8").split())
+
+
+def test_an_effort_is_that_of_some_adjustments_and_told_as_it_is_made() -> None:
+    told: list[int] = []
+    made = allowed(1000, lambda most: told.append(most) or told.append)  # type: ignore[func-returns-value]
+    assert made.most == told[0] == effort.TIMES * effort.ITERATIONS
+    made.take(made.most - 1)
+    assert made.is_left
+    made.take()
+    assert not made.is_left
+    assert sum(told[1:]) == made.most
+    assert times(10 * effort.SMALL) == effort.TIMES // 10
+    assert times(10_000_000) == 3
+
+
+def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effort, "TIMES", 0)
+    monkeypatch.setattr(effort, "ITERATIONS", 1)
+    bridge = survey("bridge")
+    for row in bridge.tables["distances.csv"]:
+        row["distance"] = f"{float(row['distance']) + 0.03:.4f}"
+    path = bridge.write(tmp_path)
+    run = mor("adjust", path, "--no-html")
+    assert run.code == ExitCode.DONE
+    report = _report(tmp_path)
+    assert "not tried: that would have taken longer than 3 adjustments of this size." in report
+    german = mor("adjust", path, "--no-html", "-f", "--lang", "de")
+    assert german.code == ExitCode.DONE
+    report = _report(tmp_path)
+    assert "nicht erprobt: das hätte länger gedauert als 3 Ausgleichungen dieser Größe." in report
+
+
+def test_where_there_are_no_start_values_a_cause_is_named_and_not_as_certain(tmp_path: Path) -> None:
+    network = _network(_elevations_at("P1"), tmp_path)
+    with pytest.raises(NoStartValuesError) as raised:
+        pipeline.solve_network(network)
+    first = raised.value.causes[0]
+    assert first.hypothesis.cause == "elevation for zenith"  # type: ignore[attr-defined]
+    assert "P1" in first.hypothesis.things  # type: ignore[attr-defined]
+    assert "Possible cause, to be checked: zenith angles may be elevations (P1" in str(raised.value)
+    assert any(thing.name == "P1" for thing in raised.value.things)
+
+
+def test_the_station_that_does_not_fit_is_changed_before_all_of_them(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(survey("bridge"), tmp_path))
+    directions = solved.network.groups[0]
+    mine = np.array([name == "P2" for name in directions.references[0]])
+    situation = _situation(solved)
+    own, *others = situation.misfitting
+    wrong = (own | mine[:, None], *others)
+    situation.__dict__["misfitting"] = wrong
+    hypotheses = [h for h in circle_hypotheses(situation) if h.cause == "circle sense"]
+    assert {h.things[0] for h in hypotheses} == {"P2", directions.name}
+    best = hypotheses[int(np.argmax(promises(situation, hypotheses)))]
+    assert best.things[0] == "P2"
+
+
+def test_the_reduction_by_the_other_sign_is_that_of_an_adjustment_with_it(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(survey("building"), tmp_path))
+    network, plain = solved.network, solved.adjustment
+    groups = enumerate(network.groups)
+    number = next(k for k, g in groups if g.type == PLAIN_TYPES["height_difference"])
+    promised = _reductions(_situation(solved), number, network.groups[number])
+    row = int(np.argmin(np.abs(network.groups[number].observed[:, 0])))
+    changed = with_observed(network, number, np.array([row]), np.negative)
+    again = adjust(pipeline.make_problem(changed, plain.start, plain.values), plain.values)
+    assert again.outcome.is_solution
+    rise = again.normals.objective - plain.normals.objective
+    assert rise > 1e3
+    assert rise == pytest.approx(-promised[row], rel=3e-3)  # to first order
+
+
+def test_a_station_alone_is_where_the_network_has_it_and_an_exchange_spoils_it(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(survey("bridge"), tmp_path))
+    situation = _situation(solved)
+    alone = _alone(solved.adjustment.problem, situation, "P3")
+    group = alone.problem.groups[0]
+    assert all(name == "P3" for name in group.references[0])
+    sound = _cost(situation, alone.problem)
+    assert sound < 2.0 * group.observed.size
+    swapped = _exchanged(alone.problem, 0, (0, 3))
+    assert _cost(situation, swapped) > sound + 30.0
+    assert _cost(situation, _exchanged(swapped, 0, (0, 3))) == pytest.approx(sound)
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.0, 0), (1e-3, 1), (1e4, -1)])
+def test_sigmas_that_no_instrument_has(factor: float, expected: int, tmp_path: Path) -> None:
+    network = _network(survey("aerial_strip"), tmp_path)
+    group = replace(network.groups[0], sigma=network.groups[0].sigma * factor)
+    network = replace(network, groups=(group, *network.groups[1:]))
+    assert beyond_any_instrument(network, group) == expected
