@@ -56,8 +56,8 @@ def _beyond(group: ObservationGroup, sigma: FloatArray, component: int) -> tuple
     here = group.mask[:, component]
     if not kind or not here.any():
         return 0, 0
-    ratio = sigma[here, component] / _sizes(group, component, kind, here)
-    for sign, beyond in ((1, ratio < _SMALLEST[kind]), (-1, ratio > _LARGEST[kind])):
+    own, sizes = sigma[here, component], _sizes(group, component, kind, here)
+    for sign, beyond in ((1, own < _SMALLEST[kind] * sizes), (-1, own > _LARGEST[kind] * sizes)):
         if 2 * np.count_nonzero(beyond) > len(beyond):
             return sign, int(np.flatnonzero(here)[np.argmax(beyond)])
     return 0, 0

@@ -165,6 +165,12 @@ def test_a_distance_between_known_points(tmp_path: Path, distance: str, said: bo
         assert "(17 sigma)" in notes[0]
 
 
+def test_a_length_of_next_to_nothing(tmp_path: Path) -> None:
+    """σ are compared with it without a quotient, which would be beyond all numbers."""
+    notes = notes_of(write(tmp_path, KNOWN.replace("DISTANCE", "100.0031").replace("P, 50,", "P, 1e-320,")))
+    assert not [note for note in notes if "standard deviation" in note]
+
+
 def test_misclosures_of_error_free_networks_are_noted_at_their_level(tmp_path: Path) -> None:
     # at a level of 0.001 of all together one of a thousand would be noted by chance
     random, noted = np.random.default_rng(8), 0
