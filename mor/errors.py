@@ -67,6 +67,10 @@ class Undeterminable(NamedTuple):
         return f"{self.kind} {self.name}: {self.reason}"
 
 
+CONTRADICTED = "what it sees contradicts the places of its points, which are known, or leaves it open"
+"""Why a thing stays without start values where the places of its points are known."""
+
+
 class MorError(Exception):
     """Base of every failure that is the user's to mend; never shown with a traceback."""
 

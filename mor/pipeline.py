@@ -15,10 +15,9 @@ from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.adjustment.undefined import undefined_rows
-from mor.approximate.parts.transfer import CONTRADICTED
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
-from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
+from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import is_folder, read_text
@@ -46,14 +45,12 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
-from mor.quality.hypotheses.hypothesis import Causes
-from mor.quality.hypotheses.search import Looking, causes, causes_without_start, ignore_looking
+from mor.quality.hypotheses.hypothesis import Causes, Looking, ignore_looking
+from mor.quality.hypotheses.rejection import is_rejected
 from mor.quality.plausibility.looking import implausible
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
-from mor.report.tables.gross_errors.hypotheses import rows
-from mor.report.text.gross_errors.hypotheses import to_try
 from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
@@ -116,9 +113,11 @@ def _solved(
 
     def possible_causes(quality: Quality | None) -> Causes:
         solution = adjustment if adjustment.outcome.is_solution else None
-        return causes(
-            whole, network, start, plain, solution, quality, make_problem, _start_or_nothing, looking
-        )
+        if solution is plain and quality is not None and not is_rejected(quality, network):
+            return Causes()
+        from mor.quality.hypotheses.search import causes  # loaded where it is needed, which takes its time
+
+        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing, looking)
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
@@ -145,6 +144,10 @@ def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, 
     except NoStartValuesError as error:
         if not error.remarks and all(thing.reason != CONTRADICTED for thing in error.things):
             raise  # something was not measured; nothing contradicts anything
+        from mor.quality.hypotheses.search import causes_without_start
+        from mor.report.tables.gross_errors.hypotheses import rows
+        from mor.report.text.gross_errors.hypotheses import to_try
+
         names = {thing.name for thing in error.things}
         found = causes_without_start(network, names, make_problem, _start_or_nothing, looking)
         if not found.offered:

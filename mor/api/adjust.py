@@ -36,7 +36,7 @@ def adjust(
             that the network is singular, is no error: the result says so.
     """
     from mor.pipeline import snooped, solve_network
-    from mor.quality.hypotheses.search import ignore_looking
+    from mor.quality.hypotheses.hypothesis import ignore_looking
 
     project = source if isinstance(source, Project) else read(source)
     network = snooped(project.network) if snoop else project.network

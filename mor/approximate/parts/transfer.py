@@ -12,7 +12,7 @@ from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.parts.rule import Rule
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
-from mor.errors import Undeterminable
+from mor.errors import CONTRADICTED, Undeterminable
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
 from mor.observations import target_slot
 from mor.project.network.build import Network
@@ -150,8 +150,6 @@ _REASONS = {
 """Why things stay without start values."""
 _ENOUGH = {"image": 4, "station": 2}
 """Points of known place that an image or a set needs to see for its attitude."""
-CONTRADICTED = "what it sees contradicts the places of its points, which are known, or leaves it open"
-"""The same where they are known, and it has none nevertheless."""
 
 
 def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undeterminable, ...]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from mor.arrays import IntArray
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.effort import Done
 
 
 class Amount(NamedTuple):
@@ -89,3 +90,12 @@ class Causes(NamedTuple):
 
 
 NOTHING_FOUND = Causes()
+
+
+Looking = Callable[[int], Done]
+"""Told how many iterations the hypotheses may take; what it returns is told each of them."""
+
+
+def ignore_looking(_: int) -> Done:
+    """Nobody watches."""
+    return lambda _: None

@@ -17,11 +17,10 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
-from mor.quality.effort import Done
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.hypotheses.description_length import cost_of_residuals
 from mor.quality.hypotheses.effort import SMALL, allowed
-from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Offered
+from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Looking, Offered, ignore_looking
 from mor.quality.hypotheses.mistakes.circles import circle_hypotheses, face_hypotheses
 from mor.quality.hypotheses.mistakes.control import control_hypotheses, exchange_hypotheses
 from mor.quality.hypotheses.mistakes.distances import distance_hypotheses
@@ -32,7 +31,7 @@ from mor.quality.hypotheses.mistakes.names import name_hypotheses
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.reintersection import reintersected
-from mor.quality.hypotheses.rejection import LEVEL, is_rejected, nothing_is_left
+from mor.quality.hypotheses.rejection import LEVEL, nothing_is_left
 from mor.quality.hypotheses.situation import SUSPECT, Begin, Make, Situation, fit_of, sizes_of
 from mor.quality.hypotheses.trying import tried
 
@@ -41,15 +40,6 @@ _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
-Looking = Callable[[int], Done]
-"""Told how many iterations the hypotheses may take; what it returns is told each of them."""
-
-
-def ignore_looking(_: int) -> Done:
-    """Nobody watches."""
-    return lambda _: None
-
-
 Family = Callable[[Situation], list[Hypothesis]]
 OF_ROWS: tuple[Family, ...] = (levelling_hypotheses, name_hypotheses, exchange_hypotheses, face_hypotheses)
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
@@ -164,7 +154,6 @@ def _before(situation: Situation, plain: Adjustment) -> Before:
 
 def causes(
     network: Network,
-    adjusted: Network,
     start: Values,
     plain: Adjustment,
     solution: Adjustment | None,
@@ -173,13 +162,11 @@ def causes(
     begin: Begin,
     looking: Looking = ignore_looking,
 ) -> Causes:
-    """What may be wrong with a network whose ``plain`` adjustment did not end well; nothing where nothing is rejected.
+    """What may be wrong with a network whose ``plain`` adjustment did not end well, or is rejected.
 
-    ``start`` are the start values of the whole of it; ``adjusted`` is what took part, for things may have been left
-    out. ``solution`` is the adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
+    ``start`` are the start values of the whole of it, of which some things may have been left out. ``solution`` is the
+    adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
     """
-    if solution is plain and quality is not None and not is_rejected(quality, adjusted):
-        return Causes()
     if not plain.problem.index.count:
         return Causes()
     effort = allowed(network.observations, looking)
