@@ -13,6 +13,7 @@ from mor import pipeline
 from mor.adjustment.solve import adjust
 from mor.errors import ExitCode, NoStartValuesError
 from mor.observations import PLAIN_TYPES
+from mor.parameters.index import index_unknowns
 from mor.project.network.build import Network
 from mor.quality.hypotheses import effort
 from mor.quality.hypotheses.changes import with_observed
@@ -134,6 +135,20 @@ def test_a_station_alone_is_where_the_network_has_it_and_an_exchange_spoils_it(t
     swapped = _exchanged(alone.problem, 0, (0, 3))
     assert _cost(situation, swapped) > sound + 30.0
     assert _cost(situation, _exchanged(swapped, 0, (0, 3))) == pytest.approx(sound)
+
+
+def test_an_exchange_at_a_station_that_is_held(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(survey("bridge"), tmp_path))
+    problem = solved.adjustment.problem
+    held = {
+        kind: replace(blocks, free=np.zeros_like(blocks.free))
+        for kind, blocks in problem.index.blocks.items()
+    }
+    alone = _alone(replace(problem, index=index_unknowns(held)), _situation(solved), "P3")
+    assert alone.problem.index.count == 0
+    sound = _cost(_situation(solved), alone.problem)
+    assert np.isfinite(sound)
+    assert _cost(_situation(solved), _exchanged(alone.problem, 0, (0, 3))) > sound + 30.0
 
 
 @pytest.mark.parametrize(("factor", "expected"), [(1.0, 0), (1e-3, 1), (1e4, -1)])

@@ -170,6 +170,8 @@ def _system(problem: Problem, values: Values) -> tuple[FloatArray, FloatArray]:
         rows = np.arange(group.count)[:, None]
         for component in range(part.misclosure.shape[1]):
             np.add.at(dense[:, component], (rows, part.columns), part.jacobian[:, component])
-        derivatives.append((dense[..., :-1] * weight[:, :, None]).reshape(-1, problem.index.count))
+        derivatives.append(
+            (dense[..., :-1] * weight[:, :, None]).reshape(part.misclosure.size, problem.index.count)
+        )
         misclosures.append((part.misclosure * weight).ravel())
     return np.concatenate(misclosures), np.concatenate(derivatives)
