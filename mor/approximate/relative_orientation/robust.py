@@ -8,7 +8,10 @@ input, same result.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +28,7 @@ from mor.approximate.relative_orientation.five_points import five_point_unknowns
 from mor.approximate.relative_orientation.outcome import RelativeOrientation, RelativeOutcome, SceneGeometry
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
 from mor.approximate.relative_orientation.two_bundles import MINIMUM, best_of_four, relative_orientation
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 BATCH = 25
 LOOKED_AT = 12
@@ -147,9 +150,8 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
     """Best unknowns over samples, drawn until one free of wrong pairs is all but certain."""
     best, best_cost = None, np.inf
     drawn = 0
-    for _ in range(MOST_BATCHES):
-        chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(BATCH)])
-        drawn += BATCH
+    for chosen in _samples(len(a), generator):
+        drawn += len(chosen)
         unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
         if len(unknowns):
             residuals = first_order_residuals(a, b, unknowns)
@@ -166,6 +168,18 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
         if best is not None and drawn / 3.0 >= _samples_needed(agreeing):
             break
     return best, drawn
+
+
+def _samples(rays: int, generator: np.random.Generator) -> Iterator[IntArray]:
+    """Batches (k, 5) of five different rays each; where there are few such fives, each of them once."""
+    most = MOST_BATCHES * BATCH
+    if comb(rays, 5) > most:
+        for _ in range(MOST_BATCHES):
+            yield np.stack([generator.permutation(rays)[:5] for _ in range(BATCH)])
+        return
+    every = generator.permutation(np.array(list(combinations(range(rays), 5)), dtype=np.int64))
+    for first in range(0, len(every), BATCH):
+        yield every[first : first + BATCH]
 
 
 def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
