@@ -19,6 +19,9 @@ from mor.geometry.rotations import cross_matrix, rotate
 UNCONTROLLED = 1e-6
 """Redundancy of a coordinate below which the fit follows it, whatever it is."""
 
+_ROUND_OFF = 1e-14
+"""Part of the largest below which what a collineation makes of a direction is nothing but round-off."""
+
 
 class Homography(NamedTuple):
     """A collineation of two bundles."""
@@ -174,8 +177,12 @@ def linear_homography(a: Bundle, b: Bundle) -> FloatArray:
 
 
 def scaled_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> tuple[FloatArray, bool]:
-    """H with middle singular value 1 and p''· H p' > 0 for most points; and whether for all of them."""
-    scaled = matrix / np.linalg.svd(matrix, compute_uv=False)[1]
+    """H with middle singular value 1 and p''· H p' > 0 for most points; and whether for all of them.
+
+    Where the middle one is round-off the largest one is held in the range of numbers.
+    """
+    largest, middle, _ = np.linalg.svd(matrix, compute_uv=False)
+    scaled = matrix / max(middle, _ROUND_OFF * largest)
     signs = np.einsum("ni,ni->n", rays_a @ scaled.T, rays_b)
     if np.sum(signs > 0.0) * 2 < len(signs):
         scaled, signs = -scaled, -signs
@@ -186,6 +193,13 @@ def _whitening(directions: FloatArray) -> FloatArray:
     # Narrow bundles: bring the spread of the rays across their mean to the size of the mean (regular matrix).
     values, axes = np.linalg.eigh(directions.T @ directions / len(directions))
     return np.asarray(axes.T / np.sqrt(np.maximum(values, 1e-6 * values[2]))[:, None])
+
+
+def _regular(spread: FloatArray) -> FloatArray:
+    """Matrices (n, 2, 2) that can be inverted: what a collineation carries nowhere keeps a spread of round-off."""
+    trace = spread[:, 0, 0] + spread[:, 1, 1]
+    nowhere = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2 <= _ROUND_OFF * trace**2
+    return spread + np.where(nowhere, _ROUND_OFF * trace, 0.0)[:, None, None] * np.eye(2)
 
 
 def _conditions(
@@ -200,7 +214,7 @@ def _conditions(
     by_b = -factor[:, None, None] * np.einsum("nij,nil->njl", across, b.whitened_axes)
     slopes = np.concatenate([by_a, by_b], axis=2)
     condition = np.einsum("nij,ni->nj", across, image) - np.einsum("njl,nl->nj", slopes, corrections)
-    root = np.linalg.cholesky(slopes @ np.swapaxes(slopes, 1, 2))
+    root = np.linalg.cholesky(_regular(slopes @ np.swapaxes(slopes, 1, 2)))
     whiten = np.linalg.inv(root)
     residuals = np.einsum("njl,nl->nj", whiten, condition)
     rows = np.einsum("nij,nk->njik", across, rays_a).reshape(-1, 2, 9)

@@ -61,3 +61,19 @@ def test_a_point_off_is_found_and_none_of_the_plane_with_it(scenes):
         rays = [scenes.image(points, *camera, NOISE, rng) for camera in made.cameras]
         kept = carried_over(*(image_bundle(one, NOISE) for one in rays))
         assert kept.tolist() == [True] * 20 + [False] * 2
+
+
+def test_what_a_collineation_carries_nowhere_does_not_stop_the_fit():
+    """Six rays, all but one of them to one direction in one image, to one direction in the other."""
+    generator = np.random.default_rng(3)
+    apart = np.column_stack([generator.normal(0.0, 20.0, (6, 2)), np.full(6, -50.0)])
+    together = np.tile(apart[:1], (6, 1))
+    alike = image_bundle(together, NOISE)
+    for a, b in (
+        (image_bundle(apart, NOISE), alike),
+        (alike, image_bundle(apart, NOISE)),
+        (alike, alike),
+    ):
+        fitted = fit_homography(a, b)
+        assert fitted.residuals.shape == (6,)
+        assert not np.isnan(fitted.residuals).any()
