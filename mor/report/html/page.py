@@ -101,6 +101,8 @@ def _content(data: PageData) -> dict[str, Any]:
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
         "identity": view.identity,
+        "notes": [_note(row, data.words) for row in view.notes[:MOST_LISTED]],
+        "notes_left": max(0, len(view.notes) - MOST_LISTED),
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
@@ -131,6 +133,12 @@ def _content(data: PageData) -> dict[str, Any]:
         "language": data.words.language,
         **_movement(view),
     }
+
+
+def _note(row: dict[str, Any], words: Words) -> dict[str, str]:
+    """A note with its place, in the language of the page."""
+    line = f":{row['line']}" if row["line"] else ""
+    return {"place": f"{row['file']}{line}", "message": words.told(row["message"])}
 
 
 def _movement(view: View) -> dict[str, Any]:

@@ -25,6 +25,14 @@ class Input(Part):
     sha256: str = Field(description="SHA-256 of it, as sha256sum prints it")
 
 
+class Note(Part):
+    """What was left out or decided without being asked while the project was read, or looks strange in it."""
+
+    message: str = Field(description="What was noted, in words")
+    file: str = Field(description="File it stands in, counted from the folder of the project; empty: none")
+    line: int = Field(description="Line of it; 0: none")
+
+
 class Identity(Part):
     """What the results are of: program, who and for whom, from which files."""
 
