@@ -10,7 +10,7 @@ import polars as pl
 from mor.quality.tests.test_statistics import comparable
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
-from mor.report.html.sights import sights, with_given
+from mor.report.html.sights import detectable_effects, relative_ellipses, sights, with_given
 from mor.report.view import View
 
 MOST_ROWS = 50_000
@@ -29,6 +29,9 @@ POINT_COLUMNS = (
         "ellipsoid_a",
         "ellipsoid_b",
         "ellipsoid_c",
+        "ellipse_a",
+        "ellipse_b",
+        "ellipse_azimuth",
         "rxy",
         "rxz",
         "ryz",
@@ -37,7 +40,7 @@ POINT_COLUMNS = (
 )
 IMAGE_COLUMNS = (
     *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
-    *("points", "rms", "coverage", "mean_r", "largest_w"),
+    *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
 )
 STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
 RESIDUAL_COLUMNS = (
@@ -60,6 +63,8 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
         "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
+        "effects": packer.table(detectable_effects(view)),
+        "relative": packer.table(relative_ellipses(view)),
         "vectors": packer.table(vectors.drop("unit")),
         "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
     }

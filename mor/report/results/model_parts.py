@@ -308,6 +308,9 @@ class Relative(Part):
     a: float = Field(description="Larger semi-axis of the relative standard error ellipse in plan")
     b: float = Field(description="Smaller semi-axis")
     azimuth: float = Field(description="Bearing of the larger one, unit of angles, within half a circle")
+    direction: list[float] = Field(
+        default_factory=list, description="The same as a unit vector in plan, x and y of the project"
+    )
     sdz: float = Field(description="σ of the difference of heights")
 
 
