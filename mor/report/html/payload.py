@@ -47,6 +47,8 @@ RESIDUAL_COLUMNS = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
     *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
+MOST_ELLIPSES = 20_000
+"""Points whose ellipses in plan the page lists."""
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
@@ -58,8 +60,8 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
     head = {
         "meta": meta(data),
         "figures": figures,
-        "points": packer.table(_columns(with_given(view, data.points), POINT_COLUMNS), _EXACT),
-        "images": packer.table(_columns(data.images, IMAGE_COLUMNS), _EXACT),
+        "points": packer.table(_to_sigma(_points(data)), _EXACT),
+        "images": packer.table(_to_sigma(_columns(data.images, IMAGE_COLUMNS)), _EXACT),
         "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
@@ -69,6 +71,25 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
         "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
     }
     return packer.text(head)
+
+
+def _points(data: PageData) -> pl.DataFrame:
+    """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
+    points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
+    plane = [name for name in points.columns if name.startswith("ellipse_")]
+    return points.drop(plane) if points.height > MOST_ELLIPSES else points
+
+
+def _to_sigma(frame: pl.DataFrame) -> pl.DataFrame:
+    """Coordinates rounded (binary) to less than a thousandth of nearly every σ: further digits do not compress."""
+    rounded = []
+    for name in ("x", "y", "z"):
+        sigma = frame[f"s{name}"].drop_nulls().drop_nans() if f"s{name}" in frame.columns else pl.Series([])
+        sigma = sigma.filter(sigma > 0.0) if len(sigma) else sigma
+        if len(sigma):
+            step = 2.0 ** np.floor(np.log2(1e-3 * float(np.quantile(sigma.to_numpy(), 0.01))))
+            rounded.append((pl.col(name) / step).round() * step)
+    return frame.with_columns(rounded)
 
 
 def _columns(frame: pl.DataFrame, names: tuple[str, ...]) -> pl.DataFrame:
