@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Sequence
 
 import click
 
 from mor import __version__
+from mor.cli._help import Context, in_all_languages, show
+from mor.cli._language import language_of, tell, told, told_problem
 from mor.errors import ExitCode, MorError
 
 COMMANDS = {
@@ -42,6 +45,8 @@ WIDTH = 100
 class _Lazy(click.Group):
     """Commands are imported when they are called: ``mor --help`` imports nothing heavy."""
 
+    context_class = Context
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
@@ -50,7 +55,7 @@ class _Lazy(click.Group):
             return None
         folder = "planning" if name in _PLANNING else "commands"
         command: click.Command = importlib.import_module(f"mor.cli.{folder}.{name}").command
-        return command
+        return in_all_languages(command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -92,31 +97,32 @@ def group() -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code instead of leaving the process."""
+    given = list(arguments) if arguments is not None else sys.argv[1:]
+    language = language_of(given)
     try:
-        given = list(arguments) if arguments is not None else None
-        result = group.main(args=given, prog_name="mor", standalone_mode=False)
+        result = group.main(args=given, prog_name="mor", standalone_mode=False, obj=language)
     except click.exceptions.Exit as leaving:
         return leaving.exit_code
     except click.ClickException as error:
-        error.show()
+        show(error, language)
         return ExitCode.INPUT
     except (KeyboardInterrupt, click.Abort) as error:
-        click.echo("interrupted; no file was left incomplete", err=True)
+        tell("interrupted; no file was left incomplete", language)
         return _code_of_signal(error)
     except MorError as error:
-        _tell(error)
+        _tell(error, language)
         return error.exit_code
     except (SystemExit, BrokenPipeError):  # click leaves so where a pipe is closed, and only there
         return ExitCode.DONE
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{place}{error.strerror or error}", err=True)
+        click.echo(f"{place}{told(error.strerror or str(error), language)}", err=True)
         return ExitCode.INPUT
     except MemoryError as error:
-        click.echo(_out_of_memory(error), err=True)
+        tell(_out_of_memory(error), language)
         return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
-        return _internal(error)
+        return _internal(error, language)
     return int(result) if isinstance(result, int) else ExitCode.DONE
 
 
@@ -130,20 +136,29 @@ OUT_OF_MEMORY = (
 )
 
 
-def _tell(error: MorError) -> None:
+def _tell(error: MorError, language: str) -> None:
     """What is wrong, on one screen at most, and how to see the rest."""
     from mor.errors import MOST_TOLD
     from mor.escapes import shortened
 
-    lines = [shortened(line) for line in str(error).splitlines()]
+    lines = [shortened(line) for line in _said(error, language).splitlines()]
     more = len(lines) - MOST_TOLD
     if more > 0:
         words = (
             f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
         )
-        lines = [*lines[: MOST_TOLD - 1], words, lines[-1]]
+        lines = [*lines[: MOST_TOLD - 1], told(words, language), lines[-1]]
     for line in lines:
         click.echo(line, err=True)
+
+
+def _said(error: MorError, language: str) -> str:
+    """What is wrong, each mistake with its place."""
+    from mor.errors import InputError
+
+    if isinstance(error, InputError):
+        return "\n".join(told_problem(one, language) for one in error.problems)
+    return told(str(error), language)
 
 
 def _code_of_signal(error: BaseException) -> int:
@@ -153,12 +168,12 @@ def _code_of_signal(error: BaseException) -> int:
     return INTERRUPTED if number is None else 128 + int(number)
 
 
-def _internal(error: Exception) -> int:
+def _internal(error: Exception, language: str) -> int:
     import os
     import traceback
 
     if os.environ.get("MOR_DEBUG"):
         traceback.print_exception(error)
     name = type(error).__name__
-    click.echo(f"internal error: {name}: {error} (MOR_DEBUG=1 shows where; please report it)", err=True)
+    tell(f"internal error: {name}: {error} (MOR_DEBUG=1 shows where; please report it)", language)
     return ExitCode.INTERNAL

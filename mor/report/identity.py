@@ -40,13 +40,13 @@ def identity_of(project: Project, identity: Identity) -> dict[str, Any]:
         "date": _date(identity.files),
         "options": list(identity.options),
         "inputs": [
-            {"file": _name(file.path, identity.folder), "bytes": file.size, "sha256": file.sha256}
+            {"file": said_file(file.path, identity.folder), "bytes": file.size, "sha256": file.sha256}
             for file in identity.files
         ],
     }
 
 
-def _name(path: Path, folder: Path) -> str:
+def said_file(path: Path, folder: Path) -> str:
     """Name of a file, counted from the folder of the project: no report tells of the machine it was made on."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()

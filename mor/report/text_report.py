@@ -8,6 +8,7 @@ from mor.report.columns import paragraphs
 from mor.report.identity import Identity, identity_of
 from mor.report.layout import ALL
 from mor.report.places import text as places
+from mor.report.tables.notes import note_rows
 from mor.report.text import (
     cameras,
     checks,
@@ -66,6 +67,6 @@ def text_report(
         ellipses.relative(solved, words, neighbours=full),
         residuals.section(solved, words),
         residuals.listed(solved, words) if full else "",
-        identity.section(about, words),
+        identity.section(about, words, note_rows(solved.network.notes, of.folder), **shown),
     ]
     return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"

@@ -29,6 +29,7 @@ from mor.report.tables.estimates import (
 )
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
+from mor.report.tables.notes import note_rows
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
 from mor.report.verdict.group_tests import verdict_rows
@@ -41,6 +42,7 @@ class View:
 
     summary: dict[str, Any]
     identity: dict[str, Any]
+    notes: list[dict[str, Any]]
     points: pl.DataFrame
     images: pl.DataFrame
     stations: pl.DataFrame
@@ -99,6 +101,7 @@ def view_of(
     return View(
         summary=summary(solved),
         identity=identity_of(solved.network.project, of),
+        notes=note_rows(solved.network.notes, of.folder),
         points=_placed(point_table(solved)),
         images=_placed(images.with_columns(pl.col("x", "y", "z").fill_nan(None))),
         stations=station_table(solved),
@@ -144,6 +147,7 @@ def _view(data: dict[str, Any], folder: Path) -> View:
     return View(
         summary=data,
         identity=data["identity"],
+        notes=data.get("notes", []),
         points=_placed(_table(data, "points", folder)),
         images=_placed(_table(data, "images", folder)),
         stations=_frame(data["stations"]),

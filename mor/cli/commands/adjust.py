@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 import click
 
 from mor.cli._format import format_option
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
             from mor.report.results.writing import write_undeterminable
 
             write_undeterminable(error.things, place)
-            click.echo(f"all of them are named in {place.folder / 'undetermined.csv'}:", err=True)
+            tell(f"all of them are named in {place.folder / 'undetermined.csv'}:")
         raise
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._format import format_option
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell, tell_note
 from mor.counting import counted
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def command(
             raise InputError([Problem(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
-        click.echo(f"project with start values in {folder}", err=True)
+        tell(f"project with start values in {folder}")
     return ExitCode.DONE
 
 
@@ -103,7 +103,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.quality.tests.test_statistics import critical_value
 
     for note in screenful(network.notes, "mor check --all") if not quiet else ():
-        click.echo(f"note: {note}", err=True)
+        tell_note(note)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
         found = approximate(network)
     critical = critical_value(network.project.settings.snooping_level)
@@ -137,4 +137,4 @@ def _report(
 
 def _note(quiet: bool, words: str, /, **values: object) -> None:
     if not quiet:
-        click.echo(f"note: {words.format(**values)}", err=True)
+        tell(f"note: {words.format(**values)}")

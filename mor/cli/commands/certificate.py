@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell
 
 FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
 """As :data:`mor.formats.calibration.FORMS`, which ``--help`` need not import."""
@@ -105,7 +105,7 @@ def _certify(results: Path, camera: str, target: Path, paper: str, lang: str) ->
     elif program is None:
         from mor.report.plots.text_pages import write_text_pages
 
-        click.echo("note: no browser was found: the PDF has the text, without the curve", err=True)
+        tell("note: no browser was found: the PDF has the text, without the curve")
         write_text_pages(text, text.split("\n", 1)[0], target, paper, words_of_page(lang))
     else:
         with tempfile.TemporaryDirectory(prefix="mor") as folder:

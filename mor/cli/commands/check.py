@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from mor.cli._format import format_option
+from mor.cli._language import language_of_command, tell_note, told_problem
 
 
 @click.command(name="check")
@@ -33,17 +34,19 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
     from mor.api.project import read
     from mor.errors import ExitCode, InputError, screenful
     from mor.escapes import escaped
+    from mor.report.results.contents import contents
+    from mor.report.words.language import words_of
 
     try:
         found = read(project, form=source_format or "")
     except InputError as error:
         if not everything:
             raise
-        click.echo(str(error), err=True)
+        click.echo("\n".join(map(told_problem, error.problems)), err=True)
         return error.exit_code
     if not quiet:
         notes = found.network.notes
         for note in notes if everything else screenful(notes, "mor check --all"):
-            click.echo(f"note: {note}", err=True)
-        click.echo(escaped(str(found)))
+            tell_note(note)
+        click.echo(escaped(contents(found.network, words_of(language_of_command()))))
     return ExitCode.DONE

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mor.cli._language import tell, tell_note
+
 if TYPE_CHECKING:
     from mor.errors import Problem
     from mor.project.file.nodes import Document
@@ -83,8 +85,8 @@ def command(
     write_new(files, force)
     if not quiet:
         for note in [*document.notes, *notes]:
-            click.echo(f"note: {note}", err=True)
-        click.echo(_said(place, files, key), err=True)
+            tell_note(note)
+        tell(_said(place, files, key))
 
 
 def _read(sources: Sequence[Path], formats: Sequence[str], written_as_foreign: bool) -> Document:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from mor.cli._language import tell
+
 
 @click.command(name="examples")
 @click.argument("name", required=False)
@@ -34,11 +36,11 @@ def command(name: str | None, output: Path | None) -> None:
         width = max(len(folder.name) for folder in sample_projects())
         for folder in sample_projects():
             click.echo(f"{folder.name.ljust(width)}  {title(folder)}")
-        click.echo("mor examples NAME copies one of them", err=True)
+        tell("mor examples NAME copies one of them")
         return
     target = output or Path(name)
     copy_sample(name, target)
-    click.echo(f"{target / 'project.yaml'}: {title(target)}", err=True)
+    tell(f"{target / 'project.yaml'}: {title(target)}")
 
 
 def sample_projects() -> list[Path]:

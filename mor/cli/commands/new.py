@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mor.cli._language import tell
+
 
 @click.command(name="new")
 @click.argument("project", type=click.Path(path_type=Path))
@@ -92,8 +94,8 @@ def command(
     write_new(texts, force)
     project.with_name("mor.schema.json").write_text(project_schema(), encoding="utf-8")
     for table in found:
-        click.echo(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}", err=True)
-    click.echo(f"{project} is there: look at the lines marked CHECK, then mor check {project}", err=True)
+        tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
+    tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
 
 
 def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force: bool) -> None:
@@ -104,5 +106,5 @@ def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force:
     document = read_photographs(photographs, project)
     write_new(project_files(document.data, project.parent, project), force)
     for note in document.notes:
-        click.echo(f"note: {note.message}", err=True)
-    click.echo(f"{project} is there: add observations, then mor check {project}", err=True)
+        tell(f"note: {note.message}")
+    tell(f"{project} is there: add observations, then mor check {project}")

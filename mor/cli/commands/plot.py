@@ -36,9 +36,18 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
     show_default="all images; the first camera",
     help="Image (of residuals) or camera (of camera) to draw.",
 )
+@click.option(
+    "--confidence",
+    type=click.Choice(["1", "95"]),
+    default="1",
+    show_default=True,
+    help="Ellipses: 1 for one sigma, 95 for those in which 95 % lie.",
+)
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
 @language_option("the picture")
-def command(kind: str, source: Path, output: Path, name: str | None, force: bool, lang: str) -> None:
+def command(
+    kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str
+) -> None:
     """Draw a picture of SOURCE: network, ellipses, residuals, camera or histogram.
 
     \b
@@ -62,7 +71,7 @@ def command(kind: str, source: Path, output: Path, name: str | None, force: bool
     if output.exists() and not force:
         raise InputError([Problem("this file exists; --force replaces it", str(output))])
     with style():
-        save(drawn(kind, view_of_source(source), name, words_of_page(lang)), output)
+        save(drawn(kind, view_of_source(source), name, words_of_page(lang), confidence), output)
 
 
 def view_of_source(source: Path) -> View:
@@ -83,7 +92,7 @@ def view_of_source(source: Path) -> View:
     return view_of(solved, observation_table(solved))
 
 
-def drawn(kind: str, view: View, name: str | None, words: Words) -> Figure:
+def drawn(kind: str, view: View, name: str | None, words: Words, confidence: str = "1") -> Figure:
     """The picture of a kind, in a language."""
     from mor.report.plots.camera import camera
     from mor.report.plots.histogram import histogram
@@ -98,5 +107,7 @@ def drawn(kind: str, view: View, name: str | None, words: Words) -> Figure:
         return residuals(view, name, words)
     if kind == "camera":
         return camera(view, name, words)
-    simple = {"network": network, "ellipses": ellipses, "histogram": histogram}
+    if kind == "ellipses":
+        return ellipses(view, words, confidence)
+    simple = {"network": network, "histogram": histogram}
     return simple[kind](view, words)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell
 
 if TYPE_CHECKING:
     from mor.report.words.language import Words
@@ -77,7 +77,7 @@ def _print(results: Path, target: Path, paper: str) -> None:
             [Problem("there is neither report.html nor report.txt in this folder", str(results))]
         )
     why = "there is no report.html" if program is not None else "no browser was found"
-    click.echo(f"note: {why}: the PDF has the text of report.txt, without pictures", err=True)
+    tell(f"note: {why}: the PDF has the text of report.txt, without pictures")
     _print_text(text, target, paper)
 
 

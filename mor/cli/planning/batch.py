@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
@@ -143,9 +143,9 @@ def _rows(
     for done in run_tasks(adjust_one, tasks, min(jobs, len(tasks)), timeout):
         rows[done.number] = row = row_of(found[done.number], done, against, tol)
         if not quiet:
-            click.echo(f"{len(rows)}/{len(tasks)} {row.name}: {row.status}, {done.seconds:.1f} s", err=True)
+            tell(f"{len(rows)}/{len(tasks)} {row.name}: {row.status}, {done.seconds:.1f} s")
     if not quiet:
-        click.echo(f"{time.monotonic() - begun:.1f} s", err=True)
+        tell(f"{time.monotonic() - begun:.1f} s")
     return [rows[k] for k in sorted(rows)]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._format import format_option
-from mor.cli._language import language_option
+from mor.cli._language import language_option, tell, tell_note
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -172,8 +172,8 @@ def _one(
         simulation.write(place)
     if not quiet:
         for note in screenful(simulation.network.notes, "mor check --all"):
-            click.echo(f"note: {note}", err=True)
-        click.echo(f"simulated project in {folder}", err=True)
+            tell_note(note)
+        tell(f"simulated project in {folder}")
     return ExitCode.DONE
 
 
@@ -227,7 +227,7 @@ def _many(
         click.echo(data, nl=False)
     found = findings(ready.truth, tally)
     if not quiet:
-        click.echo(f"{verdict(found, words)}\n{finding_table(found, words)}", err=True)
+        tell(f"{verdict(found, words)}\n{finding_table(found, words)}")
         click.echo(words("report in {place}", place=folder), err=True)
     return ExitCode.DONE if all(one.agrees for one in found) else ExitCode.REJECTED
 

@@ -80,7 +80,7 @@ def batch_text(rows: Sequence[Row], words: Words) -> str:
 
 def reason(row: Row, words: Words) -> str:
     """Why a project fails, in a few words; empty where there is nothing to say."""
-    parts = [words.listed(row.reason)] if row.reason else []
+    parts = [words.told(row.reason)] if row.reason else []
     if row.differences:
         parts.append(words.listed(row.first))
     return "; ".join(parts)

@@ -68,7 +68,7 @@ def verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str]
 
 def _verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str]:
     if solved.quality is None:
-        reason = words.listed(solved.adjustment.reason)
+        reason = words.told(solved.adjustment.reason)
         return [words("THE PLAN HAS NO SOLUTION: {reason}.", reason=reason)]
     failing = [one for one in judged if not one.met]
     if not judged:

@@ -76,7 +76,7 @@ def variant_text(rows: Sequence[dict[str, Any]], unit: str, words: Words) -> str
             lines.append(words(said, id=row["name"], count=row["outside_format"]))
         if row["redundancy"] is None:
             lines.append(
-                words("{id}: no solution: {reason}.", id=row["name"], reason=words.listed(row["reason"]))
+                words("{id}: no solution: {reason}.", id=row["name"], reason=words.told(row["reason"]))
             )
     return "\n".join(lines)
 

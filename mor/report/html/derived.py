@@ -154,6 +154,47 @@ def control_table(view: View) -> list[dict[str, Any]]:
     return rows.select(name.alias("point"), *columns).to_dicts()
 
 
+def deviations(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Deviations ``v`` of coordinates by component, and in space: number, mean, root mean square, largest.
+
+    ``rows`` are those of :func:`control_table` (more of one point count once each). In space counts what has all of
+    x, y, z in one unit; a length has no mean worth telling.
+    """
+    found, units = [], {row["unit"] for row in rows}
+    for component in "xyz":
+        v = np.array([row["v"] for row in rows if row["component"] == component and row["v"] is not None])
+        if v.size:
+            unit = next(row["unit"] for row in rows if row["component"] == component)
+            found.append(_deviation(component.upper(), unit, v, float(v.mean())))
+    points: dict[str, dict[str, float]] = {}
+    for row in rows:
+        if row["v"] is not None:
+            points.setdefault(str(row["point"]), {})[row["component"]] = row["v"]
+    whole = np.array([[one[key] for key in "xyz"] for one in points.values() if set("xyz") <= set(one)])
+    if whole.size and len(units) == 1:
+        found.append(_deviation("3-D", units.pop(), np.linalg.norm(whole, axis=1), None))
+    return found
+
+
+def _deviation(component: str, unit: str, v: FloatArray, mean: float | None) -> dict[str, Any]:
+    sizes = np.abs(v)
+    return {
+        "component": component,
+        "unit": unit,
+        "count": len(v),
+        "mean": mean,
+        "rms": rms(v),
+        "largest": float(sizes.max()),
+    }
+
+
+def checked_coordinates(view: View) -> list[dict[str, Any]]:
+    """Coordinates that were kept out to check by, as rows of :func:`control_table`."""
+    rows = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "coordinates"))
+    name = pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from"))
+    return rows.select(name.str.strip_prefix("point ").alias("point"), "component", "unit", "v").to_dicts()
+
+
 def rms(values: FloatArray) -> float | None:
     """Root mean square of what is there."""
     there = values[np.isfinite(values)]

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from scipy.special import ndtr
 
 from mor.parameters.kinds import INTERIORS
-from mor.report.html.derived import control_table
+from mor.report.html.derived import checked_coordinates, control_table, deviations
 from mor.report.html.figures.camera import camera_figures
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.figures.tests import test_figures
@@ -31,6 +31,7 @@ SCRIPTS = (
     "table.js",
     "network.js",
     "labels.js",
+    "overlays.js",
     "images.js",
     "multiples.js",
     "main.js",
@@ -101,6 +102,8 @@ def _content(data: PageData) -> dict[str, Any]:
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
         "identity": view.identity,
+        "notes": [_note(row, data.words) for row in view.notes[:MOST_LISTED]],
+        "notes_left": max(0, len(view.notes) - MOST_LISTED),
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
@@ -109,6 +112,14 @@ def _content(data: PageData) -> dict[str, Any]:
         "gross": view.gross_errors,
         "relative": view.relative,
         "checks": view.checks,
+        "deviations": [
+            (kind, rows)
+            for kind, rows in (
+                ("control points", deviations(control)),
+                ("check points", deviations(checked_coordinates(view))),
+            )
+            if rows
+        ],
         "control": control[:MOST_LISTED],
         "control_left": max(0, len(control) - MOST_LISTED),
         "counts": {
@@ -131,6 +142,12 @@ def _content(data: PageData) -> dict[str, Any]:
         "language": data.words.language,
         **_movement(view),
     }
+
+
+def _note(row: dict[str, Any], words: Words) -> dict[str, str]:
+    """A note with its place, in the language of the page."""
+    line = f":{row['line']}" if row["line"] else ""
+    return {"place": f"{row['file']}{line}", "message": words.told(row["message"])}
 
 
 def _movement(view: View) -> dict[str, Any]:

@@ -88,6 +88,7 @@ def print_page(program: str, page: Path, target: Path, paper: str) -> None:
 def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     options = [
         *("--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer"),
+        "--disable-pdf-tagging",  # tags of every cell of long tables are nine tenths of the file
         f"--virtual-time-budget={_PATIENCE_MS}",
         f"--user-data-dir={profile}",
         f"--print-to-pdf={made}",

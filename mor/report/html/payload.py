@@ -10,7 +10,7 @@ import polars as pl
 from mor.quality.tests.test_statistics import comparable
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
-from mor.report.html.sights import sights, with_given
+from mor.report.html.sights import detectable_effects, relative_ellipses, sights, with_given
 from mor.report.view import View
 
 MOST_ROWS = 50_000
@@ -29,6 +29,9 @@ POINT_COLUMNS = (
         "ellipsoid_a",
         "ellipsoid_b",
         "ellipsoid_c",
+        "ellipse_a",
+        "ellipse_b",
+        "ellipse_azimuth",
         "rxy",
         "rxz",
         "ryz",
@@ -37,13 +40,15 @@ POINT_COLUMNS = (
 )
 IMAGE_COLUMNS = (
     *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
-    *("points", "rms", "coverage", "mean_r", "largest_w"),
+    *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
 )
 STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
 RESIDUAL_COLUMNS = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
     *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
+MOST_ELLIPSES = 20_000
+"""Points whose ellipses in plan the page lists."""
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
@@ -55,15 +60,36 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
     head = {
         "meta": meta(data),
         "figures": figures,
-        "points": packer.table(_columns(with_given(view, data.points), POINT_COLUMNS), _EXACT),
-        "images": packer.table(_columns(data.images, IMAGE_COLUMNS), _EXACT),
+        "points": packer.table(_to_sigma(_points(data)), _EXACT),
+        "images": packer.table(_to_sigma(_columns(data.images, IMAGE_COLUMNS)), _EXACT),
         "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
+        "effects": packer.table(detectable_effects(view)),
+        "relative": packer.table(relative_ellipses(view)),
         "vectors": packer.table(vectors.drop("unit")),
         "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
     }
     return packer.text(head)
+
+
+def _points(data: PageData) -> pl.DataFrame:
+    """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
+    points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
+    plane = [name for name in points.columns if name.startswith("ellipse_")]
+    return points.drop(plane) if points.height > MOST_ELLIPSES else points
+
+
+def _to_sigma(frame: pl.DataFrame) -> pl.DataFrame:
+    """Coordinates rounded (binary) to less than a thousandth of nearly every σ: further digits do not compress."""
+    rounded = []
+    for name in ("x", "y", "z"):
+        sigma = frame[f"s{name}"].drop_nulls().drop_nans() if f"s{name}" in frame.columns else pl.Series([])
+        sigma = sigma.filter(sigma > 0.0) if len(sigma) else sigma
+        if len(sigma):
+            step = 2.0 ** np.floor(np.log2(1e-3 * float(np.quantile(sigma.to_numpy(), 0.01))))
+            rounded.append((pl.col(name) / step).round() * step)
+    return frame.with_columns(rounded)
 
 
 def _columns(frame: pl.DataFrame, names: tuple[str, ...]) -> pl.DataFrame:

@@ -1,4 +1,4 @@
-"""What the network figure draws between points besides rays: sights by kind; and which points were given."""
+"""What the network figure draws besides rays: sights by kind, given points, relative ellipses, external reliability."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ KINDS = {
 
 
 def sights(view: View) -> pl.DataFrame:
-    """Pairs of places by kind, once each: numbers of points, of stations behind them; at most so many of each kind."""
+    """Pairs of places by kind, once each: numbers of points, of stations behind them; at most so many of each kind.
+
+    In a block of images a distance between two points is a scale bar.
+    """
     places = pl.concat(
         [
             frame.select(pl.col("id").cast(pl.String).alias("name"))
@@ -47,7 +50,40 @@ def sights(view: View) -> pl.DataFrame:
         .head(MOST_SIGHTS)
         for kind, types in KINDS.items()
     ]
-    return pl.concat(parts)
+    found = pl.concat(parts)
+    if not view.images.height:
+        return found
+    last = view.points.height
+    is_bar = (pl.col("kind") == "distance") & (pl.col("a") < last) & (pl.col("b") < last)
+    return found.with_columns(pl.when(is_bar).then(pl.lit("scale")).otherwise(pl.col("kind")).alias("kind"))
+
+
+def detectable_effects(view: View) -> pl.DataFrame:
+    """External reliability of the observations looked at first, (point, dx, dy, dz) by number of point.
+
+    The vector is the movement of the point that an error of the size ∇, found with the power asked for, would cause
+    unseen; the estimated error's movement is known, and effects are proportional to errors.
+    """
+    numbers = {str(name): k for k, name in enumerate(view.points["id"])} if view.points.height else {}
+    rows = []
+    for row in view.gross_errors.get("suspicious", []):
+        if row["movement"] and row["error"] and row["nabla"] and str(row["point"]) in numbers:
+            factor = abs(row["nabla"] / row["error"])
+            rows.append((numbers[str(row["point"])], *(factor * part for part in row["movement"])))
+    schema = {"point": pl.Int32, "dx": pl.Float64, "dy": pl.Float64, "dz": pl.Float64}
+    return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+def relative_ellipses(view: View) -> pl.DataFrame:
+    """Relative ellipses of the pairs that were asked for: numbers of the points, a, b, direction of a in plan."""
+    numbers = {str(name): k for k, name in enumerate(view.points["id"])} if view.points.height else {}
+    rows = [
+        (numbers[row["from"]], numbers[row["to"]], row["a"], row["b"], *row["direction"])
+        for row in view.relative
+        if row["from"] in numbers and row["to"] in numbers and row.get("direction")
+    ]
+    schema = {"one": pl.Int32, "other": pl.Int32, **dict.fromkeys(("a", "b", "dx", "dy"), pl.Float64)}
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:

@@ -12,6 +12,7 @@ from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
+from mor.report.html.provenance import datum_in_words, help_in_words, used_in_words
 from mor.report.tables.worst import component_of
 from mor.report.text.gross_errors.hypotheses import sentence
 from mor.report.text.gross_errors.suspects import sentences
@@ -51,7 +52,7 @@ def statements(data: PageData) -> list[Statement]:
         _points(data),
         _geometry(data),
     ]
-    found = [statement for statement in [*parts, *_cameras(data)] if statement is not None]
+    found = [statement for statement in [*parts, *_cameras(data), *_rests_on(data)] if statement is not None]
     return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
 
 
@@ -97,6 +98,16 @@ def headline(data: PageData) -> Statement:
     if summary["flagged"] or emptied:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _rests_on(data: PageData) -> list[Statement]:
+    """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
+    say = data.words
+    return [
+        Statement(PLAIN, say("Datum"), datum_in_words(data)),
+        Statement(PLAIN, say("What was used"), used_in_words(data)),
+        Statement(PLAIN, say("What would help"), help_in_words(data)),
+    ]
 
 
 def _causes(data: PageData) -> list[Statement]:

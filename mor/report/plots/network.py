@@ -10,6 +10,7 @@ from mor.arrays import FloatArray
 from mor.report.html.figures.layout import round_length, small_unit
 from mor.report.html.payload import drawn_axes
 from mor.report.palette import BLUE, GREY, ORANGE, RED
+from mor.report.plots.overlays import draw_effects, draw_given, draw_relative, draw_sights
 from mor.report.plots.sheet import scale_bar, sheet
 from mor.report.tables.rays import centres, places, rays_of
 from mor.report.view import View
@@ -36,14 +37,23 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
         gap = np.full((len(start), 1), np.nan)
         x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
         axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+    draw_sights(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
+    draw_given(view, axes, chosen, words)
     _finish(view, axes, words)
     return figure
 
 
-def ellipses(view: View, words: Words = ENGLISH) -> Figure:
-    """Standard error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation."""
+CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
+"""Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
+
+
+def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figure:
+    """Error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+
+    With the relative ellipses that the project asks for, and the external reliability of what is looked at first.
+    """
     from matplotlib.collections import LineCollection
 
     figure = sheet()
@@ -57,21 +67,25 @@ def ellipses(view: View, words: Words = ENGLISH) -> Figure:
     large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
     if large > 0.0:
         scale = round_length(_SHARE * extent / large)
-        lines = ellipse_lines(places(view)[:, chosen], covariance, scale)[size > 0.0]
+        factor, name = CONFIDENCE[confidence]
+        drawn = scale * factor
+        lines = ellipse_lines(places(view)[:, chosen], covariance, drawn)[size > 0.0]
         axes.add_collection(
             LineCollection(
                 list(lines),
                 colors=RED,
                 linewidths=0.8,
-                label=words("1σ ellipses × {scale}", scale=f"{scale:g}"),
+                label=words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}"),
             )
         )
+        draw_relative(view, axes, chosen, drawn, words)
         axes.autoscale_view()
+        draw_effects(view, axes, chosen, scale, words)
         _finish(view, axes, words)
         length = round_length(0.1 * extent / scale)
-        unit, factor = small_unit(view.length, length)
+        unit, finer = small_unit(view.length, length)
         scale_bar(
-            axes, scale * length, words("{length} in the ellipses", length=f"{length * factor:g} {unit}")
+            axes, scale * length, words("{length} in the ellipses", length=f"{length * finer:g} {unit}")
         )
     else:
         _finish(view, axes, words)
@@ -119,6 +133,7 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     backwards = {plan[0]: drawn["right_reversed"], plan[1]: drawn["up_reversed"], 2: False}
     axes.xaxis.set_inverted(backwards[chosen[0]])
     axes.yaxis.set_inverted(backwards[chosen[1]])
+    axes.ticklabel_format(useOffset=False, style="plain")
     axes.set_aspect("equal", adjustable="datalim")
     return axes, chosen
 

@@ -30,6 +30,7 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
+from mor.report.tables.notes import note_rows
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.verdict.group_tests import verdict_rows
@@ -48,6 +49,7 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
     return {
         **summary(solved),
         "identity": identity_of(solved.network.project, of),
+        "notes": note_rows(solved.network.notes, of.folder),
         "verdict": verdict_rows(solved),
         "reliability": reliability_rows(solved),
         "points": _rows(points, beside),

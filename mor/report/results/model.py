@@ -23,6 +23,7 @@ from mor.report.results.model_parts import (
     Group,
     Identity,
     Image,
+    Note,
     Number,
     Other,
     Pair,
@@ -48,6 +49,7 @@ class Results(Part):
     program: str = Field(description="Program and version")
     title: str = Field(description="Title of the project")
     identity: Identity = Field(default=Identity(), description="What the results are of")
+    notes: list[Note] = Field(default_factory=list, description="What was noted before the adjustment")
     units: Units = Field(description="Units of all values that say none of their own")
     axes: Axes = Field(description="Axes and senses of the project")
     outcome: Literal["converged", "not converged", "diverged", "singular"] = Field(

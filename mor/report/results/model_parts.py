@@ -25,6 +25,14 @@ class Input(Part):
     sha256: str = Field(description="SHA-256 of it, as sha256sum prints it")
 
 
+class Note(Part):
+    """What was left out or decided without being asked while the project was read, or looks strange in it."""
+
+    message: str = Field(description="What was noted, in words")
+    file: str = Field(description="File it stands in, counted from the folder of the project; empty: none")
+    line: int = Field(description="Line of it; 0: none")
+
+
 class Identity(Part):
     """What the results are of: program, who and for whom, from which files."""
 
@@ -300,6 +308,9 @@ class Relative(Part):
     a: float = Field(description="Larger semi-axis of the relative standard error ellipse in plan")
     b: float = Field(description="Smaller semi-axis")
     azimuth: float = Field(description="Bearing of the larger one, unit of angles, within half a circle")
+    direction: list[float] = Field(
+        default_factory=list, description="The same as a unit vector in plan, x and y of the project"
+    )
     sdz: float = Field(description="σ of the difference of heights")
 
 

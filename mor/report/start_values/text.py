@@ -156,7 +156,7 @@ def _missing(approximation: Approximation, words: Words) -> str:
     if not approximation.missing:
         return ""
     rows = [
-        [words.listed(thing.kind), thing.name, str(thing.observations), words.listed(thing.reason)]
+        [words.listed(thing.kind), thing.name, str(thing.observations), words.told(thing.reason)]
         for thing in approximation.missing
     ]
     lines = [heading(words("What stays without start values"))]

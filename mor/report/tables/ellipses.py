@@ -59,6 +59,11 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
     along = differences / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     sigma = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, covariance, along), 0.0))
     plan = _in_plan(solved, covariance)
+    azimuth = error_ellipses(covariance).azimuth
+    axis = np.column_stack([np.sin(azimuth), np.cos(azimuth), np.zeros(len(azimuth))])
+    direction = (
+        axis @ solved.network.edge.matrix
+    )  # the inverse of a rotation, or of a reflection, of the axes
     return [
         {
             "from": ids[one],
@@ -66,6 +71,7 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
             "distance": float(lengths[k]),
             "sdistance": float(sigma[k]) if lengths[k] > 0.0 else None,
             **{name: float(column[k]) for name, column in plan.items()},
+            "direction": [float(part) for part in direction[k, :2]],
             "sdz": float(np.sqrt(max(covariance[k, 2, 2], 0.0))),
         }
         for k, (one, other) in enumerate(pairs.tolist())

@@ -69,7 +69,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     """What to think of it, in plain words."""
     adjustment, quality = solved.adjustment, solved.quality
     if quality is None:
-        reason = f", {words.listed(adjustment.reason)}" if adjustment.reason else ""
+        reason = f", {words.told(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         cause = first_sentence(hypotheses(solved), words)
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]

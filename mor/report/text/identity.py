@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from mor.errors import MOST_TOLD
 from mor.report.layout import heading
 from mor.report.words.language import ENGLISH, Words
 
@@ -17,8 +19,13 @@ def persons(identity: dict[str, Any], words: Words = ENGLISH) -> list[tuple[str,
     return [(words(name), " ".join(text.split())) for name, text in rows]
 
 
-def section(identity: dict[str, Any], words: Words = ENGLISH) -> str:
-    """Program, options, input files with their SHA-256, and the place for the signature."""
+def section(
+    identity: dict[str, Any],
+    words: Words = ENGLISH,
+    notes: Sequence[dict[str, Any]] = (),
+    shown: int = MOST_TOLD,
+) -> str:
+    """Program, options, input files with their SHA-256, what was noted of them, and the place for the signature."""
     rows = [
         (words("program"), identity["program"]),
         (words("options"), " ".join(identity["options"]) or words("none")),
@@ -30,6 +37,11 @@ def section(identity: dict[str, Any], words: Words = ENGLISH) -> str:
     for file in identity["inputs"]:
         said = words("{count:byte|bytes}", count=file["bytes"])
         lines += [f"  {file['file']}, {said}", f"    {file['sha256']}"]
+    if notes:
+        lines += ["", f"{words('Notes on what was read')}:", *(_note(row, words) for row in notes[:shown])]
+    if len(notes) > shown:
+        more = len(notes) - shown
+        lines.append(words("{count:more note stands|more notes stand} in results.json.", count=more))
     lines += [
         "",
         "",
@@ -37,3 +49,9 @@ def section(identity: dict[str, Any], words: Words = ENGLISH) -> str:
         f"{words('place and date').ljust(len(LINE))}    {words('signature')}",
     ]
     return "\n".join(lines)
+
+
+def _note(row: dict[str, Any], words: Words) -> str:
+    line = f":{row['line']}" if row["line"] else ""
+    place = f"{row['file']}{line}: " if row["file"] else ""
+    return f"  {place}{words.told(row['message'])}"

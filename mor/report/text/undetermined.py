@@ -37,7 +37,7 @@ def _named(solved: Solved, words: Words) -> list[str]:
     if solved.adjustment.defect.undetermined:
         return []
     things = [thing for thing in solved.network.undeterminable if not thing.treatment]
-    return [f"{words.listed(one.kind)} {one.name}: {words.listed(one.reason)}" for one in things[:SHOWN]]
+    return [f"{words.listed(one.kind)} {one.name}: {words.told(one.reason)}" for one in things[:SHOWN]]
 
 
 def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
@@ -50,7 +50,7 @@ def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
             words.listed(thing.kind),
             thing.name,
             words.listed(thing.treatment) if thing.treatment else "-",
-            words.listed(thing.reason),
+            words.told(thing.reason),
         ]
         for thing in things[:shown]
     ]

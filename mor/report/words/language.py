@@ -13,6 +13,7 @@ from functools import cache
 import yaml
 
 from mor.counting import Place
+from mor.report.words.recognition import Sentences
 
 LANGUAGES = ("en", "de")
 _NAMES = frozenset({"id", "point", "place", "names"})
@@ -50,6 +51,12 @@ class Words:
         """One of the words a column may hold (free, gross …), or texts that stay."""
         return self.catalogue.get(english, english)
 
+    def told(self, english: str) -> str:
+        """A finished sentence, values and all (a mistake, a note, a reason), as the language says it."""
+        if self.language == "en":
+            return english
+        return self.catalogue.get(english) or sentences_of(self.language).say(english)
+
 
 ENGLISH = Words("en")
 
@@ -59,6 +66,10 @@ _ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
 _START_VALUES = (*_ORIENTATION, "{language}_start_values.yaml")
 _PLANNING = (*_SENTENCES, "{language}_planning.yaml")
 _PAGE = (*_SENTENCES, "{language}_page.yaml")
+_TOLD = (
+    *dict.fromkeys((*_START_VALUES, *_PLANNING, *_PAGE)),
+    *(f"{{language}}_{name}.yaml" for name in ("messages", "formats", "help")),
+)
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where PyYAML has its C part
 _DECIMALS = {"de": ","}
 
@@ -92,6 +103,12 @@ def words_of_page(language: str) -> Words:
     if language in _DECIMALS:
         return Words(language, _catalogue(language, _PAGE))
     return {"en": ENGLISH}[language]
+
+
+@cache
+def sentences_of(language: str) -> Sentences:
+    """All that is told in a language other than English: what is recognised in finished sentences."""
+    return Sentences(_catalogue(language, _TOLD))
 
 
 @cache

@@ -1,38 +1,6 @@
 "use strict";
-// In the view of the network: names that do not overlap and follow the zoom, given points, sights by kind.
-const SIGHTS = [["direction", "directions", "#8a8f98", "solid"], ["distance", "distances", "#009e73", "dash"], ["levelling", "levelling lines", "#d55e00", "dot"], ["vector", "vectors between points", "#cc79a7", "dashdot"]];
-const MOST_SHOWN_SIGHTS = 400, MOST_NAMES = 3000, NAME_SIZE = 10.5, LINE = 12, NO_LABELS = { x: [null], y: [null], text: [""] };
-
-// Coordinates of a place by its number: points first, then stations.
-function placeOf(number, key) {
-  const own = number < report.points.rows;
-  return (own ? report.points : report.stations).columns[key].values[own ? number : number - report.points.rows];
-}
-
-// Lines of each kind; a click in the legend shows or hides them.
-function sightTraces(x, y) {
-  const { sights } = report;
-  if (!sights || !sights.rows) return [];
-  return SIGHTS.map(([kind, name, color, dash]) => {
-    const line = { x: [], y: [] };
-    for (let k = 0; k < sights.rows; k++) {
-      if (value(sights, "kind", k) !== kind) continue;
-      const [a, b] = [sights.columns.a.values[k], sights.columns.b.values[k]];
-      line.x.push(placeOf(a, x), placeOf(b, x), null);
-      line.y.push(placeOf(a, y), placeOf(b, y), null);
-    }
-    return { mode: "lines", name: say(name), meta: `sights ${kind}`, ...line, line: { color, dash, width: 1 }, hoverinfo: "skip", visible: sights.rows <= MOST_SHOWN_SIGHTS ? true : "legendonly" };
-  }).filter((trace) => trace.x.length);
-}
-
-function givenTraces(x, y) {
-  const { points } = report, kinds = [["control", "control points", "triangle-up-open"], ["check", "check points", "square-open"]];
-  if (!has(points, "given")) return [];
-  return kinds.map(([kind, name, symbol]) => {
-    const rows = network.shown.filter((k) => value(points, "given", k) === kind), column = (key) => rows.map((k) => points.columns[key].values[k]);
-    return { mode: "markers", name: say(name), meta: kind, x: column(x), y: column(y), marker: { symbol, size: 14, color: css("--ink"), line: { width: 1.6 } }, hoverinfo: "skip" };
-  }).filter((trace) => trace.x.length);
-}
+// In the view of the network: names that do not overlap and follow the zoom.
+const MOST_NAMES = 3000, NAME_SIZE = 10.5, LINE = 12, NO_LABELS = { x: [null], y: [null], text: [""] };
 
 // The trace of names: as placed for the picture that is printed; on the screen they are placed anew.
 function labelTrace() { return { mode: "text", name: "names", meta: "names", ...(network.labels || NO_LABELS), textfont: { size: NAME_SIZE, color: css("--ink") }, textposition: "middle center", hoverinfo: "skip", showlegend: false, cliponaxis: true }; }

@@ -184,7 +184,8 @@ function ellipses(x, y) {
 function space() {
   const { axes, length } = report.meta;
   const [x, y] = [axes.right, axes.up];
-  const data = [pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...rayTraces([x, y, "z"])].map((trace) => ({ type: "scatter3d", ...trace }));
+  const keys = [x, y, "z"];
+  const data = [...sightTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
   const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, range: reversed ? [side.high, side.low] : [side.low, side.high] });
@@ -198,7 +199,7 @@ function boxOf(data) {
   const box = {};
   for (const name of ["x", "y", "z"]) {
     let low = Infinity, high = -Infinity;
-    for (const trace of data) for (const v of trace[name]) if (v !== null && !Number.isNaN(v)) { if (v < low) low = v; if (v > high) high = v; }
+    for (const trace of data.filter((one) => one.meta !== "effects")) for (const v of trace[name]) if (v !== null && !Number.isNaN(v)) { if (v < low) low = v; if (v > high) high = v; }
     box[name] = { low, high };
   }
   const largest = Math.max(...Object.values(box).map(({ low, high }) => high - low)) || 1;
@@ -213,7 +214,7 @@ const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
 function plan() {
   const { axes, length } = report.meta;
   const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
-  const data = [...sightTraces(x, y), ...ellipses(x, y), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces(x, y), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const data = [...sightTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
   const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
   const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, ...(reversed(name) ? { autorange: "reversed" } : {}) });
   return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };

@@ -1,7 +1,7 @@
 "use strict";
 // Long tables: only the rows in sight exist; sorted and filtered as numbers or texts.
 const ROW = 24;
-const PRINTED = { points: 20000, images: 20000, stations: 20000, residuals: 5000 };
+const PRINTED = { points: 20000, ellipses: 20000, images: 20000, attitudes: 20000, stations: 20000, residuals: 5000 };
 
 class LongTable {
   constructor(element, table, columns, options = {}) {

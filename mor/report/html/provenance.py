@@ -1,0 +1,60 @@
+"""Statements on what an adjustment rests on: what was read and used, which datum, what would make it better."""
+
+from __future__ import annotations
+
+from mor.report.html.figures.layout import small_unit
+from mor.report.html.page_data import PageData
+
+_NAMED = 3
+"""Observations without control that are named."""
+
+
+def used_in_words(data: PageData) -> str:
+    """From how many files, how many observations took part, and whether anything was left out or noted."""
+    view, say = data.view, data.words
+    out = view.residuals.height - view.used.height
+    parts = [
+        say(
+            "{files:file|files} read, {count:observation|observations} adjusted, {out} kept out.",
+            files=len(view.identity["inputs"]),
+            count=view.used.height,
+            out=out,
+        )
+    ]
+    things = len(view.summary.get("undeterminable", []))
+    if things:
+        parts.append(say("{count:thing is|things are} not determined.", count=things))
+    if view.notes:
+        parts.append(say("{count:note|notes} under Files.", count=len(view.notes)))
+    return " ".join(parts)
+
+
+def datum_in_words(data: PageData) -> str:
+    """The datum that coordinates and σ refer to, and what that means for another epoch."""
+    return data.words(
+        "{datum}. Coordinates and σ refer to it. With another epoch: mor compare OTHER THIS --epochs carries both into "
+        "the datum of their common points; bare differences of coordinates of two datums are no movements.",
+        datum=data.datum,
+    )
+
+
+def help_in_words(data: PageData) -> str:
+    """What to measure next: the least precise point, and what nothing controls."""
+    view, say, parts = data.view, data.words, []
+    if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
+        worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
+        unit, factor = small_unit(view.length, worst["ellipsoid_a"])
+        parts.append(
+            say(
+                "Point {point} is the least precise one (semi-axis {size} {unit}): further observations to it.",
+                point=worst["id"],
+                size=f"{worst['ellipsoid_a'] * factor:.3g}",
+                unit=unit,
+            )
+        )
+    free = (view.reliability or {}).get("observations", [])[:_NAMED]
+    if free:
+        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
+        parts.append(say("A second observation beside what nothing controls: {names}.", names=names))
+    parts.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
+    return " ".join(parts)
