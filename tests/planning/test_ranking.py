@@ -46,13 +46,13 @@ def grid(seed, side=3, share=0.45, candidates=0.9, require=None):
             "require": require or {"reliability": {"r": 0.2}},
         }
     )
-    return at_its_place(read_plan(document, ROOT))
+    return at_its_place(read_plan(document, ROOT).network)
 
 
 def sample(name, **changes):
     path = ROOT / name / "project.yaml"
     document = read_document(path)
-    return at_its_place(read_plan(replace(document, data={**document.data, **changes}), path.parent))
+    return at_its_place(read_plan(replace(document, data={**document.data, **changes}), path.parent).network)
 
 
 def with_row(network, ranked):
