@@ -203,7 +203,7 @@ def _barycentric(at: FloatArray, corners: FloatArray) -> FloatArray:
 
 def _distances(points: FloatArray, corners: FloatArray, normals: FloatArray) -> FloatArray:
     """(k,) distances of points (k, 3) from triangles (k, 3, 3): from their planes, or from their edges beside them."""
-    found = np.abs(np.einsum("ki,ki->k", points - corners[:, 0], normals))
+    found: FloatArray = np.abs(np.einsum("ki,ki->k", points - corners[:, 0], normals))
     beside = np.flatnonzero(~_within(points, corners))
     at, edges = points[beside, None, :], corners[beside]
     along = np.roll(edges, -1, axis=1) - edges

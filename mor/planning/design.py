@@ -21,11 +21,12 @@ from mor.quality.design.requirements import Judged, RequiredPrecision, Requireme
 from mor.quality.design.sighted import Sighted
 from mor.quality.solved import Solved
 from mor.report.design.content import design_data
+from mor.report.design.page import design_page
 from mor.report.design.ranking import now_row, ranking_table, ranking_text
 from mor.report.design.text import design_text, requirement_section, verdict
 from mor.report.design.variants import Named, variant_row, variant_text
 from mor.report.design.visible import visible_rows, visible_section
-from mor.report.design.writing import write_design
+from mor.report.design.writing import text_writer, write_design
 from mor.report.identity import Identity
 from mor.report.results.folder import Writer
 from mor.report.results.json import to_json
@@ -67,6 +68,8 @@ class Design:
         more: dict[str, Writer] = {}
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
+        page = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
+        more["design.html"] = text_writer(page)
         write_design(self.solved, self.judged, text, self.json(of), more, place)
 
     def json(self, of: Identity) -> str:

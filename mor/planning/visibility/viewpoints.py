@@ -83,8 +83,8 @@ class Image:
             moved = np.abs(found - measured)
             if not (moved > 0.0).any():
                 break
-        settled = (moved <= _SETTLED * (self.high - self.low)).all(axis=1)
-        return np.where(settled[:, None], found, np.nan)
+        settled = np.all(moved <= _SETTLED * (self.high - self.low), axis=1)
+        return np.where(np.asarray(settled)[:, None], found, np.nan)
 
     def _outwards(self, star: FloatArray) -> BoolArray:
         aside = np.linalg.norm(star[:, :2], axis=1)
