@@ -118,7 +118,7 @@ def _drawing(solved: Solved) -> Drawing:
     chosen = widest_view(places[known], "xy".index(axes["right"]))
     reversed_ = {axes["right"]: axes["right_reversed"], axes["up"]: axes["up_reversed"]}
     signs = [-1.0 if reversed_.get("xyz"[k], False) else 1.0 for k in chosen]
-    others = {}
+    others: dict[str, FloatArray] = {}
     for frame in (station_table(solved), image_table(solved)):
         if frame.height:
             others |= dict(
