@@ -12,6 +12,7 @@ from mor.errors import InputError
 from mor.planning import ranks
 from mor.planning.plan import solve_plan
 from mor.planning.ranks import ranking
+from mor.quality.design import wide
 from mor.quality.design.interest import interest_of
 from mor.quality.design.requirements import judged, requirements
 from mor.quality.design.shortfall import REACHED
@@ -150,6 +151,9 @@ def test_large_blocks_are_ranked_like_small_ones(monkeypatch, name, points, unit
         assert one.precision == pytest.approx(other.precision, rel=1e-9)
         assert one.largest_ratio == pytest.approx(other.largest_ratio, rel=1e-9)
         assert one.smallest_r == pytest.approx(other.smallest_r, abs=1e-9)
+    monkeypatch.setattr(wide, "MOST_LOOKED_AT", 30)
+    with pytest.raises(InputError, match="expected 30 in"):
+        ranking(solved, required, 0)
     with pytest.raises(InputError, match="--greedy: greedy plans are made of up to 100"):
         ranking(solved, required, 5)
 
