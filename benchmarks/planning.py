@@ -1,8 +1,8 @@
 """Times of plans: candidates of a large block ranked, and a greedy plan of many steps; for docs/planning.md.
 
-    python benchmarks/planning.py                    both
-    python benchmarks/planning.py block --candidates 100000
-    python benchmarks/planning.py greedy --steps 100
+python benchmarks/planning.py                    both
+python benchmarks/planning.py block --candidates 100000
+python benchmarks/planning.py greedy --steps 100
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def timed(what: str, work: Callable[[], Result]) -> Result:
     """The result of some work, whose wall and CPU time are printed."""
     wall, cpu = time.perf_counter(), time.process_time()
     found = work()
-    print(f"{what:<44} {time.perf_counter() - wall:8.2f} s   CPU {time.process_time() - cpu:8.2f} s", flush=True)
+    print(
+        f"{what:<44} {time.perf_counter() - wall:8.2f} s   CPU {time.process_time() - cpu:8.2f} s", flush=True
+    )
     return found
 
 
@@ -126,8 +128,12 @@ def _report(path: Path, steps: int) -> None:
 
 def main() -> None:
     """Run what is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", choices=["block", "greedy", []], help="both where nothing is named")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "what", nargs="*", choices=["block", "greedy", []], help="both where nothing is named"
+    )
     parser.add_argument("--candidates", type=int, default=100_000)
     parser.add_argument("--steps", type=int, default=100)
     given = parser.parse_args()
