@@ -14,8 +14,9 @@ from mor.errors import InputError, Problem
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge, ImageScale, image_scale
-from mor.project.file.model import Camera, Observations, Project, Table, Value
+from mor.project.file.model import Camera, Observations, Project, Value
 from mor.project.file.nodes import Document
+from mor.project.file.table import Table
 from mor.project.file.validation import validate
 from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table

@@ -18,12 +18,15 @@ from mor.planning.ranks import Ranking, ranking
 from mor.planning.variants import named_in, solve_variant, variant_network
 from mor.project.file.plans import Variant
 from mor.quality.design.requirements import Judged, RequiredPrecision, Requirement, judged, requirements
+from mor.quality.design.sighted import Sighted
 from mor.quality.solved import Solved
 from mor.report.design.content import design_data
+from mor.report.design.page import design_page
 from mor.report.design.ranking import now_row, ranking_table, ranking_text
 from mor.report.design.text import design_text, requirement_section, verdict
 from mor.report.design.variants import Named, variant_row, variant_text
-from mor.report.design.writing import write_design
+from mor.report.design.visible import visible_rows, visible_section
+from mor.report.design.writing import text_writer, write_design
 from mor.report.identity import Identity
 from mor.report.results.folder import Writer
 from mor.report.results.json import to_json
@@ -43,6 +46,8 @@ class Design:
     judged: tuple[Judged, ...]
     files: tuple[str, ...]
     """Tables that the project refers to."""
+    sighted: tuple[Sighted, ...] = ()
+    """Who sees what, where the project leaves that open."""
     variants: tuple[Named, ...] = ()
     ranking: Ranking | None = None
 
@@ -63,11 +68,14 @@ class Design:
         more: dict[str, Writer] = {}
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
+        page = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
+        more["design.html"] = text_writer(page)
         write_design(self.solved, self.judged, text, self.json(of), more, place)
 
     def json(self, of: Identity) -> str:
         """``design.json`` as text."""
         data: dict[str, Any] = design_data(self.solved, self.judged, of)
+        data["visible"] = visible_rows(self.sighted)
         data["variants"] = self._variant_rows()
         found = self.ranking
         if found is not None:
@@ -87,8 +95,8 @@ class Design:
         return "\n\n".join(["\n".join(lines), *([required] if required else []), *self._more(words)])
 
     def _more(self, words: Words) -> list[str]:
-        """Sections on variants and on what observations are worth, where they were asked for."""
-        sections = []
+        """Sections on what is visible, on variants and on what observations are worth, where they were asked for."""
+        sections = [visible_section(self.sighted, words)] if self.sighted else []
         if self.variants:
             unit = self.solved.network.project.units.length
             sections.append(variant_text(self._variant_rows(), unit, words))
@@ -116,7 +124,8 @@ def designed(path: Path, form: str, ranks: bool, most: int) -> Design:
     ``most`` candidates are chosen for a greedy plan. Raises :class:`InputError`.
     """
     document = read_document(path, form)
-    network = read_plan(document, path.parent)
+    plan = read_plan(document, path.parent)
+    network = plan.network
     required = requirements(network)
     there = at_its_place(network)
     solved = solve_plan(there)
@@ -127,7 +136,7 @@ def designed(path: Path, form: str, ranks: bool, most: int) -> Design:
         variants.append((name, changed, judgements(changed, wanted)))
     found = ranking(solved, required, most) if ranks and solved.quality is not None else None
     files = tuple(document.table_files())
-    return Design(solved, judgements(solved, required), files, tuple(variants), found)
+    return Design(solved, judgements(solved, required), files, plan.sighted, tuple(variants), found)
 
 
 def _without_points(required: Requirement, variant: Variant) -> Requirement | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +20,13 @@ from mor.errors import InputError, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.parameters.index import Values, all_known
 from mor.pipeline import check_minimal, determinable_start, levels, make_problem
+from mor.planning.visibility.generation import with_visible
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.project.network.build import Network, build_network
 from mor.project.network.entities import said_thing
 from mor.quality.assess import assess
+from mor.quality.design.sighted import Sighted
 from mor.quality.diagnosis.determinable import Means, adjust_determinable
 from mor.quality.simulation.implied import place_with_errors
 from mor.quality.simulation.measurements import measured_at
@@ -35,9 +38,20 @@ ON_EARTH = "plans and simulated projects of networks on the earth (world) need m
 MEASURED = "the place of what the project gives no start values of is worked out from its measured values"
 
 
-def read_plan(document: Document, folder: Path) -> Network:
-    """The network of a project in which measured values may be missing. Raises :class:`InputError`."""
-    return build_network(validate(document), document, folder, planned=True)
+class Plan(NamedTuple):
+    """A project in which measured values may be missing, as it was read."""
+
+    network: Network
+    document: Document
+    """The project, with the rows of what is visible."""
+    sighted: tuple[Sighted, ...]
+    """Who sees what, where that was worked out."""
+
+
+def read_plan(document: Document, folder: Path) -> Plan:
+    """The plan of a project. Raises :class:`InputError`."""
+    document, sighted = with_visible(document, folder)
+    return Plan(build_network(validate(document), document, folder, planned=True), document, sighted)
 
 
 def at_its_place(network: Network) -> Network:

@@ -60,11 +60,11 @@ def _write(path: Path, text: str) -> None:
 
 def placed_network(path: Path, form: str) -> tuple[Network, Document]:
     """The network of a project at its place, with everything in it. Raises :class:`InputError`."""
-    document = read_document(path, form)
-    network = at_its_place(read_plan(document, path.parent))
+    plan = read_plan(read_document(path, form), path.parent)
+    network = at_its_place(plan.network)
     if network.original is not None:
         raise InputError([Mistake(LEFT_OUT, network.file)])
-    return network, document
+    return network, plan.document
 
 
 def simulated(path: Path, form: str, seed: int, wishes: Wishes, noise: bool = True) -> Simulation:

@@ -61,7 +61,7 @@ def _with_cameras(document: Document, folder: Path, name: str, variant: Variant)
     merged = {**cameras, **{c: _merged(cameras[c], keys) for c, keys in variant.cameras.items()}}
     changed = replace(document, data={**document.data, "cameras": merged})
     try:
-        return at_its_place(read_plan(changed, folder))
+        return at_its_place(read_plan(changed, folder).network)
     except InputError as error:
         place = f"variants: {name}: "
         told = [replace(one, message=place + one.message, line=0) for one in error.problems]

@@ -33,7 +33,7 @@ def _adjusted(folder):
 
 def _plan(name):
     path = ROOT / name / "project.yaml"
-    return solve_plan(at_its_place(read_plan(read_document(path), path.parent)))
+    return solve_plan(at_its_place(read_plan(read_document(path), path.parent).network))
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -114,7 +114,7 @@ def test_cameras_that_correct_what_is_measured_look_at_simulated_coordinates(tmp
     camera.pop("r0")
     camera["interior"] = {"c": {"free": "28"}, "K1": {"free": "1e-4"}, "P1": {"free": "1e-5"}}
     changed = replace(document, data={**document.data, "cameras": {"D7": camera}})
-    network = at_its_place(read_plan(changed, path.parent))
+    network = at_its_place(read_plan(changed, path.parent).network)
     group = next(group for group in network.groups if len(group.lines))
     assert np.allclose(group.constants[:, :2], group.observed, rtol=0.0, atol=1e-12)
     assert np.abs(misclosures(group, network.start)).max() < 1e-12

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, Field, StringConstraints, model_validator
+from pydantic import Field, model_validator
 
 from mor.project.file.earth import World
 from mor.project.file.plans import Require, Variant
-from mor.project.file.scalars import Measure, Name, Strict, Text, one_sign
+from mor.project.file.scalars import Measure, Name, Strict, Text
+from mor.project.file.table import Table
+from mor.project.file.visibility import Visibility, Visible
 
 
 class Units(Strict):
@@ -105,45 +107,6 @@ class Camera(Strict):
         default_factory=list,
         description="Components that every image has of its own, with the σ of their difference from the camera's",
     )
-
-
-class Table(Strict):
-    """Rows, here or in a file beside the project."""
-
-    name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
-    file: Text | None = Field(
-        default=None, description="CSV or Parquet, relative to the project file; may be .gz"
-    )
-    rows: list[list[str | None]] | None = Field(
-        default=None, description="Rows in place, in the order of columns"
-    )
-    columns: list[Text | None] | dict[str, Text | None] | None = Field(
-        default=None,
-        description="A list declares the columns of rows or of a file without header (null skips one); "
-        "a mapping renames columns of a file with header (null skips one)",
-    )
-    values: dict[str, Text] = Field(
-        default_factory=dict, description="Columns with the same value in every row"
-    )
-    units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
-    delimiter: (
-        Annotated[
-            str,
-            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
-            AfterValidator(one_sign),
-        ]
-        | None
-    ) = Field(
-        default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
-    )
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Table:
-        if (self.file is None) == (self.rows is None):
-            raise ValueError("give either a file or rows")
-        if self.rows is not None and not isinstance(self.columns, list):
-            raise ValueError("rows need a list of columns")
-        return self
 
 
 class Points(Table):
@@ -252,6 +215,15 @@ class Observations(Table):
     cluster: Text | None = Field(
         default=None, description="Groups of one cluster name share one covariance matrix"
     )
+    visible: Visible | None = Field(
+        default=None,
+        description="In place of a file or rows, for plans: everything that can be seen is observed",
+    )
+
+    @property
+    def sources(self) -> dict[str, object]:
+        """What the rows may come from, by its key; ``None`` where it is not given."""
+        return {**super().sources, "visible": self.visible}
 
 
 class Datum(Strict):
@@ -383,6 +355,10 @@ class Project(Strict):
     require: Require = Field(default=Require(), description="What a plan has to reach, for mor design")
     variants: dict[Name, Variant] = Field(
         default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
+    )
+    visibility: Visibility = Field(
+        default=Visibility(),
+        description="What stands in the way of sights, and where targets look, for plans",
     )
     datum: Literal["fixed", "free"] | Datum = Field(
         default="fixed", description="What holds the coordinates where the observations leave them free"

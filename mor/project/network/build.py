@@ -128,6 +128,24 @@ _READERS = {
 """Readers of the namespaces; each may refer to those before it."""
 
 
+def read_things(
+    project: Project,
+    document: Document,
+    folder: Path,
+    read: TableWatcher = ignore_table,
+    planned: bool = False,
+) -> Reading:
+    """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
+    edge = Edge(project.units, project.axes)
+    reading = Reading(project, Place(document, (), folder), edge, workshop(), [], read, planned=planned)
+    for space, reader in _READERS.items():
+        before = len(reading.problems)
+        reader(reading)
+        if len(reading.problems) > before:
+            reading.broken.add(space)
+    return reading
+
+
 def build_network(
     project: Project,
     document: Document,
@@ -139,14 +157,8 @@ def build_network(
 
     Where it is ``planned``, observations need no values: what stands for them is 0.
     """
-    problems: list[Problem] = []
-    edge = Edge(project.units, project.axes)
-    reading = Reading(project, Place(document, (), folder), edge, workshop(), problems, read, planned=planned)
-    for space, reader in _READERS.items():
-        before = len(problems)
-        reader(reading)
-        if len(problems) > before:
-            reading.broken.add(space)
+    reading = read_things(project, document, folder, read, planned)
+    problems = reading.problems
     read_in = read_groups(reading)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)

@@ -9,8 +9,9 @@ from typing import TypeAlias
 from mor.errors import Problem
 from mor.observations import PLAIN_TYPES, ObservationGroup, ObservationType
 from mor.project.edge import Edge, ImageScale
-from mor.project.file.model import Project, Table
+from mor.project.file.model import Project
 from mor.project.file.nodes import Document
+from mor.project.file.table import Table
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
 from mor.project.world.world import World

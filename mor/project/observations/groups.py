@@ -38,6 +38,8 @@ from mor.units import IMAGE, LENGTH, Component
 TYPE_NAMES = ("image", *PLAIN_TYPES)
 """Types of a project that is nowhere on the earth."""
 
+_NOT_PLANNED = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
+
 
 def read_groups(reading: Reading) -> list[Group]:
     """All observation groups that are named by a type; images are split by camera model."""
@@ -49,6 +51,10 @@ def read_groups(reading: Reading) -> list[Group]:
         if entry.type != "image" and entry.type not in reading.types:
             if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:
                 reading.problems.append(place.problem(_unknown_type(reading, entry.type), "type"))
+            continue
+        if entry.visible is not None:
+            if not reading.planned or reading.section == "checks":
+                reading.problems.append(place.problem(_NOT_PLANNED, "visible"))
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
         if entry.type == "image":

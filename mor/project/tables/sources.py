@@ -9,7 +9,7 @@ import polars as pl
 
 from mor.errors import InputError, Problem, nearest
 from mor.input_files import TABLE, check_regular, check_size, is_folder, limit, note_file, read_bytes
-from mor.project.file.model import Table
+from mor.project.file.table import Table
 from mor.project.tables.columns import Column, Place, Source
 from mor.project.tables.texts import COLUMNS, from_text, our_name, too_many_columns, wrong_length
 

@@ -10,7 +10,7 @@ import polars as pl
 from mor.arrays import LARGEST, BoolArray, FloatArray
 from mor.errors import Problem, nearest
 from mor.project.edge import beyond
-from mor.project.file.model import Table
+from mor.project.file.table import Table
 from mor.project.tables.columns import Column, Place, Rows, Source, tell_rows
 from mor.project.tables.sources import from_file, from_rows
 

@@ -20,7 +20,7 @@ from mor.arrays import IntArray, SmallIntArray
 from mor.counting import counted
 from mor.errors import Problem
 from mor.input_files import limit, raise_it
-from mor.project.file.model import Table
+from mor.project.file.table import Table
 from mor.project.tables.columns import Column, Source, tell_rows
 from mor.project.tables.guarded import plain_column
 

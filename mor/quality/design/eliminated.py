@@ -31,21 +31,21 @@ class Eliminated(NamedTuple):
     """(P, k) reduced unknowns of their rays; 0 where there are less than k."""
     back: FloatArray
     """(P, 3, k) N⁻¹Cᵀ, 0 there."""
+    parts: tuple[tuple[IntArray, int], ...]
+    """Points that are worked on together, by how many unknowns their rays have, and the most of them."""
 
     def solutions(self, reduced: FloatArray, right: FloatArray) -> FloatArray:
         """(P, 3, m) what they do where the reduced unknowns do x (r, m), with their own right-hand sides (P, 3, m)."""
         found = self.inverse @ right
-        for first in range(0, len(found), _POINTS):
-            some = slice(first, first + _POINTS)
-            found[some] -= self.back[some] @ reduced[self.others[some]]
+        for some, most in self.parts:
+            found[some] -= self.back[some, :, :most] @ reduced[self.others[some, :most]]
         return found
 
     def cofactors(self, reduced: FloatArray) -> FloatArray:
         """(P, 3, 3) N⁻¹ + N⁻¹Cᵀ Q_rr C N⁻¹."""
         found = self.inverse.copy()
-        for first in range(0, len(found), _POINTS):
-            some = slice(first, first + _POINTS)
-            others, back = self.others[some], self.back[some]
+        for some, most in self.parts:
+            others, back = self.others[some, :most], self.back[some, :, :most]
             inner = reduced[others[:, :, None], others[:, None, :]]
             found[some] += back @ inner @ back.transpose(0, 2, 1)
         return found
@@ -88,8 +88,8 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
 
 def _padded(
     inverse: FloatArray, keys: list[IntArray], values: list[FloatArray], size: int
-) -> tuple[IntArray, FloatArray]:
-    """Unknowns (P, k) of the rays of each point, each once, and N⁻¹Cᵀ (P, 3, k)."""
+) -> tuple[IntArray, FloatArray, tuple[tuple[IntArray, int], ...]]:
+    """Unknowns (P, k) of the rays of each point, each once, N⁻¹Cᵀ (P, 3, k), and the parts to work in."""
     key, number = np.unique(np.concatenate(keys), return_inverse=True)
     all_values = np.concatenate(values)
     coupling = np.stack([np.bincount(number, all_values[:, c], len(key)) for c in range(3)], axis=1)
@@ -100,4 +100,10 @@ def _padded(
     others = np.zeros((len(inverse), most), dtype=np.int64)
     padded = np.zeros((len(inverse), most, 3))
     others[point, within], padded[point, within] = other, coupling
-    return others, inverse @ padded.transpose(0, 2, 1)
+    order = np.argsort(count, kind="stable")
+    parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
+    return (
+        others,
+        inverse @ padded.transpose(0, 2, 1),
+        tuple((some, int(count[some].max())) for some in parts),
+    )

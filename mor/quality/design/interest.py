@@ -69,12 +69,22 @@ class Interest:
     """Candidates (group, row) that would change the datum: what they bring cannot be told by an update."""
 
 
-def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks: IntArray) -> Interest:
-    """The cofactors of a plan, its candidates, and the coordinates of some point blocks. Raises :class:`InputError`."""
+class ObservationRows(NamedTuple):
+    """Whitened derivatives of all observations of a plan and of its candidates, as they are gathered."""
+
+    rows: Rows
+    units: list[Unit]
+    correlated: list[tuple[IntArray, FloatArray]]
+    unestimable: list[tuple[int, int]]
+    """Candidates (group, row) that would change the datum; they are no units."""
+
+
+def observation_rows(quality: Quality, candidates: Sequence[ObservationGroup]) -> ObservationRows:
+    """The rows of M of the observations of a plan, and behind them those of its candidates."""
     adjustment = quality.adjustment
     problem, values = adjustment.problem, adjustment.values
     tangent = rotation_tangents(problem.index, values)
-    rows = _Rows(problem.index.count)
+    rows = Rows(problem.index.count)
     units: list[Unit] = []
     entry = np.full(int(problem.offsets[-1]), -1)
     for number, group in enumerate(problem.groups):
@@ -99,6 +109,13 @@ def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks
                 skipped.append((number, unit.row))
             else:
                 units.append(unit)
+    return ObservationRows(rows, units, correlated, skipped)
+
+
+def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks: IntArray) -> Interest:
+    """The cofactors of a plan, its candidates, and the coordinates of some point blocks. Raises :class:`InputError`."""
+    adjustment = quality.adjustment
+    rows, units, correlated, skipped = observation_rows(quality, candidates)
     dense, coordinates = datum_rows(quality, blocks, rows.count)
     rows.put(dense, -1)
     M = rows.matrix()
@@ -109,13 +126,13 @@ def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks
         raise InputError([Mistake(f"{words}; require less, or rank a part of the plan")])
     K = M @ adjustment.inverse.solve(np.ascontiguousarray(M.T))
     group_of = rows.group()
-    taking_part = (group_of >= 0) & (group_of < len(problem.groups))
+    taking_part = (group_of >= 0) & (group_of < len(adjustment.problem.groups))
     return Interest(
         0.5 * (K + K.T), taking_part, group_of, tuple(units), tuple(correlated), coordinates, tuple(skipped)
     )
 
 
-class _Rows:
+class Rows:
     """Rows of M while they are gathered."""
 
     def __init__(self, unknowns: int) -> None:
@@ -167,7 +184,7 @@ def _units(mask: BoolArray, number: int, first: int, is_candidate: bool) -> list
     ]
 
 
-def _whiten_clusters(problem: Problem, entry: IntArray, rows: _Rows) -> list[tuple[IntArray, FloatArray]]:
+def _whiten_clusters(problem: Problem, entry: IntArray, rows: Rows) -> list[tuple[IntArray, FloatArray]]:
     """Replace rows of correlated observations, which were divided by σ, by whitened ones."""
     found = []
     offsets = np.concatenate([[0], np.cumsum([len(part) for part in rows.parts])])
@@ -199,7 +216,7 @@ def _together(units: list[Unit], correlated: Sequence[tuple[IntArray, FloatArray
     return result
 
 
-def _changes_datum(rows: _Rows, unit: Unit, null: FloatArray) -> bool:
+def _changes_datum(rows: Rows, unit: Unit, null: FloatArray) -> bool:
     if null.shape[1] == 0:
         return False
     own = rows.at(unit.rows)

@@ -65,6 +65,8 @@ def wide_interest(
     """
     adjustment = quality.adjustment
     problem, plan, inverse = adjustment.problem, adjustment.plan, adjustment.inverse
+    looked_at = sum(len(some) for some in weak) + int((problem.index.columns["point"][blocks] >= 0).sum())
+    _check_size(looked_at, len(plan.kept))
     rows, groups = [], []
     tangent = rotation_tangents(problem.index, adjustment.values)
     for number, some in enumerate(weak):
@@ -82,21 +84,26 @@ def wide_interest(
     first = sum(len(part) for part in rows)
     dense, places = datum_rows(quality, blocks, first)
     M = np.concatenate([*rows, dense])
-    if len(M) > MOST_LOOKED_AT or len(plan.kept) > MOST_REDUCED:
-        words = (
-            f"ranking looks at {len(M)} coordinates and weak observations in {len(plan.kept)} unknowns of images "
-            f"and stations, expected {MOST_LOOKED_AT} in {MOST_REDUCED} at most; require σ of fewer points"
-        )
-        raise InputError([Mistake(words)])
     reduced = inverse.scale[:, None] * inverse.factor.solve(np.diag(inverse.scale))
-    used = problem.index.block_of[np.flatnonzero((M != 0.0).any(axis=0) & (plan.reduced < 0))]
+    there = np.flatnonzero(M.any(axis=0))
+    used = problem.index.block_of[there[plan.reduced[there] < 0]]
     met = [_points_of(group) for group in candidates]
     points = eliminated(adjustment, np.concatenate([used.astype(np.int64), *met]))
     solutions = _solutions(quality, M, reduced, points)
-    K = M @ solutions
+    K = M[:, there] @ solutions[there]
     group_of = np.concatenate([*groups, np.full(len(dense), -1)]).astype(np.int64)
     interest = Interest(0.5 * (K + K.T), group_of >= 0, group_of, (), (), places, ())
     return Wide(interest, solutions, reduced, points, points.cofactors(reduced))
+
+
+def _check_size(looked_at: int, reduced: int) -> None:
+    """Raise :class:`InputError` where there are too many rows, or too many images: before anything is held of them."""
+    if looked_at > MOST_LOOKED_AT or reduced > MOST_REDUCED:
+        words = (
+            f"ranking looks at {looked_at} coordinates and weak observations in {reduced} unknowns of images "
+            f"and stations, expected {MOST_LOOKED_AT} in {MOST_REDUCED} at most; require σ of fewer points, or a smaller r"
+        )
+        raise InputError([Mistake(words)])
 
 
 def _solutions(quality: Quality, M: FloatArray, reduced: FloatArray, points: Eliminated) -> FloatArray:

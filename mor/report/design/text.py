@@ -20,7 +20,7 @@ from mor.report.verdict import words_of_reliability
 from mor.report.words.datum import datum_name
 from mor.report.words.language import Words
 
-_WHAT = {
+WHAT = {
     "x": "sigma of x",
     "y": "sigma of y",
     "z": "sigma of z",
@@ -125,7 +125,7 @@ def _sentence(row: dict[str, Any], words: Words) -> str:
     return words(
         "{verdict}: {what}, {id}: {sign} {limit}; worst {worst} ({place}); {failing} of {count} fail",
         verdict=words("reached") if row["met"] else words("NOT REACHED"),
-        what=words(_WHAT[row["of"]]),
+        what=words(WHAT[row["of"]]),
         id=", ".join(row["pattern"]),
         sign="≥" if row["of"] == "r" else "≤",
         limit=limit,

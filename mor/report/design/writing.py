@@ -13,7 +13,15 @@ from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table
 from mor.report.tables.files import table_writer
 
-DESIGN_FILES = ("design.json", "design.txt", "points.csv", "images.csv", "planned.csv", "ranking.csv")
+DESIGN_FILES = (
+    "design.json",
+    "design.txt",
+    "design.html",
+    "points.csv",
+    "images.csv",
+    "planned.csv",
+    "ranking.csv",
+)
 """Names of all files that a plan may write."""
 
 

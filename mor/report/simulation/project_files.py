@@ -51,13 +51,19 @@ def simulated_project(
             ]
     data = {**document.data, **text_of}
     if data.get("candidates"):
-        data["candidates"] = [_where_it_stands(entry, source, target) for entry in data["candidates"]]
+        data["candidates"] = [
+            entry
+            if document.frame(str(entry.get("file"))) is not None
+            else _where_it_stands(entry, source, target)
+            for entry in data["candidates"]
+        ]
     for section in ("cameras", "instruments"):
         if data.get(section):
             data[section] = {
                 name: _with_observed(network, section[:-1], name, one) for name, one in data[section].items()
             }
-    begun = replace(document, data=data, frames={})
+    data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
+    begun = replace(document, data=data)
     text, starts = adjusted_project(Placed(network, place), begun, target, target)
     return text, {**starts, **tables}
 
