@@ -32,6 +32,7 @@ CHAPTERS = {
         "tutorials/aerial-strip",
         "tutorials/machine-part",
         "tutorials/theodolite-network",
+        "tutorials/dam",
         "tutorials/planning",
     ),
     "Projects": (
