@@ -1,4 +1,4 @@
-"""``python -m sample_projects.trials NAME [COUNT]``: the same measurements with so many other sets of errors.
+"""``python -m sample_projects.trials NAME [COUNT [FIRST]]``: the same measurements with so many other sets of errors.
 
 What theory says of errors over σ and of σ0 is said beside what was found. σ are taken a priori: what they multiply is
 known here, and so the ratios are standard normal.
@@ -70,8 +70,9 @@ def _parameters(path: Path) -> dict[tuple[str, str, str], float]:
 def main(arguments: list[str]) -> int:
     """Print what the trials of a sample give; returns the exit code."""
     name, count = arguments[0], int(arguments[1]) if len(arguments) > 1 else 200
+    first = int(arguments[2]) if len(arguments) > 2 else 1
     simulate: Callable[[int], Files] = import_module(f"sample_projects.simulate.{name}").simulate
-    trials = [trial(name, simulate(seed)) for seed in range(1, count + 1)]
+    trials = [trial(name, simulate(seed)) for seed in range(first, first + count)]
     sigma0 = np.array([t.sigma0 for t in trials])
     ratios = np.stack([t.ratios for t in trials])
     expected = 1.0 / np.sqrt(2.0 * trials[0].redundancy)

@@ -18,8 +18,8 @@ SIGMA = 0.0013
 """mm in the image, 0.3 pixels."""
 DIRECTION, ZENITH = 0.0003 * GON, 0.0005 * GON
 DISTANCE, PPM = 0.0008, 1.0
-REFRACTION = 0.17
-"""On the day of the measurement; the project says 0.13 with a σ of 0.1."""
+REFRACTION = (0.13, 0.1)
+"""What the project says of the coefficient, and its σ; that of the day is drawn from it."""
 LEVELLING = 0.0003
 """σ of one line between two benchmarks, m."""
 ANTENNA = np.array([0.012, 0.012, 0.020])
@@ -63,10 +63,11 @@ def simulate(seed: int = 2418) -> dict[str, str | bytes]:
         return kept & sees(camera, frame, np.stack(list(on_face.values())), facing, 70.0 * DEGREE)
 
     random = np.random.RandomState(seed)
+    refraction = REFRACTION[0] + REFRACTION[1] * np.random.RandomState(seed + 100_000).standard_normal()
     shots = {name: (site.CAMERA, frame) for name, frame in images.items()}
     rays = with_enough_rays(measured(shots, on_face, visible, SIGMA, random, 0.0), 3)
     seen = {**plates, **seen_points(rays, on_face)}
-    directions, distances = _total_stations(marks, plates, random)
+    directions, distances = _total_stations(marks, plates, float(refraction), random)
     return {
         "geoid.gtx": site.geoid().gtx(),
         "reference_stations.csv": _national(site.REFERENCE, 4, 0.0, random),
@@ -82,7 +83,7 @@ def simulate(seed: int = 2418) -> dict[str, str | bytes]:
         "truth/points.csv": _national({**site.REFERENCE, **marks, **seen}, 5, 0.0, random),
         "truth/cameras.csv": camera_table({"M3": site.CAMERA}),
         "truth/parameters.csv": table(
-            "kind,block,component,value", [["refraction", "T2", "refraction", f"{REFRACTION:g}"]]
+            "kind,block,component,value", [["refraction", "T2", "refraction", f"{refraction:.4f}"]]
         ),
     }
 
@@ -138,7 +139,7 @@ def _baselines(points: Mapping[str, Array], random: np.random.RandomState) -> st
 
 
 def _total_stations(
-    marks: Mapping[str, Array], plates: Mapping[str, Array], random: np.random.RandomState
+    marks: Mapping[str, Array], plates: Mapping[str, Array], refraction: float, random: np.random.RandomState
 ) -> tuple[str, str]:
     """Directions, zenith angles and distances from four pillars to prisms and plates, about the plumb lines."""
     directions, distances = [], []
@@ -161,7 +162,7 @@ def _total_stations(
             target = point + above * site.plumb_axes(point[None])[0, 2]
             true = sight(instrument, target)
             level = true.distance * np.sin(true.zenith)
-            true = true._replace(zenith=true.zenith - REFRACTION * level / (2.0 * 6_371_000.0))
+            true = true._replace(zenith=true.zenith - refraction * level / (2.0 * 6_371_000.0))
             along = float(np.hypot(DISTANCE, PPM * 1e-6 * true.distance))
             reading = read(true, Sight(DIRECTION, ZENITH, along), random)
             circles = numbers((reading.horizontal / GON, reading.zenith / GON), 5)
