@@ -1,7 +1,7 @@
 """What satellites give in geocentric axes: vectors between marks, positions of marks, in a frame of their own.
 
-The frame of a GNSS solution may lie, turn and scale a little differently from that of the points. About the origin X₀ of
-the object system, the middle of the network,
+The frame of a GNSS solution may lie, turn and scale a little differently from that of the points. About the origin X₀
+of the object system, the middle of the network,
 
     X_obs = X₀ + t + m R (X − X₀),    ΔX_obs = m R ΔX,    R = R_z(r_z) R_y(r_y) R_x(r_x)
 
