@@ -109,7 +109,7 @@ def test_planted_values_are_found_exactly_without_errors(middle: np.ndarray) -> 
 
 def test_free_and_observed_frames_against_a_formulation_in_geocentric_coordinates(middle: np.ndarray) -> None:
     """Coordinates and seven parameters by Gauss-Newton with differences: the same values, σ and vᵀPv."""
-    observed = {**FREE, "turn_z": {"observed": repr(1.5 * ARCSEC), "sigma": repr(0.05 * ARCSEC)}}
+    observed = {**FREE, "turn_z": {"observed": repr(2.13 * ARCSEC), "sigma": repr(0.05 * ARCSEC)}}
     for frame in (FREE, observed):
         project = _project(frame, middle)
         solved = _solved(project)
@@ -132,7 +132,7 @@ def test_free_and_observed_frames_against_a_formulation_in_geocentric_coordinate
             places = np.concatenate([held, middle + 1e3 * x[7:].reshape(-1, 3)])
             parameters = np.array([*x[:3], *(1e-6 * x[3:6]), 1.0 + 1e-6 * x[6]])
             there = _in_frame(places, middle, parameters)
-            known = [] if frame is FREE else [(1e-6 * x[5] - 1.5 * ARCSEC) / (0.05 * ARCSEC)]
+            known = [] if frame is FREE else [(1e-6 * x[5] - 2.13 * ARCSEC) / (0.05 * ARCSEC)]
             return np.concatenate(
                 [(there - positions).ravel() / SIGMA, (there[j] - there[i] - vectors).ravel() / SIGMA, known]
             )
