@@ -52,7 +52,7 @@ CHAPTERS = {
         ),
         *(
             f"formats/{page}"
-            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "field-books", "drawings")
+            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "snap", "field-books", "drawings")
         ),
     ),
     "Before the measurement": ("planning", "batch"),

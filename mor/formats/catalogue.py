@@ -125,6 +125,11 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.dynadjust.reader", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
+    "snap": Format(
+        "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
+        Code("mor.formats.snap.reader", "read_snap"),
+        suffixes=(".snp", ".crd"),
+    ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
         Code("mor.formats.jag3d.reader", "read_jag3d"),

@@ -21,6 +21,7 @@ from .mutants import faults, materials
             "photomodeler",
             "starnet",
             "dynadjust",
+            "snap",
             "jag3d",
             "reference pane",
             "openmvg",
