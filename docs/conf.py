@@ -52,7 +52,17 @@ CHAPTERS = {
         ),
         *(
             f"formats/{page}"
-            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "snap", "field-books", "drawings")
+            for page in (
+                "gkf",
+                "textbook",
+                "starnet",
+                "jag3d",
+                "dynadjust",
+                "snap",
+                "sinex",
+                "field-books",
+                "drawings",
+            )
         ),
     ),
     "Before the measurement": ("planning", "batch"),

@@ -130,6 +130,12 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.snap.reader", "read_snap"),
         suffixes=(".snp", ".crd"),
     ),
+    "sinex": Format(
+        "SINEX: a GNSS solution with its covariance matrix",
+        Code("mor.formats.sinex.reader", "read_sinex"),
+        suffixes=(".snx",),
+        untried="no file of a processing centre could be had: this reader was written from the description of the format",
+    ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
         Code("mor.formats.jag3d.reader", "read_jag3d"),

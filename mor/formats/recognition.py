@@ -207,6 +207,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
     ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
+    ("sinex", lambda sample: sample.text.startswith("%=SNX")),
     ("snap", _snap),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),

@@ -81,6 +81,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_sfm_data import alicevision, openmvg
+    from .test_sinex import _solution, sinex
     from .test_snap import COMMANDS
     from .test_snap import MEASURED as SNAP_DATA
     from .test_snap import STATIONS as SNAP_STATIONS
@@ -113,6 +114,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
+        "sinex": ("sinex", "s.snx", {"s.snx": sinex(*_solution(9, 3)).encode()}),
         "snap": (
             "snap",
             "n.snp",

@@ -22,6 +22,7 @@ from .mutants import faults, materials
             "starnet",
             "dynadjust",
             "snap",
+            "sinex",
             "jag3d",
             "reference pane",
             "openmvg",
