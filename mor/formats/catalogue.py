@@ -134,7 +134,7 @@ FORMATS: dict[str, Format] = {
         "SINEX: a GNSS solution with its covariance matrix",
         Code("mor.formats.sinex.reader", "read_sinex"),
         suffixes=(".snx",),
-        untried="no file of a processing centre could be had: this reader was written from the description of the format",
+        untried="no file of a processing centre could be had: this reader was written from the format description",
     ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
