@@ -32,6 +32,7 @@ CHAPTERS = {
         "tutorials/aerial-strip",
         "tutorials/machine-part",
         "tutorials/theodolite-network",
+        "tutorials/dam",
         "tutorials/planning",
     ),
     "Projects": (
@@ -51,7 +52,17 @@ CHAPTERS = {
         ),
         *(
             f"formats/{page}"
-            for page in ("gkf", "textbook", "starnet", "jag3d", "dynadjust", "field-books", "drawings")
+            for page in (
+                "gkf",
+                "textbook",
+                "starnet",
+                "jag3d",
+                "dynadjust",
+                "snap",
+                "sinex",
+                "field-books",
+                "drawings",
+            )
         ),
     ),
     "Before the measurement": ("planning", "batch"),

@@ -16,6 +16,7 @@ from mor.parameters.kinds import INTERIORS
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.assess import Quality, standard_deviations
 from mor.quality.solved import Solved
+from mor.report.places.table import place_table
 from sample_projects.simulate import SCENES
 
 ROOT = Path(__file__).resolve().parent
@@ -67,7 +68,13 @@ def quality_of(solved: Solved) -> Quality:
 
 
 def point_results(solved: Solved) -> dict[str, list[float]]:
-    """x, y, z, sx, sy, sz of every point; the axes of the project are those of the program in all samples."""
+    """x, y, z, sx, sy, sz of every point; the axes of the project are those of the program in all samples.
+
+    On the earth they are east, north, height and σ east, north, up.
+    """
+    if solved.network.world is not None:
+        places = place_table(solved).select("id", "east", "north", "height", "seast", "snorth", "sup")
+        return {name: list(values) for name, *values in places.iter_rows()}
     things = solved.network.things["point"]
     blocks = things.parts["position"]
     values = solved.adjustment.values["point"][blocks]
@@ -95,7 +102,7 @@ def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:
 def parameter_results(solved: Solved) -> dict[tuple[str, str, str], tuple[float, float]]:
     """Value and σ of the free components of distance meters, eccentricities and bases, by kind, block, component."""
     result = {}
-    for kind in ("distance meter", "eccentricity", "base"):
+    for kind in ("distance meter", "eccentricity", "base", "refraction"):
         blocks = solved.network.blocks.get(kind)
         if blocks is None:
             continue

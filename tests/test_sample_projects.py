@@ -20,7 +20,7 @@ if str(ROOT) not in sys.path:
 from small_projects import mor  # noqa: E402
 
 from sample_projects import expected  # noqa: E402
-from sample_projects.simulate import SCENES, simulate  # noqa: E402
+from sample_projects.simulate import SCENES, content, simulate  # noqa: E402
 
 FOLDER = ROOT / "sample_projects"
 LARGEST = 4.5
@@ -40,7 +40,9 @@ def solved_sample(name: str) -> Any:
 @cache
 def true_points(name: str) -> dict[str, np.ndarray]:
     with (FOLDER / name / "truth" / "points.csv").open(newline="") as file:
-        return {row["id"]: np.array([float(row[c]) for c in "xyz"]) for row in csv.DictReader(file)}
+        rows = csv.reader(file)
+        next(rows)  # x, y, z, or on the earth east, north, height
+        return {name: np.array([float(cell) for cell in place]) for name, *place in rows}
 
 
 def sample_files(name: str) -> list[Path]:
@@ -71,10 +73,12 @@ def moved_onto(points: np.ndarray, target: np.ndarray, movements: tuple[str, ...
 @each_sample
 def test_simulation_reproduces_the_files(name: str) -> None:
     files = simulate(name)
-    for file, text in files.items():
-        assert (FOLDER / name / file).read_bytes() == text.encode(), f"{name}/{file}"
+    for file, found in files.items():
+        assert (FOLDER / name / file).read_bytes() == content(found), f"{name}/{file}"
     tables = {
-        path.relative_to(FOLDER / name).as_posix() for path in sample_files(name) if path.suffix == ".csv"
+        path.relative_to(FOLDER / name).as_posix()
+        for path in sample_files(name)
+        if path.suffix in (".csv", ".gtx")
     }
     assert tables == set(files), "tables that the simulation does not make"
 
@@ -139,7 +143,7 @@ def test_further_parameters_are_what_they_truly_are(name: str) -> None:
     results = expected.parameter_results(solved_sample(name))
     for key, true in truth.items():
         value, sigma = results[key]
-        assert 0.0 < sigma < 0.003, key
+        assert 0.0 < sigma < (0.05 if key[2] == "refraction" else 0.003), key
         assert abs(value - true) < LARGEST * sigma, key
 
 

@@ -125,6 +125,17 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.dynadjust.reader", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
+    "snap": Format(
+        "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
+        Code("mor.formats.snap.reader", "read_snap"),
+        suffixes=(".snp", ".crd"),
+    ),
+    "sinex": Format(
+        "SINEX: a GNSS solution with its covariance matrix",
+        Code("mor.formats.sinex.reader", "read_sinex"),
+        suffixes=(".snx",),
+        untried="no file of a processing centre could be had: this reader was written from the format description",
+    ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
         Code("mor.formats.jag3d.reader", "read_jag3d"),

@@ -172,6 +172,13 @@ def _beginning(pattern: str, least: int = 1) -> Callable[[Sample], bool]:
     return holds
 
 
+def _snap(sample: Sample) -> bool:
+    """A data file has a title and #data; a command file names its files."""
+    lines = [words for words in sample.lines if words]
+    data = any(words[0].lower() == "#data" for words in lines[1:])
+    return data or {"coordinate_file", "data_file"} <= {words[0].lower() for words in lines}
+
+
 def _geodimeter(sample: Sample) -> bool:
     lines = [line for line in sample.text.split("\n")[:40] if line.strip()]
     return bool(lines) and all(re.match(r"\s*\d{1,3}=", line) for line in lines)
@@ -200,6 +207,8 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
     ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
+    ("sinex", lambda sample: sample.text.startswith("%=SNX")),
+    ("snap", _snap),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),

@@ -45,6 +45,15 @@ DISTANCE_METER = BlockKind(
     "distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH))
 )
 REFRACTION = BlockKind("refraction", (Component("refraction", NUMBER),))
+GNSS_FRAME = BlockKind(
+    "gnss frame",
+    (
+        *(Component(f"shift_{axis}", LENGTH) for axis in "xyz"),
+        *(Component(f"turn_{axis}", ANGLE) for axis in "xyz"),
+        Component("scale", NUMBER, default=1.0),
+    ),
+)
+"""Where the frame of a GNSS solution lies in that of the points, in geocentric axes."""
 
 
 def interior_key(model: str) -> str:
@@ -62,6 +71,7 @@ KINDS = {
         *INTERIORS.values(),
         DISTANCE_METER,
         REFRACTION,
+        GNSS_FRAME,
         SCALE,
         HEIGHT,
         ECCENTRICITY,

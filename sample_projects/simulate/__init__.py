@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 
 SCENES = (
@@ -15,13 +15,20 @@ SCENES = (
     "machine_part",
     "image_variant",
     "bridge",
+    "dam",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 
-Files = dict[str, str]
+Files = Mapping[str, str | bytes]
+"""Texts, and bytes of what is no text, by file name."""
 
 
 def simulate(name: str) -> Files:
-    """Texts of the simulated files of a sample project, by file name relative to its folder."""
+    """The simulated files of a sample project, by file name relative to its folder."""
     scene: Callable[[], Files] = import_module(f"sample_projects.simulate.{name}").simulate
     return scene()
+
+
+def content(file: str | bytes) -> bytes:
+    """What stands in a file."""
+    return file.encode() if isinstance(file, str) else file

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from sample_projects.simulate import SCENES, simulate
+from sample_projects.simulate import SCENES, content, simulate
 
 
 def main(names: list[str]) -> int:
@@ -16,10 +16,10 @@ def main(names: list[str]) -> int:
         return 2
     root = Path(__file__).resolve().parent.parent
     for name in names or SCENES:
-        for file, text in simulate(name).items():
+        for file, found in simulate(name).items():
             path = root / name / file
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8", newline="\n")
+            path.write_bytes(content(found))
         print(f"{name}: written", file=sys.stderr)
     return 0
 

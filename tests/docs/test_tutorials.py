@@ -43,6 +43,7 @@ def test_there_is_one_for_each_kind_of_job() -> None:
     assert {path.stem for path in PAGES} == {
         "aerial-strip",
         "calibration-field",
+        "dam",
         "facade",
         "machine-part",
         "planning",

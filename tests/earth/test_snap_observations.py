@@ -63,6 +63,7 @@ def _computed(key: str, row: dict[str, str], at: dict[str, np.ndarray], *extra: 
         ("to", "height"): _height(row, "tohgt"),
         ("instrument", "distance meter"): _METER,
         ("instrument", "refraction"): np.zeros((1, 1)),
+        ("instrument", "gnss frame"): np.array([[0.0] * 6 + [1.0]]),
     }
     constants = []
     for constant in type_.constants:

@@ -292,3 +292,39 @@ def test_without_pyproj_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.M
     found = mor("check", write(tmp_path, _text()))
     assert found.code == 2
     assert "pip install mor-adjustment[earth]" in found.err
+
+
+def test_a_geoid_elsewhere_is_told_once_for_a_table_with_the_place(tmp_path: Path) -> None:
+    """Of a wrong zone: where the points are shows it; what follows from it is not told again."""
+    _grid(tmp_path / "g.gtx", 49.0, 15.5)
+    world = '"EPSG:25832", heights: ellipsoidal'
+    levelled = "  - type: height_difference\n    columns: [from, to, dz, sigma]\n    rows: [[A, B, 50, 1]]\n"
+    one = '[[B, 600300, 5500400, 150, "", "", 0.002], [D, 600310, 5500400, 150, "", "", 0.002]]'
+    text = _changed((world, '"EPSG:25832", heights: orthometric, geoid: g.gtx')).replace(
+        '[[B, 600300, 5500400, 150, "", "", 0.002]]', one
+    )
+    found = mor("check", write(tmp_path, text + levelled))
+    assert found.code == 2
+    lines = found.err.splitlines()
+    assert len(lines) == 3, found.err
+    assert "does not cover point 'A' at latitude 49.6" in lines[0]
+    assert "covers none of these points (point 'B' at latitude 49.6" in lines[1]
+    assert "°, longitude 10.3" in lines[1]
+
+
+def test_points_whose_place_is_found_have_heights_above_the_grid(tmp_path: Path) -> None:
+    _grid(tmp_path / "g.gtx", 49.0, 9.5)
+    text = _text().replace("heights: ellipsoidal", "heights: orthometric, geoid: g.gtx")
+    given = write(tmp_path, text)
+    assert mor("adjust", given, "-o", tmp_path / "one", "--no-html").code == 0
+    unknown = "- columns: [id]\n    rows: [[C]]"
+    text = text.replace(
+        "- columns: [id, east, north, height]\n    rows: [[C, 600000, 5500400, 120]]", unknown
+    )
+    assert unknown in text
+    assert mor("adjust", write(tmp_path, text), "-o", tmp_path / "two", "--no-html").code == 0
+    one, two = (pl.read_csv(tmp_path / name / "places.csv").drop("id").to_numpy() for name in ("one", "two"))
+    np.testing.assert_allclose(one, two, atol=1e-7)
+    assert np.isfinite(two).all()
+    again = mor("adjust", tmp_path / "two" / "adjusted.yaml", "-o", tmp_path / "three", "--no-html")
+    assert again.code == 0, again.err

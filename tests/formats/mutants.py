@@ -81,6 +81,10 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_sfm_data import alicevision, openmvg
+    from .test_sinex import _solution, sinex
+    from .test_snap import COMMANDS
+    from .test_snap import MEASURED as SNAP_DATA
+    from .test_snap import STATIONS as SNAP_STATIONS
     from .test_starnet import _space
 
     def written_by(key: str, name: str) -> Files:
@@ -110,6 +114,12 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
+        "sinex": ("sinex", "s.snx", {"s.snx": sinex(*_solution(9, 3)).encode()}),
+        "snap": (
+            "snap",
+            "n.snp",
+            {"n.snp": COMMANDS.encode(), "n.crd": SNAP_STATIONS.encode(), "n.dat": SNAP_DATA.encode()},
+        ),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

@@ -21,6 +21,8 @@ from .mutants import faults, materials
             "photomodeler",
             "starnet",
             "dynadjust",
+            "snap",
+            "sinex",
             "jag3d",
             "reference pane",
             "openmvg",

@@ -32,12 +32,14 @@ def to_plane(network: Network) -> Network:
 
 def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    return replace(kept, type=PLAIN_TYPES["vector"], observed=kept.observed @ horizon.axes.T)
+    observed = kept.observed @ horizon.axes.T
+    return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
 
 
 def _geocentric(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=horizon.from_geocentric(kept.observed))
+    observed = horizon.from_geocentric(kept.observed)
+    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, blocks=kept.blocks[:-1])
 
 
 def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:

@@ -11,7 +11,6 @@ import polars as pl
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, images, points
-from mor.observations.earth import GEOID
 from mor.project.file.nodes import Document
 from mor.project.network.build import build_network
 from mor.project.tables.sources import from_file, from_rows
@@ -105,7 +104,7 @@ def _on_earth(content: Content) -> Drawing:
     positions = network.start["point"][numbers]
     placed = np.flatnonzero(np.isfinite(positions).all(axis=1))
     ids = [network.things["point"].ids[k] for k in placed.tolist()]
-    N = world.of_points(GEOID, numbers)[placed]
+    N = world.geoid_at(numbers, positions)[placed]
     xyz = world.from_object(positions[placed], N)
     degrees = world.system.kind == "geographic"
     per_unit = [np.degrees(1.0), np.degrees(1.0), world.metres] if degrees else [world.metres] * 3

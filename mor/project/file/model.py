@@ -185,6 +185,11 @@ class Instrument(Strict):
     scale: Setting | None = Field(default=None, description="Distance scale m, s_obs = (s - a)/m")
     offset: Setting | None = Field(default=None, description="Zero offset a")
     refraction: Setting | None = Field(default=None, description="Refraction coefficient k")
+    frame: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="shift_x, shift_y, shift_z, turn_x, turn_y, turn_z and scale of the frame of a GNSS solution "
+        "against that of the points, geocentric axes, about the middle of the network",
+    )
 
 
 class Centring(Strict):

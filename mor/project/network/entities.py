@@ -176,6 +176,7 @@ def workshop() -> Workshop:
     stores["distance meter"].add_fixed("none", [1.0, 0.0])
     stores["refraction"].add_fixed("none", [0.0])
     stores["scale"].add_fixed("none", [1.0])
+    stores["gnss frame"].add_fixed("none", [0.0] * 6 + [1.0])
     return Workshop(stores, {})
 
 
@@ -199,7 +200,7 @@ def said_thing(kind: str, block: str) -> str:
     return f"{_DECLARED_AS.get(space, space)} {name}"
 
 
-_DECLARED_AS = {"distance meter": "instrument", "refraction": "instrument"}
+_DECLARED_AS = dict.fromkeys(("distance meter", "refraction", "gnss frame"), "instrument")
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mor.arrays import IntArray
-from mor.parameters.kinds import BASE, ROTATION
+from mor.parameters.kinds import BASE, GNSS_FRAME, ROTATION
 from mor.project.file.model import Instrument
 from mor.project.file.nodes import Path
 from mor.project.network.entities import entities
@@ -16,18 +18,20 @@ from mor.project.tables.tables import Column, read_table
 
 
 def read_instruments(reading: Reading) -> None:
-    """Distance meters and refraction coefficients."""
-    ids, meters, refractions = [], [], []
+    """Distance meters, refraction coefficients, frames of GNSS solutions."""
+    ids, meters, refractions, frames = [], [], [], []
     for name, instrument in reading.project.instruments.items():
         ids.append(name)
         reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
+        frames.append(_frame(reading, name, instrument))
     reading.shop.things["instrument"] = entities(
         ids,
         {
             "distance meter": np.array(meters, dtype=np.int64),
             "refraction": np.array(refractions, dtype=np.int64),
+            GNSS_FRAME.key: np.array(frames, dtype=np.int64),
         },
     )
 
@@ -38,10 +42,21 @@ def _instrument(
     given = {key: getattr(instrument, key) for key in components if getattr(instrument, key) is not None}
     if not given:
         return 0
+    return _add(reading, name, kind, given, ("instruments", name))
+
+
+def _frame(reading: Reading, name: str, instrument: Instrument) -> int:
+    if not instrument.frame:
+        return 0
+    return _add(reading, name, GNSS_FRAME.key, dict(instrument.frame), ("instruments", name, "frame"))
+
+
+def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], path: Path) -> int:
     store = reading.shop.store(kind)
-    path: Path = ("instruments", name)
     row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
-    scales = [values[0, components.index("scale")] for values in (row.values, row.start) if "scale" in given]
+    scales = [
+        values[0, store.kind.names.index("scale")] for values in (row.values, row.start) if "scale" in given
+    ]
     if any(scale <= 0.0 for scale in scales):
         reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
     return int(store.add([name], *row)[0])

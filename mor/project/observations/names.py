@@ -27,7 +27,7 @@ def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> di
     """Blocks of the instrument of a group, the neutral ones where it names none; nothing where it is unknown."""
     instruments = reading.shop.things["instrument"]
     if entry.instrument is None:
-        return {"distance meter": 0, "refraction": 0}
+        return dict.fromkeys(instruments.parts, 0)
     if entry.instrument not in instruments.numbers:
         if "instrument" not in reading.broken:
             words = unknown_name("instrument", entry.instrument, instruments.ids)

@@ -28,12 +28,12 @@ PARTS = {
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
     "point": ("position",),
-    "instrument": ("distance meter", "refraction"),
+    "instrument": ("distance meter", "refraction", "gnss frame"),
 }
 """Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
 
 
-_WITH_NEUTRAL = ("height", "eccentricity", "distance meter", "refraction", "scale")
+_WITH_NEUTRAL = ("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale")
 """Kinds whose block number 0 is the neutral one of all that declare none."""
 
 

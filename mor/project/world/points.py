@@ -71,7 +71,9 @@ def read_world(reading: Reading) -> None:
     if system is None or len(reading.problems) > before:
         return
     world = _world(reading, section, system, tables, orthometric)
-    if world is not None:
+    if (
+        world is not None and len(reading.problems) == before
+    ):  # else what follows would be told again and again
         reading.world = world
         own = {"projected_position": projected_position(world.horizon)} if system.kind == "projected" else {}
         reading.types = {**earth_types(world.horizon), **own}
@@ -226,10 +228,7 @@ def _geoid(
         if found is None:
             return N
         N = np.where(np.isnan(N), found / reading.edge.metres, N)
-        words = f"the geoid {section.geoid} does not cover point {{!r}}"
-        tell_rows(
-            reading.problems, missing & np.isnan(N), table.rows, lambda row: words.format(table.ids[row])
-        )
+        _tell_uncovered(reading, section.geoid, table, geodetic, missing & np.isnan(N))
     elif orthometric and missing.any():
         words = "above the geoid, and nothing says where that is: a column geoid, or world: {geoid: FILE}"
         if missing.all():
@@ -239,6 +238,27 @@ def _geoid(
                 reading.problems, missing, table.rows, lambda row: f"height of {table.ids[row]!r} is {words}"
             )
     return N
+
+
+def _tell_uncovered(
+    reading: Reading, geoid: str, table: _Table, geodetic: FloatArray, uncovered: BoolArray
+) -> None:
+    """Tell points beyond the grid and where they are: that shows a wrong zone, or a wrong order."""
+
+    def place(row: int) -> str:
+        latitude, longitude = np.degrees(geodetic[row, :2])
+        return f"point {table.ids[row]!r} at latitude {latitude:.4f}°, longitude {longitude:.4f}°"
+
+    if uncovered.all() and len(uncovered) > 1:
+        words = f"the geoid {geoid} covers none of these points ({place(0)})"
+        reading.problems.append(reading.at("points", table.number).problem(words))
+    else:
+        tell_rows(
+            reading.problems,
+            uncovered,
+            table.rows,
+            lambda row: f"the geoid {geoid} does not cover {place(row)}",
+        )
 
 
 def _geoid_of_grid(reading: Reading, name: str, geodetic: FloatArray) -> FloatArray | None:

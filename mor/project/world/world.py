@@ -10,6 +10,7 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.geometry.earth import Ellipsoid, Horizon
 from mor.observations.earth import DEFLECTIONS, GEOID
+from mor.project.world.geoid import geoid_heights
 from mor.project.world.reference_system import ReferenceSystem
 
 
@@ -35,6 +36,14 @@ class World:
         inside = (blocks >= 0) & (blocks < len(known))
         result[inside] = known[blocks[inside]]
         return np.nan_to_num(result) if name in DEFLECTIONS else result
+
+    def geoid_at(self, blocks: IntArray, positions: FloatArray) -> FloatArray:
+        """N (n,) of point blocks at object coordinates (n, 3): as given, else of the grid there, else NaN."""
+        N = self.of_points(GEOID, blocks)
+        missing = np.isnan(N) & np.isfinite(positions).all(axis=1)
+        if self.geoid is not None and missing.any():
+            N[missing] = geoid_heights(self.geoid, self.horizon.to_geodetic(positions[missing])) / self.metres
+        return N
 
     def to_object(self, coordinates: FloatArray, geoid: FloatArray) -> FloatArray:
         """Object coordinates (n, 3) of coordinates (n, 3) in the system; lengths and radians."""

@@ -23,6 +23,7 @@ _CURES = {
     "interior": "fix or observe the component, or measure rolled images and points in depth",
     "distance meter": "fix the component, or measure distances of different length between known points",
     "refraction": "fix the coefficient, or measure vertical angles over different distances",
+    "gnss frame": "fix the component, or hold as many points as the frame has free components; vectors have no shift",
     "height": "fix or measure the height",
     "scale": "fix the scale, or give the system points of known distance",
     "eccentricity": "fix the component, or turn the frame about its rotation centre",

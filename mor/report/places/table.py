@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
-from mor.observations.earth import GEOID
 from mor.project.world.world import World
 from mor.quality.solved import Solved
 from mor.report.edge import angle_unit
@@ -33,7 +32,7 @@ def place_table(solved: Solved) -> pl.DataFrame:
     positions = solved.adjustment.values["point"][numbers].copy()
     if "point" in network.absent:
         positions[network.absent["point"][numbers]] = np.nan
-    N = world.of_points(GEOID, numbers)
+    N = world.geoid_at(numbers, positions)
     unit = ANGLE_UNITS[angle_unit(solved)]
     columns: dict[str, Any] = {"id": list(things.ids)}
     for name, column in zip(world.system.coordinates, world.from_object(positions, N).T, strict=True):

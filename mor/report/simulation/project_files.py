@@ -230,6 +230,8 @@ def _with_observed(network: Network, space: str, name: str, given: dict[str, Any
         return result
     for kind in ("distance meter", "refraction"):
         result = _settings(network, kind, int(parts[kind][number]), result)
+    if result.get("frame"):
+        result["frame"] = _settings(network, "gnss frame", int(parts["gnss frame"][number]), result["frame"])
     return result
 
 

@@ -216,6 +216,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
     for kind in (
         "distance meter",
         "refraction",
+        "gnss frame",
         "height",
         "eccentricity",
         *(k.key for k in INTERIORS.values()),

@@ -12,16 +12,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import Undeterminable
 from mor.observations.earth import DEFLECTIONS
-from mor.parameters.kinds import INTERIORS, ROTATION
+from mor.parameters.kinds import GNSS_FRAME, INTERIORS, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
 from mor.report.results.adjusted.start_tables import start_tables
+from mor.units import ANGLE, ANGLE_UNITS
 
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
@@ -118,6 +120,12 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
         number = placed.network.things["instrument"].part(name, kind)
         given = {key: result[key] for key in names if key in result}
         result |= _settings(given, names, placed.values[kind][number])
+    if result.get("frame"):
+        number = placed.network.things["instrument"].part(name, GNSS_FRAME.key)
+        turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
+        units = np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
+        values = placed.values[GNSS_FRAME.key][number] / units
+        result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
     return result
 
 

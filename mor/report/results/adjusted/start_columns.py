@@ -78,7 +78,7 @@ def place_columns(placed: Placed, numbers: IntArray) -> dict[str, FloatArray]:
     """Points on the earth as their tables have them: coordinates, σ east, north, up, geoid height and deflection."""
     world = placed.network.world
     assert world is not None
-    N = world.of_points(GEOID, numbers)
+    N = world.geoid_at(numbers, placed.values["point"][numbers])
     sigma = np.full((len(numbers), 3), np.nan)
     sigma[~placed.network.blocks["point"].free[numbers].any(axis=1)] = 0.0
     given = placed.values["point"][numbers].copy()

@@ -1,0 +1,1 @@
+"""SINEX: positions of stations with their covariance matrix, as a GNSS solution gives them."""

@@ -1,0 +1,274 @@
+"""SNAP's files: its own test of observation types, what is left out, a generated network there and back, mistakes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import Transformer
+from reference_data import missing, reference_folder
+from small_projects import mor
+
+from mor.errors import InputError
+from mor.formats import format_of, read_foreign
+from mor.pipeline import Solved, read_network, solve_network
+from mor.units import ANGLE
+
+REAL = reference_folder("earth/snap")
+real = pytest.mark.skipif(REAL is None, reason=missing("earth/snap"))
+_SCALAR = {"length": 0.6e-4, "angle": 0.6e-5}
+
+COMMANDS = """title Three stations ! a comment
+coordinate_file n.crd
+data_file n.dat
+mode 3d adjustment
+fix A
+refraction_coefficient DEFAULT 0.07
+list input_data
+"""
+STATIONS = """Three stations
+NZGD2000
+options ellipsoidal_heights no_deflections geoid_heights c=Order
+
+! code latitude longitude height geoid order name
+A  41 00 46.800000 S 173 19 15.600000 E   150.0000  10.0 2 First one
+B  41 00 25.200000 S 173 19 40.800000 E   250.0000  10.0 2
+C  41 00 28.800000 S 173 19 58.800000 E    70.0000  10.0 3
+"""
+MEASURED = """Three stations
+#date 12 May 2001
+#classification equpt
+#data HA error ZD error SD equpt no_heights
+#ds_error 3 mm 2 ppm
+A
+B  10 28 15.8 2.0   83 35 17.3 4.0   894.9014 EDM
+C  30 11 26.3 2.0   -                1154.9438 EDM
+
+B
+A   1 27 59.3 2.0   96 25 11.5 4.0   894.902 error 0.005 EDM
+C * 244 47 28.1 2.0  112 25 00.0 4.0   -
+
+#data LV
+#lv_error 5 mm
+A 1.5 B 1.5 100.0
+#hp_angles
+#data AZ error no_heights
+A B 41.28158 4
+#gps_error_type full
+#data GB error no_heights
+A B -577.70 -525.31 437.21 &
+    4e-6 1e-7 5e-6 -2e-7 1e-7 6e-6
+#gps_enu_error 3 3 5 mm 1 1 2 ppm
+#data GB grouped no_heights
+A
+B -577.70 -525.31 437.22
+* C -419.25 -967.36 471.50
+#end_set
+#data PB error no_heights
+#projection NZTM
+A B 40.30568 4
+"""
+
+
+def _files(folder: Path, data: str = MEASURED, stations: str = STATIONS, commands: str = COMMANDS) -> Path:
+    for name, text in {"n.snp": commands, "n.crd": stations, "n.dat": data}.items():
+        (folder / name).write_text(text)
+    return folder / "n.snp"
+
+
+def _solved(path: Path) -> Solved:
+    return solve_network(read_network(read_foreign(path, "snap"), path.parent))
+
+
+def _by_line(solved: Solved) -> dict[tuple[str, int], list[tuple[int, int]]]:
+    """Groups and rows by the line of the file they come from."""
+    found: dict[tuple[str, int], list[tuple[int, int]]] = {}
+    for number, group in enumerate(solved.network.groups):
+        for row, line in enumerate(group.lines):
+            found.setdefault((Path(group.file).name, int(line)), []).append((number, row))
+    return found
+
+
+@real
+def test_every_observation_of_its_own_test() -> None:
+    """Residuals, σ and redundancy to the printed digit; the circles' orientations and scales of ratios are unknowns."""
+    assert REAL is not None
+    solved = _solved(REAL / "test1.snp")
+    places = _by_line(solved)
+    with (REAL / "expected-test1-obs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    used = [row for row in rows if row["status"] == "use" and row["obstype"] != "PB"]
+    bearings = sum(row["status"] == "use" and row["obstype"] == "PB" for row in rows)
+    assert solved.quality is not None
+    assert solved.quality.redundancy + bearings == 153
+    horizon = solved.network.world.horizon
+    compared = 0
+    for row in used:
+        number, k = places[row["sourcefile"], int(row["sourcelineno"])][0]
+        group, quality = solved.network.groups[number], solved.quality.groups[number]
+        if row["obstype"] in ("GB", "GX"):
+            blocks = [
+                block[k]
+                for block, slot in zip(group.blocks, group.type.slots, strict=True)
+                if slot.kind == "point"
+            ]
+            middle = solved.adjustment.values["point"][blocks].mean(axis=0)
+            axes = horizon.local_axes(middle[None])[0] @ horizon.axes
+            residual = axes @ -quality.v[k]
+            np.testing.assert_allclose(residual, [float(row[f"residual{i}"]) for i in (1, 2, 3)], atol=1.3e-4)
+        else:
+            component = int(np.flatnonzero(group.mask[k])[0])
+            angular = group.type.components[component].quantity == ANGLE
+            unit = np.degrees(1.0) if angular else 1.0
+            digits = 10.0 ** -len(row["residual"].partition(".")[2])
+            given = float(row["residual"])
+            assert -quality.v[k, component] * unit == pytest.approx(given, abs=0.6 * digits), row
+            assert group.given_sigma[k, component] * unit == pytest.approx(
+                float(row["error"]), abs=0.6 * digits
+            ), row
+            assert np.sqrt(quality.r[k, component]) == pytest.approx(float(row["redundancy"]), abs=6e-4), row
+        compared += 1
+    assert compared == len(used) == 117
+
+
+def test_a_network_of_all_kinds_and_what_is_left_out(tmp_path: Path) -> None:
+    document = read_foreign(_files(tmp_path), "snap")
+    told = " / ".join(note.message for note in document.notes)
+    assert "rejected observations (*) (2)" in told
+    assert "projection bearings (PB) (1)" in told
+    tables = {(t["type"], len(t["rows"])) for t in document.data["observations"]}
+    assert tables == {
+        ("directions", 3),
+        ("zenith_angle", 3),
+        ("distance", 3),
+        ("height_difference", 1),
+        ("azimuth", 1),
+        ("gnss_vector", 1),
+    }
+    assert document.data["instruments"]["refraction DEFAULT"] == {"refraction": "0.14"}
+    assert [t.get("fixed") for t in document.data["points"]] == [["x", "y", "z"], None]
+
+
+@pytest.mark.parametrize("name", ["n.snp", "n.crd", "n.dat"])
+def test_each_file_of_an_adjustment_is_recognised(tmp_path: Path, name: str) -> None:
+    _files(tmp_path)
+    assert format_of(tmp_path / name) == "snap"
+    notes = [note.message for note in read_foreign(tmp_path / name, "snap").notes]
+    assert any("all stations are free" in note for note in notes) == (name != "n.snp")
+
+
+def test_errors_of_a_set_are_those_between_any_two_of_its_stations(tmp_path: Path) -> None:
+    data = MEASURED.replace("* C -419.25", "C -419.25")
+    document = read_foreign(_files(tmp_path, data), "snap")
+    Q = next(np.array(t["covariance"]) for t in document.data["observations"] if "covariance" in t)
+    A = np.hstack([-np.eye(3), np.eye(3)])
+    between = A @ Q @ A.T
+    length = np.linalg.norm([-577.70 + 419.25, -525.31 + 967.36, 437.22 - 471.50])
+    expected = np.array([3.0, 3.0, 5.0]) ** 2 + (1e-3 * length * np.array([1.0, 1.0, 2.0])) ** 2
+    np.testing.assert_allclose(np.linalg.eigvalsh(between) * 1e6, np.sort(expected), rtol=1e-9)
+
+
+def _text(random: np.random.Generator) -> tuple[str, str, np.ndarray]:
+    """A network of 2 km with errors of its σ, as SNAP reads it; its true places."""
+    places = np.column_stack(
+        [random.uniform(-41.03, -41.01, 5), random.uniform(173.30, 173.33, 5), random.uniform(20, 300, 5)]
+    )
+    xyz = np.stack(
+        Transformer.from_crs("EPSG:4959", "EPSG:4960", always_xy=True).transform(*places[:, [1, 0, 2]].T),
+        axis=1,
+    )
+
+    def dms(value: float, letters: str) -> str:
+        seconds = round(abs(value) * 3600.0, 6)
+        d, m = int(seconds // 3600), int(seconds % 3600 // 60)
+        return f"{d} {m:02d} {seconds - 3600 * d - 60 * m:09.6f} {letters[int(value < 0)]}"
+
+    stations = "Generated\nNZGD2000\noptions ellipsoidal_heights no_geoid\n" + "".join(
+        f"S{k} {dms(p[0], 'NS')} {dms(p[1], 'EW')} {p[2]:.4f}\n" for k, p in enumerate(places)
+    )
+    vectors = ["#gps_error_type correlation", "#data GB error no_heights"]
+    slopes = ["#ds_error 3 mm", "#data SD"]
+    for i in range(5):
+        for j in range(i + 1, 5):
+            d = xyz[j] - xyz[i] + random.normal(0.0, 0.004, 3)
+            vectors.append(f"S{i} S{j} {d[0]:.5f} {d[1]:.5f} {d[2]:.5f} 0.004 0.004 0.004 0 0 0")
+            slopes.append(f"S{i} 0 S{j} 0 {np.linalg.norm(xyz[j] - xyz[i]) + random.normal(0.0, 0.003):.5f}")
+    return stations, "\n".join(["Generated", *vectors, *slopes, ""]), places
+
+
+def test_generated_networks_come_back(tmp_path: Path) -> None:
+    """Thirty of them: σ0 is 1 within its uncertainty, places are where they were."""
+    omega = redundancy = 0.0
+    for seed in range(30):
+        stations, data, places = _text(np.random.default_rng(seed))
+        solved = _solved(
+            _files(tmp_path, data, stations, "coordinate_file n.crd\ndata_file n.dat\nfix s0 S1\n")
+        )
+        quality = solved.quality
+        assert quality is not None
+        omega += quality.sigma0**2 * quality.redundancy
+        redundancy += quality.redundancy
+        numbers = [solved.network.things["point"].numbers[f"S{k}"] for k in range(5)]
+        blocks = solved.network.things["point"].parts["position"][numbers]
+        found = solved.network.world.horizon.to_geodetic(solved.adjustment.values["point"][blocks])
+        error = (found - np.column_stack([np.radians(places[:, :2]), places[:, 2]])) * [6.37e6, 4.8e6, 1.0]
+        assert np.abs(error).max() < 0.02
+    assert omega / redundancy == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / redundancy))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("A 1.5 B 1.5 100.0", "A 1.5 D 1.5 100.0", "station 'D' is not in n.crd"),
+        ("#lv_error 5 mm", "#lv_error 5 inch", "found the unit 'inch'"),
+        ("#hp_angles", "#gon_angles", "command #gon_angles is not followed"),
+        ("A B 41.28158 4", "A B 41.78158 4", "expected degrees, minutes, seconds"),
+        ("A B 41.28158 4", "A A 41.28158 4", "both ends are 'A'"),
+        ("#ds_error 3 mm 2 ppm", "", "nothing says the error: #ds_error"),
+        ("4e-6 1e-7 5e-6", "-4e-6 1e-7 5e-6", "not positive definite"),
+        ("#data LV", "#data LVV", "found 'LVV', expected a data type"),
+        ("10 28 15.8 2.0 ", "10 28 15.8 -2.0 ", "found the error -2"),
+        ("\nA\nB  10", "\nB  10", "expected the station of the instrument"),
+    ],
+)
+def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in MEASURED
+    with pytest.raises(InputError) as raised:
+        read_foreign(_files(tmp_path, MEASURED.replace(old, new, 1)), "snap")
+    assert any(said in problem.message and problem.line for problem in raised.value.problems), raised.value
+
+
+@pytest.mark.parametrize(
+    ("stations", "commands", "said"),
+    [
+        (STATIONS.replace("NZGD2000", "ED50"), COMMANDS, "coordinate system 'ED50' is not followed"),
+        (
+            STATIONS.replace("NZGD2000", "NZGD2000/NZVD2016").replace(" geoid_heights", ""),
+            COMMANDS,
+            "geoid of NZVD2016",
+        ),
+        (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
+        (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
+        (STATIONS, COMMANDS.replace("fix A", "fix vertical A"), "fix vertical is not followed"),
+        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not followed"),
+        (STATIONS, COMMANDS.replace("n.dat", "no.dat"), "this file does not exist"),
+        (
+            STATIONS,
+            COMMANDS + "reweight_observations 2 SD\n",
+            "command 'reweight_observations' is not followed",
+        ),
+    ],
+)
+def test_mistakes_of_stations_and_commands(tmp_path: Path, stations: str, commands: str, said: str) -> None:
+    with pytest.raises(InputError) as raised:
+        read_foreign(_files(tmp_path, MEASURED, stations, commands), "snap")
+    assert any(said in problem.message for problem in raised.value.problems), raised.value
+
+
+def test_it_is_adjusted_by_the_command(tmp_path: Path) -> None:
+    _files(tmp_path)
+    assert mor("adjust", tmp_path / "n.snp", "-o", tmp_path / "out", "--no-html").code == 0
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["outcome"] == "converged"
