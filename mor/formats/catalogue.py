@@ -140,6 +140,9 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.photomodeler.reader", "read_photomodeler"),
         suffixes=(".txt",),
     ),
+    "dbat": Format(
+        "DBAT script (XML with the tables it names)", Code("mor.formats.dbat.reader", "read_dbat")
+    ),
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),

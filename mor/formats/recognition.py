@@ -193,6 +193,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("alicevision", _alicevision),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
+    ("dbat", lambda sample: sample.root == "document" and "dbat_script_version" in sample.text),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
     ("jobxml", lambda sample: sample.root == "JOBFile"),

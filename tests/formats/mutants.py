@@ -74,6 +74,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
     from .test_bal import _bal
     from .test_colmap import RIG
+    from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
@@ -110,6 +111,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
+        "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

@@ -22,6 +22,7 @@ from .mutants import faults, materials
             "starnet",
             "dynadjust",
             "jag3d",
+            "dbat",
             "reference pane",
             "openmvg",
             "alicevision",
@@ -36,4 +37,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 22
+    assert len(materials(tmp_path)) == 23
