@@ -143,6 +143,18 @@ FORMATS: dict[str, Format] = {
     "dbat": Format(
         "DBAT script (XML with the tables it names)", Code("mor.formats.dbat.reader", "read_dbat")
     ),
+    "pix4d": Format(
+        "Pix4Dmapper parameters (folder params, or …_calibrated_camera_parameters.txt)",
+        Code("mor.formats.pix4d.reader", "read_pix4d"),
+        folder=True,
+        untried="of real files cameras and poses could be tried; image points and control were written from readers "
+        "of others and the manual",
+    ),
+    "pix4d-gcp": Format(
+        "Pix4D ground control (name, X, Y, Z, accuracies)",
+        Code("mor.formats.pix4d.reader", "read_control"),
+        untried="no file of users could be had: this reader was written from the manual",
+    ),
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),

@@ -13,6 +13,7 @@ from pathlib import Path
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
+from mor.formats.pix4d.files import CAMERAS, OFFSET, kind_of
 from mor.formats.text import decoded
 from mor.input_files import is_folder
 
@@ -117,6 +118,13 @@ def _opensfm(sample: Sample) -> bool:
     )
 
 
+def _pix4d(sample: Sample) -> bool:
+    if not sample.names:
+        return kind_of(sample.path.name) not in ("", OFFSET)
+    inner = any((sample.path / name).is_dir() for name in ("1_initial/params", "params"))
+    return inner or any(kind_of(name) == CAMERAS for name in sample.names)
+
+
 def _jag3d(sample: Sample) -> bool:
     return any(POINT_FILE.match(name) for name in sample.names) and any(
         OBSERVATION_FILE.match(name) for name in sample.names
@@ -189,6 +197,7 @@ def _reference_pane(sample: Sample) -> bool:
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("jag3d", _jag3d),
+    ("pix4d", _pix4d),
     ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
     ("alicevision", _alicevision),
     ("opensfm", _opensfm),

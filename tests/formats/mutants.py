@@ -81,6 +81,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_metashape import PANE, XML
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
     from .test_starnet import _space
 
@@ -112,6 +113,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
+        "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

@@ -23,6 +23,7 @@ from .mutants import faults, materials
             "dynadjust",
             "jag3d",
             "dbat",
+            "pix4d",
             "reference pane",
             "openmvg",
             "alicevision",
@@ -37,4 +38,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 23
+    assert len(materials(tmp_path)) == 24
