@@ -28,7 +28,9 @@ def _write(source: Path) -> Path:
     return source.parent / "cameras.xml"
 
 
-@pytest.mark.parametrize("model", [name for name in MODELS if name not in ("FULL_OPENCV", "OPENCV_FISHEYE")])
+@pytest.mark.parametrize(
+    "model", [name for name in MODELS if name not in ("FULL_OPENCV", "FOV") and "FISHEYE" not in name]
+)
 def test_round_trips_have_the_same_rays(tmp_path: Path, model: str) -> None:
     """Poses and image points come back, and the camera, which has another model, sees every point where it did."""
     source = written(tmp_path, block(3, model))
