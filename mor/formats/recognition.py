@@ -13,6 +13,7 @@ from pathlib import Path
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
+from mor.formats.metashape.projects import is_project
 from mor.formats.pix4d.files import CAMERAS, OFFSET, kind_of
 from mor.formats.text import decoded
 from mor.input_files import is_folder
@@ -203,6 +204,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("opensfm", _opensfm),
     ("aicon", _aicon),
     ("dbat", lambda sample: sample.root == "document" and "dbat_script_version" in sample.text),
+    ("metashape", lambda sample: is_project(sample.path) and bool(sample.head)),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
     ("jobxml", lambda sample: sample.root == "JOBFile"),

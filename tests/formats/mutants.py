@@ -78,7 +78,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
-    from .test_metashape import PANE, XML
+    from .test_metashape import PANE, XML, _zipped
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_pix4d import project as pix4d
@@ -106,6 +106,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "opensfm": ("opensfm", "", {path.name: path.read_bytes() for path in opensfm.iterdir()}),
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
+        "metashape project": ("metashape", "m.psz", {"m.psz": _zipped(XML)}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
         "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),

@@ -24,6 +24,7 @@ from .mutants import faults, materials
             "jag3d",
             "dbat",
             "pix4d",
+            "metashape project",
             "reference pane",
             "openmvg",
             "alicevision",
@@ -38,4 +39,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 24
+    assert len(materials(tmp_path)) == 25
