@@ -109,6 +109,12 @@ FORMATS: dict[str, Format] = {
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
     ),
+    "rw5": Format(
+        "Carlson RW5, TDS raw data",
+        _book("rw5", "read_rw5"),
+        suffixes=(".rw5",),
+        untried="tried on records of public files and of the description; no whole book with sets could be had",
+    ),
     "jobxml": Format(
         "Trimble JobXML",
         _book("jobxml", "read_jobxml"),

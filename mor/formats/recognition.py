@@ -216,6 +216,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),
     ("m5", _beginning(r"For M5\|Adr")),
+    ("rw5", _beginning(r"JB,NM|MO,AD\d,UN", 1)),
     ("nikon", _beginning(r"CO,\s*Nikon RAW")),
     ("sokkia-scr", _beginning(r"A,SET\d")),
     ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),

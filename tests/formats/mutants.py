@@ -99,7 +99,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         + POINTS.format(control="  9 5 5 5 0 0 0\n")
     )
     books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
-    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml"}
+    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml", "rw5b": "rw5"}
     return {
         "colmap text": ("colmap", "", {name: text.encode() for name, text in RIG.items()}),
         "colmap binary": ("colmap", "", written_by("colmap-binary", "m")),

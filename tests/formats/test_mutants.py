@@ -31,7 +31,7 @@ from .mutants import faults, materials
             "gsib",
             "gsio",
         ),
-        *("sdrb", "m5b", "jxlb", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
+        *("sdrb", "m5b", "jxlb", "rw5b", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
     ],
 )
 def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
@@ -39,4 +39,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 25
+    assert len(materials(tmp_path)) == 26
