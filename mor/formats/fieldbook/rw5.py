@@ -56,7 +56,7 @@ class _Reader:
         self.title = ""
         self.metres = 1.0
         self.station, self.height, self.target = "", 0.0, 0.0
-        self.backsight: tuple[str, str, int] = ("", "", 0)
+        self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
         self.begun = False
 
@@ -72,7 +72,7 @@ class _Reader:
         elif kind == "BK":
             self.close()
             self.station = cells.get("OP") or self.station
-            self.backsight = (cells.get("BP", ""), cells.get("BC", ""), line)
+            self.backsight = (cells.get("BP", ""), self._angle(cells.get("BC") or "0"), line)
         elif kind == "LS":
             height = self._length(cells, "HI")
             if height is not None and height != self.height:
@@ -95,7 +95,7 @@ class _Reader:
         """End a set-up: where its backsight was not measured, it was read when the circle was set."""
         point, circle, line = self.backsight
         if self.begun and point and point != self.station and not self._sighted(point):
-            sight = Sight(point, line, self._angle(circle or "0"), face=1)
+            sight = Sight(point, line, circle, face=1)
             self.book.set_ups[-1].sights.insert(0, sight)
         self.begun = False
 
@@ -120,14 +120,15 @@ class _Reader:
             raise ValueError(f"found no point in {kind}")
         if kind == "OC":
             self.close()
-            self.station, self.backsight = name, ("", "", 0)
+            self.station, self.backsight = name, ("", 0.0, 0)
         seen = any(s.target == name for set_up in self.book.set_ups for s in set_up.sights)
         if seen:
             self.book.leave_out(
                 "coordinates of points that were sighted before: the book computed them", line
             )
             return
-        self.book.point(name, *(self._length(cells, key) for key in ("E", "N", "EL")), line)
+        east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
+        self.book.point(name, east, north, height, line)
 
     def _length(self, cells: dict[str, str], key: str, default: float | None = None) -> float | None:
         text = cells.get(key, "")
@@ -159,7 +160,7 @@ class _Reader:
     def _circle(self, cells: dict[str, str]) -> float | None:
         """Reading of the circle; angles to the left and deflections are turned into it, azimuths are none."""
         full = 400.0 if self.book.angle == "gon" else 360.0
-        start = self._angle(self.backsight[1] or "0") if set(cells) & {"AL", "DR", "DL"} else 0.0
+        start = self.backsight[1]
         turns = {
             "AR": (0.0, 1.0),
             "AL": (start, -1.0),
