@@ -162,6 +162,12 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.pix4d.reader", "read_control"),
         untried="no file of users could be had: this reader was written from the manual",
     ),
+    "bingo": Format(
+        "BINGO (folder with image.dat and geoin.dat)",
+        Code("mor.formats.bingo", "read_bingo"),
+        folder=True,
+        untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
+    ),
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
+from mor.formats.bingo import is_bingo
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.metashape.projects import is_project
@@ -199,6 +200,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("jag3d", _jag3d),
     ("pix4d", _pix4d),
+    ("bingo", lambda sample: is_bingo(sample.names, sample.path)),
     ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
     ("alicevision", _alicevision),
     ("opensfm", _opensfm),

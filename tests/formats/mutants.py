@@ -73,6 +73,7 @@ _BYTES = (0, 1, 255, 128, 127, 10)
 def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
     from .test_bal import _bal
+    from .test_bingo import block as bingo
     from .test_colmap import RIG
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
@@ -115,6 +116,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
+        "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

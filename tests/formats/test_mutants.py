@@ -23,6 +23,7 @@ from .mutants import faults, materials
             "dynadjust",
             "jag3d",
             "dbat",
+            "bingo",
             "pix4d",
             "metashape project",
             "reference pane",
@@ -39,4 +40,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 26
+    assert len(materials(tmp_path)) == 27
