@@ -48,7 +48,18 @@ CHAPTERS = {
         "formats/index",
         *(
             f"formats/{page}"
-            for page in ("colmap", "opensfm", "openmvg", "metashape", "photomodeler", "bal", "aicon")
+            for page in (
+                "colmap",
+                "opensfm",
+                "openmvg",
+                "metashape",
+                "photomodeler",
+                "dbat",
+                "pix4d",
+                "bingo",
+                "bal",
+                "aicon",
+            )
         ),
         *(
             f"formats/{page}"

@@ -69,10 +69,11 @@ FORMATS: dict[str, Format] = {
         untried="of a real file only cameras and poses could be tried; image points were written from the source",
     ),
     "metashape": Format(
-        "Metashape cameras.xml, markers.xml",
+        "Metashape cameras.xml, markers.xml; projects .psz and .psx (without tie points)",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
-        untried="no whole file of Metashape could be had: tried on files of its own writer and excerpts of real ones",
+        untried="tried on a project of PhotoScan, its own output and excerpts of files of Metashape; "
+        "no .psx could be had",
     ),
     "metashape-reference": Format(
         "Metashape reference pane as text: markers or cameras",
@@ -107,6 +108,12 @@ FORMATS: dict[str, Format] = {
     "m5": Format("Zeiss and Trimble M5", _book("m5", "read_m5"), suffixes=(".m5",)),
     "geodimeter": Format(
         "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
+    ),
+    "rw5": Format(
+        "Carlson RW5, TDS raw data",
+        _book("rw5", "read_rw5"),
+        suffixes=(".rw5",),
+        untried="tried on records of public files and of the description; no whole book with sets could be had",
     ),
     "jobxml": Format(
         "Trimble JobXML",
@@ -150,6 +157,27 @@ FORMATS: dict[str, Format] = {
         "PhotoModeler text export",
         Code("mor.formats.photomodeler.reader", "read_photomodeler"),
         suffixes=(".txt",),
+    ),
+    "dbat": Format(
+        "DBAT script (XML with the tables it names)", Code("mor.formats.dbat.reader", "read_dbat")
+    ),
+    "pix4d": Format(
+        "Pix4Dmapper parameters (folder params, or …_calibrated_camera_parameters.txt)",
+        Code("mor.formats.pix4d.reader", "read_pix4d"),
+        folder=True,
+        untried="of real files cameras and poses could be tried; image points and control were written from readers "
+        "of others and the manual",
+    ),
+    "pix4d-gcp": Format(
+        "Pix4D ground control (name, X, Y, Z, accuracies)",
+        Code("mor.formats.pix4d.reader", "read_control"),
+        untried="no file of users could be had: this reader was written from the manual",
+    ),
+    "bingo": Format(
+        "BINGO (folder with image.dat and geoin.dat)",
+        Code("mor.formats.bingo", "read_bingo"),
+        folder=True,
+        untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
     ),
     "aicon": Format(
         "AICON 3D Studio flat files",

@@ -11,8 +11,11 @@ from functools import cached_property
 from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
+from mor.formats.bingo import is_bingo
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
+from mor.formats.metashape.projects import is_project
+from mor.formats.pix4d.files import CAMERAS, OFFSET, kind_of
 from mor.formats.text import decoded
 from mor.input_files import is_folder
 
@@ -117,6 +120,13 @@ def _opensfm(sample: Sample) -> bool:
     )
 
 
+def _pix4d(sample: Sample) -> bool:
+    if not sample.names:
+        return kind_of(sample.path.name) not in ("", OFFSET)
+    inner = any((sample.path / name).is_dir() for name in ("1_initial/params", "params"))
+    return inner or any(kind_of(name) == CAMERAS for name in sample.names)
+
+
 def _jag3d(sample: Sample) -> bool:
     return any(POINT_FILE.match(name) for name in sample.names) and any(
         OBSERVATION_FILE.match(name) for name in sample.names
@@ -196,10 +206,14 @@ def _reference_pane(sample: Sample) -> bool:
 _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("jag3d", _jag3d),
+    ("pix4d", _pix4d),
+    ("bingo", lambda sample: is_bingo(sample.names, sample.path)),
     ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
     ("alicevision", _alicevision),
     ("opensfm", _opensfm),
     ("aicon", _aicon),
+    ("dbat", lambda sample: sample.root == "document" and "dbat_script_version" in sample.text),
+    ("metashape", lambda sample: is_project(sample.path) and bool(sample.head)),
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
     ("jobxml", lambda sample: sample.root == "JOBFile"),
@@ -213,6 +227,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
     ("sdr", _beginning(r"00..SDR")),
     ("m5", _beginning(r"For M5\|Adr")),
+    ("rw5", _beginning(r"JB,NM|MO,AD\d,UN", 1)),
     ("nikon", _beginning(r"CO,\s*Nikon RAW")),
     ("sokkia-scr", _beginning(r"A,SET\d")),
     ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),

@@ -26,16 +26,31 @@ MODELS: dict[str, dict[str, float]] = {
     "OPENCV_FISHEYE": {
         "fx": 800.0, "fy": 801.0, "cx": 812.0, "cy": 597.5, "k1": -0.02, "k2": 4e-3, "k3": -1e-3, "k4": 2e-4,
     },
+    "THIN_PRISM_FISHEYE": {
+        "fx": 800.0, "fy": 801.0, "cx": 812.0, "cy": 597.5, "k1": -0.02, "k2": 4e-3, "p1": 1e-3, "p2": -2e-3,
+        "k3": -1e-3, "k4": 2e-4, "sx1": 3e-3, "sy1": -4e-3,
+    },
+    "RAD_TAN_THIN_PRISM_FISHEYE": {
+        "fx": 800.0, "fy": 801.0, "cx": 812.0, "cy": 597.5, "k0": -0.02, "k1": 4e-3, "k2": -1e-3, "k3": 2e-4,
+        "k4": 3e-5, "k5": -1e-5, "p0": 1e-3, "p1": -2e-3, "s0": 3e-3, "s1": -4e-3, "s2": 2e-3, "s3": 1e-3,
+    },
+    "FOV": {"fx": 800.0, "fy": 801.0, "cx": 812.0, "cy": 597.5, "omega": 0.9},
 }  # fmt: skip
 """Interior orientations, px, by the camera model of COLMAP that says the same."""
 WIDTH, HEIGHT = 1600, 1200
+_KEYS = {
+    "OPENCV_FISHEYE": "fisheye",
+    "THIN_PRISM_FISHEYE": "thin-prism-fisheye",
+    "RAD_TAN_THIN_PRISM_FISHEYE": "rad-tan-thin-prism-fisheye",
+    "FOV": "fov",
+}
 
 
 def block(seed: int, model: str, images: int = 6, points: int = 30, noise: float = 0.3) -> dict[str, Any]:
     """A project with a camera of a model, poses around a cloud of points, and image points with noise (px)."""
     rng = np.random.default_rng(seed)
     values = MODELS[model]
-    key = "mor" if "c" in values else "fisheye" if "FISHEYE" in model else "opencv"
+    key = _KEYS.get(model, "mor" if "c" in values else "opencv")
     X = rng.uniform(-2.0, 2.0, (points, 3))
     angles = np.column_stack([rng.uniform(-0.6, 0.6, (images, 2)), rng.uniform(-3.0, 3.0, images)])
     D = rotation_from_angles(angles)

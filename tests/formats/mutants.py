@@ -73,13 +73,16 @@ _BYTES = (0, 1, 255, 128, 127, 10)
 def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
     from .test_bal import _bal
+    from .test_bingo import block as bingo
     from .test_colmap import RIG
+    from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
-    from .test_metashape import PANE, XML
+    from .test_metashape import PANE, XML, _zipped
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
     from .test_sinex import _solution, sinex
     from .test_snap import COMMANDS
@@ -101,13 +104,14 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         + POINTS.format(control="  9 5 5 5 0 0 0\n")
     )
     books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
-    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml"}
+    suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml", "rw5b": "rw5"}
     return {
         "colmap text": ("colmap", "", {name: text.encode() for name, text in RIG.items()}),
         "colmap binary": ("colmap", "", written_by("colmap-binary", "m")),
         "opensfm": ("opensfm", "", {path.name: path.read_bytes() for path in opensfm.iterdir()}),
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
+        "metashape project": ("metashape", "m.psz", {"m.psz": _zipped(XML)}),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
         "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
@@ -120,6 +124,9 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
             "n.snp",
             {"n.snp": COMMANDS.encode(), "n.crd": SNAP_STATIONS.encode(), "n.dat": SNAP_DATA.encode()},
         ),
+        "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
+        "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
+        "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),

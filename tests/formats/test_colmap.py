@@ -233,8 +233,8 @@ def test_models_without_a_counterpart_say_what_is_lost(tmp_path: Path) -> None:
     assert set(LOST) == {name for name, model in MODELS.items() if not model.ours}
     for name, text in RIG.items():
         (tmp_path / name).write_text(text)
-    thin = "2 THIN_PRISM_FISHEYE 800 600 710 710 400 300 0 0 0 0 0 0 1e-4 0"
-    cameras = re.sub(r"^2 PINHOLE .*$", thin, RIG["cameras.txt"], flags=re.MULTILINE)
+    other = "2 EUCM 800 600 710 710 400 300 0.5 1"
+    cameras = re.sub(r"^2 PINHOLE .*$", other, RIG["cameras.txt"], flags=re.MULTILINE)
     (tmp_path / "cameras.txt").write_text(cameras)
-    with pytest.raises(InputError, match=r"THIN_PRISM_FISHEYE has no counterpart in mor: .*p1, p2, sx1, sy1"):
+    with pytest.raises(InputError, match=r"EUCM has no counterpart in mor: its alpha and beta"):
         read_foreign(tmp_path)

@@ -112,7 +112,34 @@ def _jxl() -> str:
     return f'<?xml version="1.0"?>\n<JOBFile jobName="net" version="5.6">\n<FieldBook>\n{body}\n</FieldBook></JOBFile>'
 
 
-BOOKS = {"b.gsi": _gsi(), "old.gsi": _gsi(8), "b.sdr": _sdr(), "b.m5": _m5(), "b.jxl": _jxl()}
+def _rw5() -> str:
+    """Sets in US survey feet and gon; point 2, the backsight of station 1, is measured in them."""
+    feet = 3937.0 / 1200.0
+    lines = [
+        "JB,NMnet,DT05-06-2024,TM10:15:30",
+        "MO,AD0,UN2,SF1.00000000,EC1,EO0.0,AU1",
+        "--a comment, with, commas",
+    ]
+    for station, height in HEIGHTS.items():
+        lines += [f"BK,OP{station},BP{'2' if station == '1' else '1'},BS0.0000,BC0.0000"]
+        lines += [f"LS,HI{height * feet:.6f},HR{TARGET * feet:.6f}"]
+        for face in (1, 2):
+            for k, (at, target, circle, zenith, slope) in enumerate(_readings(face)):
+                if at == station:
+                    kind = ("B" if k % 3 == 0 else "F") + "DR"[face - 1]
+                    values = f"AR{circle:.5f},ZE{zenith:.5f},SD{slope * feet:.6f}"
+                    lines.append(f"{kind},OP{at},FP{target},{values},--note, with comma")
+    return "\r\n".join(lines)
+
+
+BOOKS = {
+    "b.rw5": _rw5(),
+    "b.gsi": _gsi(),
+    "old.gsi": _gsi(8),
+    "b.sdr": _sdr(),
+    "b.m5": _m5(),
+    "b.jxl": _jxl(),
+}
 
 
 @pytest.mark.parametrize("name", BOOKS)
@@ -272,3 +299,51 @@ def test_readings_match_the_network(tmp_path: Path) -> None:
     path.write_text(BOOKS["b.gsi"])
     network = network_of(read_foreign(path), tmp_path)
     assert {group.type.key for group in network.groups} >= {"zenith_directions", "distance"}
+
+
+def test_rw5_has_backsights_coordinates_and_angles_of_every_kind(tmp_path: Path) -> None:
+    path = tmp_path / "a.rw5"
+    path.write_text(
+        "JB,NMjob\nMO,AD0,UN0,SF0.9996,EC0,EO0.0,AU0\nSP,PN7,N 1000,E 2000.00,EL10.0,--P\n"
+        "OC,OP1,N 5000.0,E 2000.0,EL100.0,--CP\nBK,OP1,BP7,BS180.0000,BC0.0044\nLS,HI5.0,HR6.0\n"
+        "SS,OP1,FP2,AR90.3030,ZE86.0000,SD100.0,--a\nSS,OP1,FP3,DR10.0000,VA4.0000,HD50.0\nLS,HR4.0\n"
+        "TR,OP1,FP4,AL10.0000,CE1.5,SD20\nOC,OP2,N 1.0,E 2.0,EL3.0\nSS,OP2,FP4,ZE90.0000,SD1\nSS,OP2,FP4,AZ10.0000\n"
+    )
+    assert format_of(path) == "rw5"
+    document = read_foreign(path)
+    data = document.data
+    assert [row[0] for row in data["points"][0]["rows"]] == ["7", "1"]
+    assert float(data["points"][0]["rows"][0][1]) == pytest.approx(609.6)
+    tables = {table["type"]: table for table in data["observations"]}
+    back = 44 / 3600
+    plain = [[row[1], float(row[2])] for row in tables["directions"]["rows"]]
+    assert plain == [["7", pytest.approx(back)], ["4", pytest.approx(350 + back)]]
+    both = [[row[1], float(row[2]), float(row[3])] for row in tables["zenith_directions"]["rows"]]
+    assert both == [["2", pytest.approx(90.50833333), 86.0], ["3", pytest.approx(190 + back), 86.0]]
+    assert [row[2] for row in data["stations"][0]["rows"]] == ["1.524", "1.524"]
+    notes = " ".join(map(str, document.notes))
+    for words in (
+        "scale factor 0.9996",
+        "sighted before",
+        "differences of height",
+        "sights without readings",
+    ):
+        assert words in notes, words
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("MO,AD0,UN7", "a.rw5:2: found UN7, expected 0"),
+        ("SS,OP1,AR1.0", "a.rw5:2: found no FP in SS"),
+        ("SS,FP1,AR1.0", "a.rw5:2: found no OP in SS"),
+        ("SS,OP1,FP2,AR10.7500", "a.rw5:2: found '10.7500', expected less than 60 minutes"),
+        ("SS,OP1,FP2,AR10.0000,SDx", "a.rw5:2: found 'x', expected a number"),
+    ],
+)
+def test_mistakes_of_rw5(tmp_path: Path, line: str, words: str) -> None:
+    path = tmp_path / "a.rw5"
+    path.write_text(f"JB,NMjob\n{line}\n")
+    with pytest.raises(InputError) as error:
+        read_foreign(path)
+    assert words in str(error.value)

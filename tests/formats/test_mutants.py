@@ -24,13 +24,17 @@ from .mutants import faults, materials
             "snap",
             "sinex",
             "jag3d",
+            "dbat",
+            "bingo",
+            "pix4d",
+            "metashape project",
             "reference pane",
             "openmvg",
             "alicevision",
             "gsib",
             "gsio",
         ),
-        *("sdrb", "m5b", "jxlb", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
+        *("sdrb", "m5b", "jxlb", "rw5b", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
     ],
 )
 def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
@@ -38,4 +42,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 22
+    assert len(materials(tmp_path)) == 27

@@ -5,6 +5,7 @@ With u = X/Z, v = Y/Z and r² = u² + v² (COLMAP source, ``sensor/models.h``):
 
 * one focal length and radial distortion is model ``mor``: c = f, A1 = k1/f², A2 = k2/f⁴, xh = cx − w/2, yh = h/2 − cy;
 * OPENCV and FULL_OPENCV are ``opencv``, OPENCV_FISHEYE and FISHEYE are ``fisheye``, with their own numbers and names;
+* FOV, THIN_PRISM_FISHEYE and RAD_TAN_THIN_PRISM_FISHEYE are models of the same names, with their own numbers;
 * fisheyes with one focal length are ``fisheye`` with fx = fy = f at first, two unknowns there.
 """
 
@@ -39,12 +40,16 @@ MODELS: dict[str, ColmapCameraModel] = {
     "OPENCV": ColmapCameraModel(4, (*_TWO, "k1", "k2", "p1", "p2"), "opencv"),
     "OPENCV_FISHEYE": ColmapCameraModel(5, (*_TWO, "k1", "k2", "k3", "k4"), "fisheye"),
     "FULL_OPENCV": ColmapCameraModel(6, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "opencv"),
-    "FOV": ColmapCameraModel(7, (*_TWO, "omega")),
+    "FOV": ColmapCameraModel(7, (*_TWO, "omega"), "fov"),
     "SIMPLE_RADIAL_FISHEYE": ColmapCameraModel(8, (*_ONE, "k1"), "fisheye"),
     "RADIAL_FISHEYE": ColmapCameraModel(9, (*_ONE, "k1", "k2"), "fisheye"),
-    "THIN_PRISM_FISHEYE": ColmapCameraModel(10, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1")),
+    "THIN_PRISM_FISHEYE": ColmapCameraModel(
+        10, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1"), "thin-prism-fisheye"
+    ),
     "RAD_TAN_THIN_PRISM_FISHEYE": ColmapCameraModel(
-        11, (*_TWO, "k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3")
+        11,
+        (*_TWO, "k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3"),
+        "rad-tan-thin-prism-fisheye",
     ),
     "SIMPLE_DIVISION": ColmapCameraModel(12, (*_ONE, "k1")),
     "DIVISION": ColmapCameraModel(13, (*_TWO, "k1")),
@@ -54,17 +59,21 @@ MODELS: dict[str, ColmapCameraModel] = {
     "EQUIRECTANGULAR": ColmapCameraModel(17, ("w", "h")),
 }
 """Camera models by name."""
-_PRISM = "mor's fisheye has the same but its tangential and thin prism terms"
 LOST = {
-    "FOV": "its distortion, atan(2 r tan(omega/2))/omega, is no polynomial of mor's models",
-    "THIN_PRISM_FISHEYE": f"{_PRISM} p1, p2, sx1, sy1",
-    "RAD_TAN_THIN_PRISM_FISHEYE": f"{_PRISM} p0, p1, s0 to s3, and the powers k4, k5",
     "SIMPLE_DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
     "DIVISION": "it divides by 1 + k1 r² at the distorted coordinates, mor's models multiply",
     "EUCM": "its alpha and beta bend the projection itself",
     "EQUIRECTANGULAR": "it is a panorama, no central projection onto a plane",
 }
 """What of a model without a counterpart mor cannot say."""
+
+_SAME = {
+    "fisheye": "OPENCV_FISHEYE",
+    "thin-prism-fisheye": "THIN_PRISM_FISHEYE",
+    "rad-tan-thin-prism-fisheye": "RAD_TAN_THIN_PRISM_FISHEYE",
+    "fov": "FOV",
+}
+"""COLMAP's models with the numbers and names of mor's."""
 
 
 def has_one_unknown_more(name: str) -> bool:
@@ -110,14 +119,15 @@ def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
         name, parameters = _from_radial(_as_mor(camera, values, edge, scale), (width, height), scale.pixel)
     elif camera.model == "opencv":
         name, parameters = _from_opencv(values, scale.pixel)
-    elif camera.model == "fisheye" and not values.get("alpha"):
-        name = "OPENCV_FISHEYE"
+    elif camera.model in _SAME and not values.get("alpha"):
+        name = _SAME[camera.model]
+        values = {"fy": values["fx"], **values}
         parameters = [
             values.get(key, 0.0) / (scale.pixel if key in _TWO else 1.0) for key in MODELS[name].parameters
         ]
     else:
         raise ValueError(f"no model of COLMAP says what its model {camera.model} says")
-    if camera.model in ("opencv", "fisheye") and not scale.corner:
+    if camera.model in ("opencv", *_SAME) and not scale.corner:
         parameters[2:4] = parameters[2] + width / 2.0, parameters[3] + height / 2.0
     return ColmapCamera(number, name, round(width), round(height), tuple(parameters))
 

@@ -17,6 +17,7 @@ from mor.arrays import FloatArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
+from mor.formats.metashape.projects import is_project, project_tree
 from mor.formats.metashape.sensors import SensorError, camera_of
 from mor.formats.xml import Element, parse_xml
 from mor.geometry.rotations import angles_from_rotation, exponential
@@ -39,9 +40,13 @@ class Chunk:
 
 
 def read_metashape(path: Path) -> Document:
-    """The project of a cameras.xml or markers.xml. Raises :class:`InputError` with every mistake found."""
+    """The project of a cameras.xml, a markers.xml, a .psz or .psx.
+
+    Raises :class:`InputError` with every mistake found.
+    """
     draft = Draft(str(path))
-    root = parse_xml(read_bytes(path, PROJECT), draft.file)
+    own = is_project(path)
+    root = project_tree(path) if own else parse_xml(read_bytes(path, PROJECT), draft.file)
     chunks = [root] if root.name == "chunk" else list(_inside(root, "chunk"))
     if not chunks:
         raise InputError(
@@ -50,6 +55,8 @@ def read_metashape(path: Path) -> Document:
     if len(chunks) > 1:
         draft.note(f"{len(chunks)} chunks: only the first one is read", chunks[1].line)
     chunk = chunks[0]
+    if own:
+        draft.note("tie points are not read; lines are those of the doc.xml in the archives")
     draft.put("title", chunk.attributes.get("label", path.stem))
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
@@ -168,7 +175,9 @@ def _reference(given: Element, common: str) -> tuple[list[str | None], list[str 
     for text in place:
         if text is not None:
             number(text)
-    sigma = [given.attributes.get(f"s{axis}") or common for axis in "xyz"]
+    every = given.attributes.get("sxyz") or common
+    plane = given.attributes.get("sxy") or every
+    sigma = [given.attributes.get(f"s{axis}") or (every if axis == "z" else plane) for axis in "xyz"]
     for text in sigma:
         if number(text) < 0.0:
             raise ValueError(f"found the accuracy {text}, expected 0 or more")

@@ -75,7 +75,17 @@ class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
     model: Literal[
-        "mor", "brown", "brown-4", "brown-5", "brown-forward", "opencv", "fisheye", "metashape"
+        "mor",
+        "brown",
+        "brown-4",
+        "brown-5",
+        "brown-forward",
+        "opencv",
+        "fisheye",
+        "metashape",
+        "thin-prism-fisheye",
+        "rad-tan-thin-prism-fisheye",
+        "fov",
     ] = Field(default="mor", description="Camera model: how distortion is described")
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"

@@ -19,6 +19,9 @@ def test_the_models_are_found_under_their_own_keys() -> None:
         "opencv",
         "fisheye",
         "metashape",
+        "thin-prism-fisheye",
+        "rad-tan-thin-prism-fisheye",
+        "fov",
     }
     assert all(key == model.key for key, model in CAMERA_MODELS.items())
 
@@ -81,5 +84,5 @@ def test_the_arguments_are_left_as_they_were(model: CameraModel) -> None:
 
 
 @MODELS
-def test_only_the_fisheye_sees_behind(model: CameraModel) -> None:
-    assert model.sees_behind == (model.key == "fisheye")
+def test_only_fisheyes_see_behind(model: CameraModel) -> None:
+    assert model.sees_behind == model.key.endswith("fisheye")

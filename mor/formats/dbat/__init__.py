@@ -1,0 +1,1 @@
+"""Projects of DBAT, the Damped Bundle Adjustment Toolbox."""

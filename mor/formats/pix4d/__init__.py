@@ -1,0 +1,1 @@
+"""The parameter files of Pix4Dmapper."""
