@@ -15,6 +15,7 @@ from mor.adjustment.inverse import Inverse
 from mor.adjustment.normals import Normals
 from mor.adjustment.plan import Plan
 from mor.adjustment.problem import Problem
+from mor.adjustment.secants import NOTHING_LEARNT, Secants
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 
@@ -99,6 +100,8 @@ class Adjustment:
     constraint: Constraint
     iterations: tuple[Iteration, ...]
     stride: Stride
+    secants: Secants = NOTHING_LEARNT
+    """What the last steps say of the curvature; empty where they do not creep."""
 
 
 Watcher = Callable[[Iteration], None]
