@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -106,3 +106,10 @@ class Adjustment:
 
 Watcher = Callable[[Iteration], None]
 """Is told of every iteration."""
+
+
+def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
+    """A watcher that is told of iterations numbered after ``count`` earlier ones."""
+    if watch is None:
+        return None
+    return lambda step: watch(replace(step, number=step.number + count))

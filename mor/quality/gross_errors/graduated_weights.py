@@ -23,10 +23,11 @@ from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import Factors, normalised_misclosures, reweighted_plan
-from mor.adjustment.state import Iteration, Watcher
+from mor.adjustment.state import Iteration, Watcher, counting_on
 from mor.arrays import BoolArray, FloatArray
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values, move
+from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
 
 WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
@@ -65,11 +66,25 @@ class Scales(NamedTuple):
 
 
 def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
-    """Adjust with graduated redescending weights from the start values."""
+    """Adjust with graduated redescending weights from the start values.
+
+    Images see directions first, which bears start values that are far off; the last width is repeated with their
+    coordinates.
+    """
+    sphere = problem_on_the_sphere(problem, start)
+    if sphere is None:
+        return _narrowed(problem, start, WIDEST, watch)
+    first = _narrowed(sphere, start, WIDEST, watch)
+    last = _narrowed(problem, first.values, NARROWEST, counting_on(watch, first.iterations))
+    return last._replace(iterations=first.iterations + last.iterations)
+
+
+def _narrowed(problem: Problem, start: Values, widest: float, watch: Watcher | None) -> Graduated:
+    """Where weights of shrinking width lead, from the widest to the narrowest until they have settled."""
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
     scales = robust_scales(problem, place.sizes).groups
-    multiple = WIDEST
+    multiple = widest
     factors = _factors(problem, place.sizes, multiple * scales)
     for number in range(1, _ITERATIONS + 1):
         place = _descend(reweighted_plan(plan, factors), place, factors)

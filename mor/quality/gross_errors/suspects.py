@@ -33,10 +33,10 @@ _GIVEN_UP = ("point", "rotation")
 
 @dataclass(frozen=True)
 class Suspects:
-    """Observations left out so that the rest has a solution."""
+    """Observations left out so that the rest has a solution that fits."""
 
     plain: Adjustment
-    """The adjustment of all observations, which is none."""
+    """The adjustment of all observations, which is none, or an absurd one."""
     masks: tuple[BoolArray, ...]
     """(n, m) of each group."""
     sizes: tuple[FloatArray, ...]
@@ -65,9 +65,10 @@ def without_suspects(
     """A solution in place of a plain adjustment that has none, or an absurd one.
 
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
-    left out. A solution is absurd where another one of all observations is known that half of them fit three times
-    better. Where there is no solution, it is the adjustment without the suspects. But where there is one, however bad,
-    it stands: of two sources that contradict each other suspects would only be the smaller one.
+    left out. A solution is absurd where another one is known that half of the observations fit three times better. In
+    place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
+    stands, however bad, where most of a group of observations are among them: of two sources that contradict each other
+    suspects would only be the smaller one.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -77,12 +78,12 @@ def without_suspects(
     again = adjust(problem, found.values, settings, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return again, None
-    if plain.outcome is Outcome.CONVERGED:
-        return plain, None
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
         if 2 * remaining.index.count < problem.index.count:
+            break
+        if plain.outcome is Outcome.CONVERGED and _outvoted(problem, suspects):
             break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
@@ -93,6 +94,15 @@ def without_suspects(
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
     return plain, None
+
+
+def _outvoted(problem: Problem, suspects: Suspects) -> bool:
+    """True where most observations of a group are suspects."""
+    used = (group.mask & ~group.left_out for group in problem.groups)
+    return any(
+        2 * np.count_nonzero(mask) > np.count_nonzero(own)
+        for mask, own in zip(suspects.masks, used, strict=True)
+    )
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:
