@@ -9,6 +9,10 @@ the start values, where every residual is large, hardly anything is made lighter
 the median falls, c with it, and what does not come along loses its weight. The multiple shrinks from very wide to the
 usual three σ. Each iteration is one damped step of the weighted system: it makes the robust objective smaller
 (majorisation). The two coordinates of a ray are one pointing and share their weight.
+
+Images begin with directions in place of coordinates, which come to their places from farther away
+(:mod:`mor.observations.on_the_sphere`), and at three σ: the median alone is wide enough there, and with more the wrong
+rays bend a block that hangs on a few control points before they lose their weight.
 """
 
 from __future__ import annotations
@@ -66,15 +70,11 @@ class Scales(NamedTuple):
 
 
 def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
-    """Adjust with graduated redescending weights from the start values.
-
-    Images see directions first, which bears start values that are far off; the last width is repeated with their
-    coordinates.
-    """
+    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates."""
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
         return _narrowed(problem, start, WIDEST, watch)
-    first = _narrowed(sphere, start, WIDEST, watch)
+    first = _narrowed(sphere, start, NARROWEST, watch)
     last = _narrowed(problem, first.values, NARROWEST, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 

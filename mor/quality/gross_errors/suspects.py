@@ -20,6 +20,7 @@ from mor.arrays import BoolArray, FloatArray
 from mor.parameters.index import Blocks, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import graduated_weights, robust_scales
+from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -93,7 +94,21 @@ def without_suspects(
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return plain, None
+    return _from_far(plain, settings, watch), None
+
+
+def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
+    """All observations once more, all with their weights, from where directions in place of coordinates lead.
+
+    Where nothing is wrong but the start values, weights of few rays are as likely to go wrong with them. The plain
+    adjustment where that does not converge to a place that fits either.
+    """
+    sphere = problem_on_the_sphere(plain.problem, plain.start)
+    if sphere is None or plain.outcome is Outcome.CONVERGED:
+        return plain
+    there = adjust(sphere, plain.start, settings, watch)
+    again = adjust(plain.problem, there.values, settings, watch)
+    return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
 
 
 def _outvoted(problem: Problem, suspects: Suspects) -> bool:
