@@ -12,7 +12,8 @@ usual three σ. Each iteration is one damped step of the weighted system: it mak
 
 Images begin with directions in place of coordinates, which come to their places from farther away
 (:mod:`mor.observations.on_the_sphere`), and at three σ: the median alone is wide enough there, and with more the wrong
-rays bend a block that hangs on a few control points before they lose their weight.
+rays bend a block that hangs on a few control points before they lose their weight. Groups of few observations, which
+have no median of their own, begin wide all the same: a few scale bars must not be outvoted by rays that know no scale.
 """
 
 from __future__ import annotations
@@ -84,22 +85,28 @@ def _narrowed(problem: Problem, start: Values, widest: float, watch: Watcher | N
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
     scales = robust_scales(problem, place.sizes).groups
-    multiple = widest
-    factors = _factors(problem, place.sizes, multiple * scales)
+    multiples = np.where(_few(problem), WIDEST, widest)
+    factors = _factors(problem, place.sizes, multiples * scales)
     for number in range(1, _ITERATIONS + 1):
         place = _descend(reweighted_plan(plan, factors), place, factors)
-        multiple = max(multiple * _SHRINKS, NARROWEST)
+        multiples = np.maximum(multiples * _SHRINKS, NARROWEST)
         scales = np.minimum(scales, robust_scales(problem, place.sizes).groups)
-        before, factors = factors, _factors(problem, place.sizes, multiple * scales)
+        before, factors = factors, _factors(problem, place.sizes, multiples * scales)
         if watch is not None:
             watch(_iteration(problem, number, place, before))
-        if multiple == NARROWEST and _change(factors, before) < _SETTLED:
+        if (multiples == NARROWEST).all() and _change(factors, before) < _SETTLED:
             break
     suspects = tuple(
         group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)
         for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)
     )
     return Graduated(place.values, suspects, place.sizes, number)
+
+
+def _few(problem: Problem) -> BoolArray:
+    """(g,) groups of so few observations that their median says nothing of them."""
+    counts = [np.count_nonzero(group.mask & ~group.left_out) for group in problem.groups]
+    return np.asarray(np.array(counts, dtype=np.int64) < _FEW)
 
 
 class _Place(NamedTuple):
