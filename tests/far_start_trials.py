@@ -1,9 +1,9 @@
 """``python -m tests.far_start_trials --count 40``: how often disturbed start values lead to the solution.
 
 Coordinates are off by up to a part of the extent of the points in each axis, attitudes by up to so many gon; no
-observation is wrong. Beside what the program does stands the Levenberg-Marquardt method of scipy (MINPACK), on the same
-equations with the same derivatives and weights. The solution is that which the truth leads to: vᵀPv within a thousandth,
-nothing left out.
+observation is wrong. Beside what the program does stands the Levenberg-Marquardt method of scipy (MINPACK), on the
+same equations with the same derivatives and weights. The solution is that which the truth leads to: vᵀPv within a
+thousandth, nothing left out.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 Where residuals are large and stay so, steps shrink by a constant rate, or do not shrink at all: along a direction in
 which the true curvature is κ times that of N, a step leaves 1 − κ of itself. A step s that was taken changed b = AᵀPl
-by −y = b' − b, and y is the true curvature times s, whatever it consists of. N⁻¹ with the last few such pairs put into
-it (C. G. Broyden, R. Fletcher, D. Goldfarb, D. F. Shanno; by the two loops of J. Nocedal 1980) is the inverse of the true
-curvature as far as these directions go: a few wrong observations bend few. Only pairs with sᵀy > 0 count.
+by −y = b' − b, and y is the true curvature times s, whatever it consists of. N⁻¹ with the last few such pairs put
+into it (C. G. Broyden, R. Fletcher, D. Goldfarb, D. F. Shanno; by the two loops of J. Nocedal 1980) is the inverse of
+the true curvature as far as these directions go: a few wrong observations bend few. Only pairs with sᵀy > 0 count.
 """
 
 from __future__ import annotations

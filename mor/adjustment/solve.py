@@ -115,9 +115,7 @@ def _advance(state: Adjustment) -> Adjustment:
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
-    iteration = Iteration(
-        len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state)
-    )
+    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
         return _converged(_last_step(state, step + shift, iteration))
     taken = _with_curvature(state, change)

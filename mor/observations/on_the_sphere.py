@@ -1,15 +1,16 @@
 """Image rays as directions: what a camera sees, as a theodolite in its place would have it.
 
-Coordinates x = −c X*/Z* run away where a point comes near the plane of the camera, and come back on the other side: from
-bad start values least squares climbs over that ridge, or comes to rest behind it. The direction d = X*/|X*| of the point
-is as smooth as it is bounded. Computed − observed is the arc θ from the measured ray u to d, in two axes across d,
+Coordinates x = −c X*/Z* run away where a point comes near the plane of the camera, and come back on the other side:
+from bad start values least squares climbs over that ridge, or comes to rest behind it. The direction d = X*/|X*| of
+the point is as smooth as it is bounded. Computed − observed is the arc θ from the measured ray u to d, in two axes
+across d,
 
     y = −θ Eᵀ u / sin θ,   cos θ = u · d,
 
 the logarithmic map of the sphere. The axes E(d) come along with d, and the Jacobian is taken for Eᵀ ∂d: then Jᵀy is
-exactly the gradient of ½ θ², and JᵀJ is never less than its curvature, which is 1 along the arc and θ cot θ ≤ 1 across it
-(H. Karcher 1977). So a Gauss-Newton step does not overshoot, however far off the ray is. The interior orientation is
-taken as it is.
+exactly the gradient of ½ θ², and JᵀJ is never less than its curvature, which is 1 along the arc and θ cot θ ≤ 1
+across it (H. Karcher 1977). So a Gauss-Newton step does not overshoot on the sphere, however far off the ray is. The
+interior orientation is taken as it is.
 """
 
 from __future__ import annotations
@@ -41,8 +42,10 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     return replace(found, key=_KEY + type_.key)
 
 
-def image_scale(model: CameraModel, rays: FloatArray, interior: FloatArray, constants: FloatArray) -> FloatArray:
-    """(n,) image units per radian at unit rays (n, 3), the mean of all senses; ``constants`` are those of image rows."""
+def image_scale(
+    model: CameraModel, rays: FloatArray, interior: FloatArray, constants: FloatArray
+) -> FloatArray:
+    """(n,) image units per radian at unit rays (n, 3), in the mean; ``constants`` as image rows have them."""
     projection = model.project(rays, interior, constants[:, 2:], constants[:, :2])
     across = np.swapaxes(_axes_across(rays), 1, 2)
     scale: FloatArray = np.sqrt(np.abs(np.linalg.det(projection.by_star @ across)))

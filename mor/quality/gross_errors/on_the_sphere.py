@@ -1,4 +1,4 @@
-"""A problem whose image coordinates are directions: it comes to its solution from farther away, and nearly the same one."""
+"""A problem whose image coordinates are directions: it comes from farther away to nearly the same solution."""
 
 from __future__ import annotations
 

@@ -28,6 +28,8 @@ SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
+_FROM_FAR = 20
+"""Iterations by directions: where nothing but start values is wrong, a dozen do."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
@@ -88,7 +90,8 @@ def without_suspects(
             break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
-            return rest, suspects
+            again = _from_far(plain, settings, watch) if suspects.lost else plain
+            return (again, None) if again is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
@@ -100,13 +103,15 @@ def without_suspects(
 def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
     """All observations once more, all with their weights, from where directions in place of coordinates lead.
 
-    Where nothing is wrong but the start values, weights of few rays are as likely to go wrong with them. The plain
-    adjustment where that does not converge to a place that fits either.
+    Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
+    The plain adjustment where that does not converge to a place that fits either.
     """
     sphere = problem_on_the_sphere(plain.problem, plain.start)
-    if sphere is None or plain.outcome is Outcome.CONVERGED:
+    if sphere is None:
         return plain
-    there = adjust(sphere, plain.start, settings, watch)
+    there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
+    if there.outcome is not Outcome.CONVERGED:
+        return plain
     again = adjust(plain.problem, there.values, settings, watch)
     return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
 
