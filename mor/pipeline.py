@@ -13,7 +13,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome, Watcher
+from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
@@ -176,7 +176,7 @@ def _without_gross_errors(
     if plain in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(adjustment):
         return adjustment, None
     settings = Settings(network.project.settings.max_iterations)
-    found, suspects = without_suspects(adjustment, settings, _counting_on(watch, len(adjustment.iterations)))
+    found, suspects = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
     return _with_settled_sigma(network, found, watch, suspects), suspects
 
 
@@ -321,17 +321,10 @@ def _with_settled_sigma(
             break
         settings = Settings(network.project.settings.max_iterations)
         count = len(adjustment.iterations)
-        again = adjust(problem, adjustment.values, settings, _counting_on(watch, count))
+        again = adjust(problem, adjustment.values, settings, counting_on(watch, count))
         further = tuple(replace(step, number=step.number + count) for step in again.iterations)
         adjustment = replace(again, start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment
-
-
-def _counting_on(watch: Watcher | None, count: int) -> Watcher | None:
-    """A watcher that is told of iterations numbered after ``count`` earlier ones."""
-    if watch is None:
-        return None
-    return lambda step: watch(replace(step, number=step.number + count))
 
 
 def make_problem(

@@ -205,6 +205,22 @@ def _spoil(group, rows, random):  # type: ignore[no-untyped-def]
     return replace(group, observed=observed)
 
 
+def names_exchanged(seed: int, kind: str) -> Spoiled:
+    """A scene without other gross errors in which two names of one image are exchanged."""
+    scene = spoiled(seed, kind, 0.0)
+    random = np.random.default_rng([seed, 7])
+    groups = list(scene.problem.groups)
+    number = next(k for k, group in enumerate(groups) if "image" in group.type.key)
+    group = groups[number]
+    row = int(random.integers(group.count))
+    same = np.flatnonzero(group.blocks[0] == group.blocks[0][row])
+    other = int(random.choice(same[same != row]))
+    observed = group.observed.copy()
+    observed[[row, other]] = observed[[other, row]]
+    groups[number] = replace(group, observed=observed)
+    return scene._replace(problem=replace(scene.problem, groups=tuple(groups)))
+
+
 def disturbed(
     scene: Spoiled, random: np.random.Generator, part: float, angle: float
 ) -> dict[str, FloatArray]:

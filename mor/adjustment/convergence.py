@@ -37,6 +37,8 @@ ACCURACY = 1e-8
 points by 2e-9 of themselves."""
 _RATE_KNOWN_TO = 4.0
 """Margin for a rate of convergence that is taken from two steps."""
+_CREEPS = 0.25
+"""Rate from which on steps creep: near a solution they fall faster where residuals are no larger than their σ."""
 _STANDING = 5
 """Iterations that are compared with as many before them."""
 _STANDS = 1e-3
@@ -51,6 +53,18 @@ def is_over(state: Adjustment, change: float, weak: FloatArray) -> bool:
     if change > 1.0 or not state.iterations or change < 0.5 * state.iterations[-1].largest_change:
         return False
     return change <= round_off(state.plan, state.values, state.normals, weak)
+
+
+def creeps(state: Adjustment, change: float) -> bool:
+    """True where a whole step of size ``change`` is more than a quarter of the one before it, and not yet nothing."""
+    if change <= ACCURACY or not state.iterations or state.iterations[-1].damping:
+        return False
+    return change > _CREEPS * state.iterations[-1].largest_change
+
+
+def residuals_stay(before: Adjustment, after: Adjustment) -> bool:
+    """True where a step has not halved vᵀPv: then what Gauss-Newton leaves out will not vanish with the residuals."""
+    return after.normals.objective > 0.5 * before.normals.objective
 
 
 def stands_still(iterations: tuple[Iteration, ...]) -> bool:

@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mor.adjustment.convergence import ACCURACY, is_in_datum, is_over, stands_still
+from mor.adjustment.convergence import (
+    ACCURACY,
+    creeps,
+    is_in_datum,
+    is_over,
+    residuals_stay,
+    stands_still,
+)
 from mor.adjustment.datum.defect import Defect, explain_defect
 from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
@@ -20,6 +27,7 @@ from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
+from mor.adjustment.secants import NOTHING_LEARNT, Secants
 from mor.adjustment.state import (
     A_WEAK_TURN,
     RAN_AWAY,
@@ -30,7 +38,7 @@ from mor.adjustment.state import (
     Stride,
     Watcher,
 )
-from mor.adjustment.step_control import Taken, accept
+from mor.adjustment.step_control import Taken, accept, accept_whole
 from mor.arrays import LARGEST, FloatArray
 from mor.memory import check_room
 from mor.parameters.index import Values, move
@@ -105,22 +113,48 @@ def _advance(state: Adjustment) -> Adjustment:
     stride = state.stride.next(weak)
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
-    change = float(np.sqrt(max(float((regular + weak) @ state.normals.rhs), 0.0)))
-    number = len(state.iterations) + 1
-    redundancy = _redundancy(state)
+    change = _gain(state, regular + weak)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
+    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
-        iteration = Iteration(number, state.normals.objective, change, 0.0, redundancy)
         return _converged(_last_step(state, step + shift, iteration))
-    taken = accept(state, regular, stride.weak + shift, change)
+    taken = _with_curvature(state, change)
+    if taken is None:
+        taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:
         return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     if any(np.abs(values).max(initial=0.0) > LARGEST for values in taken.values.values()):
         return replace(state, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
-    iteration = Iteration(number, state.normals.objective, change, taken.damping, redundancy)
+    iteration = replace(iteration, damping=taken.damping)
     moved = _at(state, taken, (*state.iterations, iteration), last=over)
-    moved = replace(moved, stride=Stride(stride.whole, stride.share * taken.share))
+    moved = replace(
+        moved,
+        stride=Stride(stride.whole, stride.share * taken.share),
+        secants=_learnt(state, moved, step if taken.step is None else taken.step),
+    )
     return _converged(moved) if over and taken.share == 1.0 else moved
+
+
+def _with_curvature(state: Adjustment, change: float) -> Taken | None:
+    """The step with the curvature that the last steps have shown, where they creep and it is as good as it promises."""
+    if not state.secants.steps or not creeps(state, change):
+        return None
+    step = state.secants.step(state.inverse, state.normals.rhs)
+    shift, _ = _into_datum(state, step)
+    return accept_whole(state, step, shift, _gain(state, step))
+
+
+def _learnt(state: Adjustment, moved: Adjustment, step: FloatArray) -> Secants:
+    """What is known of the curvature after a step (u,); nothing where residuals do not stay as large as they are."""
+    damped = moved.iterations[-1].damping > 0.0
+    if damped or moved.inverse.weak.shape[1] or not residuals_stay(state, moved):
+        return NOTHING_LEARNT
+    return state.secants.after(step, state.normals.rhs, moved.normals.rhs)
+
+
+def _gain(state: Adjustment, step: FloatArray) -> float:
+    """√(bᵀδ) of a step δ (u,): how far it moves the unknowns, in units of σ."""
+    return float(np.sqrt(max(float(step @ state.normals.rhs), 0.0)))
 
 
 def _converged(state: Adjustment) -> Adjustment:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from mor.adjustment.inverse import Inverse
 from mor.adjustment.normals import Normals
 from mor.adjustment.plan import Plan
 from mor.adjustment.problem import Problem
+from mor.adjustment.secants import NOTHING_LEARNT, Secants
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 
@@ -99,7 +100,16 @@ class Adjustment:
     constraint: Constraint
     iterations: tuple[Iteration, ...]
     stride: Stride
+    secants: Secants = NOTHING_LEARNT
+    """What the last steps say of the curvature; empty where they do not creep."""
 
 
 Watcher = Callable[[Iteration], None]
 """Is told of every iteration."""
+
+
+def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
+    """A watcher that is told of iterations numbered after ``count`` earlier ones."""
+    if watch is None:
+        return None
+    return lambda step: watch(replace(step, number=step.number + count))

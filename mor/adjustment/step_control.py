@@ -35,6 +35,8 @@ class Taken(NamedTuple):
     damping: float
     share: float
     normals: Normals | None = None
+    step: FloatArray | None = None
+    """(u,) the step without the shift into the datum, where it is not the one of Gauss-Newton."""
 
 
 def accept(state: Adjustment, regular: FloatArray, along: FloatArray, change: float) -> Taken | None:
@@ -61,6 +63,21 @@ def accept(state: Adjustment, regular: FloatArray, along: FloatArray, change: fl
         if objective(state.plan, values) < min(state.normals.objective, normals.objective):
             return Taken(values, 1.0 / share - 1.0, share)
     return full or _damped(state)
+
+
+def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change: float) -> Taken | None:
+    """The step (u,) and the shift into the datum (u,), where that gains a quarter of ``change``² or more."""
+    values = move(state.problem.index, state.values, step + shift)
+    normals = build_normals(state.plan, values)
+    gained = state.normals.objective - normals.objective
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _last_digits(state):
+        return Taken(values, 0.0, 1.0, normals, step)
+    return None
+
+
+def _last_digits(state: Adjustment) -> float:
+    """Differences of vᵀPv that round-off makes."""
+    return 1e-12 * state.normals.objective + 1e-6
 
 
 def _share_of(gained: float, change: float) -> float:

@@ -9,6 +9,11 @@ the start values, where every residual is large, hardly anything is made lighter
 the median falls, c with it, and what does not come along loses its weight. The multiple shrinks from very wide to the
 usual three σ. Each iteration is one damped step of the weighted system: it makes the robust objective smaller
 (majorisation). The two coordinates of a ray are one pointing and share their weight.
+
+Images begin with directions in place of coordinates, which come to their places from farther away
+(:mod:`mor.observations.on_the_sphere`), and at three σ: the median alone is wide enough there, and with more the wrong
+rays bend a block that hangs on a few control points before they lose their weight. Groups of few observations, which
+have no median of their own, begin wide all the same: a few scale bars must not be outvoted by rays that know no scale.
 """
 
 from __future__ import annotations
@@ -23,10 +28,11 @@ from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import Factors, normalised_misclosures, reweighted_plan
-from mor.adjustment.state import Iteration, Watcher
+from mor.adjustment.state import Iteration, Watcher, counting_on
 from mor.arrays import BoolArray, FloatArray
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values, move
+from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
 
 WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
@@ -65,26 +71,42 @@ class Scales(NamedTuple):
 
 
 def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
-    """Adjust with graduated redescending weights from the start values."""
+    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates."""
+    sphere = problem_on_the_sphere(problem, start)
+    if sphere is None:
+        return _narrowed(problem, start, WIDEST, watch)
+    first = _narrowed(sphere, start, NARROWEST, watch)
+    last = _narrowed(problem, first.values, NARROWEST, counting_on(watch, first.iterations))
+    return last._replace(iterations=first.iterations + last.iterations)
+
+
+def _narrowed(problem: Problem, start: Values, widest: float, watch: Watcher | None) -> Graduated:
+    """Where weights of shrinking width lead, from the widest to the narrowest until they have settled."""
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
     scales = robust_scales(problem, place.sizes).groups
-    multiple = WIDEST
-    factors = _factors(problem, place.sizes, multiple * scales)
+    multiples = np.where(_few(problem), WIDEST, widest)
+    factors = _factors(problem, place.sizes, multiples * scales)
     for number in range(1, _ITERATIONS + 1):
         place = _descend(reweighted_plan(plan, factors), place, factors)
-        multiple = max(multiple * _SHRINKS, NARROWEST)
+        multiples = np.maximum(multiples * _SHRINKS, NARROWEST)
         scales = np.minimum(scales, robust_scales(problem, place.sizes).groups)
-        before, factors = factors, _factors(problem, place.sizes, multiple * scales)
+        before, factors = factors, _factors(problem, place.sizes, multiples * scales)
         if watch is not None:
             watch(_iteration(problem, number, place, before))
-        if multiple == NARROWEST and _change(factors, before) < _SETTLED:
+        if (multiples == NARROWEST).all() and _change(factors, before) < _SETTLED:
             break
     suspects = tuple(
         group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)
         for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)
     )
     return Graduated(place.values, suspects, place.sizes, number)
+
+
+def _few(problem: Problem) -> BoolArray:
+    """(g,) groups of so few observations that their median says nothing of them."""
+    counts = [np.count_nonzero(group.mask & ~group.left_out) for group in problem.groups]
+    return np.asarray(np.array(counts, dtype=np.int64) < _FEW)
 
 
 class _Place(NamedTuple):

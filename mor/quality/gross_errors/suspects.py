@@ -20,6 +20,7 @@ from mor.arrays import BoolArray, FloatArray
 from mor.parameters.index import Blocks, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import graduated_weights, robust_scales
+from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -27,16 +28,18 @@ SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
+_FROM_FAR = 20
+"""Iterations by directions: where nothing but start values is wrong, a dozen do."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
 
 @dataclass(frozen=True)
 class Suspects:
-    """Observations left out so that the rest has a solution."""
+    """Observations left out so that the rest has a solution that fits."""
 
     plain: Adjustment
-    """The adjustment of all observations, which is none."""
+    """The adjustment of all observations, which is none, or an absurd one."""
     masks: tuple[BoolArray, ...]
     """(n, m) of each group."""
     sizes: tuple[FloatArray, ...]
@@ -65,9 +68,10 @@ def without_suspects(
     """A solution in place of a plain adjustment that has none, or an absurd one.
 
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
-    left out. A solution is absurd where another one of all observations is known that half of them fit three times
-    better. Where there is no solution, it is the adjustment without the suspects. But where there is one, however bad,
-    it stands: of two sources that contradict each other suspects would only be the smaller one.
+    left out. A solution is absurd where another one is known that half of the observations fit three times better. In
+    place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
+    stands, however bad, where most of a group of observations are among them: of two sources that contradict each other
+    suspects would only be the smaller one.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -77,22 +81,48 @@ def without_suspects(
     again = adjust(problem, found.values, settings, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return again, None
-    if plain.outcome is Outcome.CONVERGED:
-        return plain, None
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
         if 2 * remaining.index.count < problem.index.count:
             break
+        if plain.outcome is Outcome.CONVERGED and _outvoted(problem, suspects):
+            break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
-            return rest, suspects
+            again = _from_far(plain, settings, watch) if suspects.lost else plain
+            return (again, None) if again is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return plain, None
+    return _from_far(plain, settings, watch), None
+
+
+def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
+    """All observations once more, all with their weights, from where directions in place of coordinates lead.
+
+    Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
+    The plain adjustment where that does not converge to a place that fits either.
+    """
+    sphere = problem_on_the_sphere(plain.problem, plain.start)
+    if sphere is None:
+        return plain
+    there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
+    if there.outcome is not Outcome.CONVERGED:
+        return plain
+    again = adjust(plain.problem, there.values, settings, watch)
+    return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
+
+
+def _outvoted(problem: Problem, suspects: Suspects) -> bool:
+    """True where most observations of a group are suspects."""
+    used = (group.mask & ~group.left_out for group in problem.groups)
+    return any(
+        2 * np.count_nonzero(mask) > np.count_nonzero(own)
+        for mask, own in zip(suspects.masks, used, strict=True)
+    )
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:

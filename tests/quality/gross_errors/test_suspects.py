@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from gross_error_scenes import KINDS, disturbed, spoiled
+from far_start_trials import reaches
+from gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
 from gross_error_trials import trial
 from reliability_scenes import correlated_everywhere
 
@@ -90,3 +93,37 @@ def test_factors_of_one_change_nothing_and_factors_are_those_of_weights():
     plainly = normalised_misclosures(plan, values)
     for one, other, factor in zip(weighted, plainly, factors, strict=True):
         np.testing.assert_allclose(one, other * np.sqrt(factor), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_absurd_landing_gives_way_to_the_adjustment_without_the_exchanged_names(seed):
+    scene = names_exchanged(seed, "aerial")
+    plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(seed), 0.01, GON))
+    rest, suspects = without_suspects(plain)
+    assert suspects is not None
+    exchanged = scene.problem.groups[0].observed != spoiled(seed, "aerial", 0.0).problem.groups[0].observed
+    assert (suspects.masks[0] | ~exchanged).all()
+    assert np.count_nonzero(suspects.masks[0].any(axis=1)) <= 5
+    assert rest.normals.objective < 2.0 * rest.problem.observations
+
+
+def test_of_two_sources_that_contradict_each_other_none_is_left_out():
+    """All scale bars a third too long: no single one of them is wrong."""
+    scene = spoiled(2, "mixture", 0.0)
+    groups = [
+        replace(group, observed=1.3 * group.observed) if group.type.key == "distance" else group
+        for group in scene.problem.groups
+    ]
+    problem = replace(scene.problem, groups=tuple(groups))
+    plain = adjust(problem, scene.truth)
+    again, suspects = without_suspects(plain)
+    assert suspects is None or all(
+        2 * np.count_nonzero(mask) <= mask.size or plain.outcome is not Outcome.CONVERGED
+        for mask in suspects.masks
+    )
+    assert again.outcome is Outcome.CONVERGED
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_start_values_that_are_far_off_reach_the_solution_of_all_observations(kind):
+    assert reaches(spoiled(3, kind, 0.0), 0.4, 40.0 * GON, 3)

@@ -1,9 +1,10 @@
-"""What was left out because all observations together have no solution, in words."""
+"""What was left out because all observations together have no solution, or an absurd one, in words."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from mor.adjustment.state import Outcome
 from mor.quality.solved import Solved
 from mor.report.layout import heading, short, table
 from mor.report.tables.gross_errors.suspects import suspects
@@ -38,6 +39,21 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     """The verdict on them; first of all that not all observations have been adjusted."""
     if data is None:
         return []
+    place = "; ".join(_place(row, words) for row in data["observations"][:2])
+    if data["outcome"] == Outcome.CONVERGED.value:
+        return [
+            words(
+                "LANDS where half of all residuals are beyond 3 sigma, with all observations (sigma0 ratio {ratio} "
+                "after {count:iteration|iterations}).",
+                ratio=words.number(short(data["sigma0_ratio"], 4)),
+                count=data["iterations"],
+            ),
+            words(
+                "Without {count:suspect|suspects} the others fit; what follows is that adjustment. The worst: {place}.",
+                count=data["count"],
+                place=place,
+            ),
+        ]
     return [
         words(
             "DOES NOT CONVERGE with all observations ({outcome} after {count:iteration|iterations}).",
@@ -47,7 +63,7 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
         words(
             "Without {count:suspect|suspects} it does; what follows is that adjustment. The worst: {place}.",
             count=data["count"],
-            place="; ".join(_place(row, words) for row in data["observations"][:2]),
+            place=place,
         ),
     ]
 
