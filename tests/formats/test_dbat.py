@@ -90,6 +90,23 @@ def test_defaults_and_values_of_the_script(tmp_path: Path) -> None:
     )
 
 
+def test_cameras_in_a_file_of_their_own(tmp_path: Path) -> None:
+    start, end = SCRIPT.index("<camera>"), SCRIPT.index("</cameras>")
+    expected = read_foreign(files(tmp_path)).data["cameras"]
+    path = files(tmp_path, script=SCRIPT[:start] + "<file>camera.xml</file>" + SCRIPT[end:])
+    camera = tmp_path / "camera.xml"
+    camera.write_text(
+        f'<document dbat_camera_version="1.0">\n<cameras>{SCRIPT[start:end]}</cameras></document>'
+    )
+    assert read_foreign(path).data["cameras"] == expected
+    camera.write_text(camera.read_text().replace("<model>3", "<model>9"))
+    with pytest.raises(InputError, match=r"camera\.xml:3: camera 1: found the model '9'"):
+        read_foreign(path)
+    camera.write_text("<document/>")
+    with pytest.raises(InputError, match=r"camera\.xml:1: found no <camera>"):
+        read_foreign(path)
+
+
 def test_poses_that_are_not_estimated_are_fixed(tmp_path: Path) -> None:
     script = SCRIPT.replace("<eo><all>true</all></eo>", "<eo><pos>false</pos></eo>")
     assert read_foreign(files(tmp_path, script=script)).data["images"][0]["fixed"] == ["x", "y", "z"]
