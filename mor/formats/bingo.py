@@ -1,7 +1,7 @@
 """BINGO: ``image.dat`` and ``geoin.dat`` of a folder as a project: millimetres from the image centre, metres.
 
-Written from programs that read and write these files; the order of the angles in ``itera.dat`` and the σ classes are not
-described there, so neither is read: poses and points are worked out anew.
+Written from programs that read and write these files. The order of the angles in ``itera.dat`` and the σ classes are
+described nowhere there, so neither is read: poses and points are worked out anew.
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.pipeline import solve_network
 
 SCRIPT = """<document dbat_script_version="1.0"><meta><name>A wall</name></meta>
 <input base_dir="$HERE">
@@ -90,6 +89,23 @@ def test_defaults_and_values_of_the_script(tmp_path: Path) -> None:
     )
 
 
+def test_cameras_in_a_file_of_their_own(tmp_path: Path) -> None:
+    start, end = SCRIPT.index("<camera>"), SCRIPT.index("</cameras>")
+    expected = read_foreign(files(tmp_path)).data["cameras"]
+    path = files(tmp_path, script=SCRIPT[:start] + "<file>camera.xml</file>" + SCRIPT[end:])
+    camera = tmp_path / "camera.xml"
+    camera.write_text(
+        f'<document dbat_camera_version="1.0">\n<cameras>{SCRIPT[start:end]}</cameras></document>'
+    )
+    assert read_foreign(path).data["cameras"] == expected
+    camera.write_text(camera.read_text().replace("<model>3", "<model>9"))
+    with pytest.raises(InputError, match=r"camera\.xml:3: camera 1: found the model '9'"):
+        read_foreign(path)
+    camera.write_text("<document/>")
+    with pytest.raises(InputError, match=r"camera\.xml:1: found no <camera>"):
+        read_foreign(path)
+
+
 def test_poses_that_are_not_estimated_are_fixed(tmp_path: Path) -> None:
     script = SCRIPT.replace("<eo><all>true</all></eo>", "<eo><pos>false</pos></eo>")
     assert read_foreign(files(tmp_path, script=script)).data["images"][0]["fixed"] == ["x", "y", "z"]
@@ -146,13 +162,15 @@ def test_mistakes_of_tables_have_their_lines(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(reference_folder("camcal") is None, reason=missing("camcal"))
-def test_a_real_calibration_has_the_published_result(tmp_path: Path) -> None:
-    """DBAT's report: σ0 1.6148, redundancy 3725, c 7.457 mm."""
+def test_a_real_calibration_has_the_unknowns_of_the_published_report(tmp_path: Path) -> None:
+    """DBAT's report: 4148 observations, 423 unknowns, 9 of the camera, 126 of poses, 288 of points."""
     folder = reference_folder("camcal")
     assert folder is not None
     rows = [line.split(",") for line in (folder / "observations.csv").read_text().split("\n")[1:] if line]
     images = sorted({int(row[0]) for row in rows})
+    poses = [line.split(",") for line in (folder / "images.csv").read_text().split("\n")[1:] if line]
     texts = {
+        "eo": "".join(f"{row[0]}, {', '.join(row[3:9])}\n" for row in poses),
         "control": "1001,A,0,1,0,0,0,0\n1002,B,1,1,0,0,0,0\n1003,C,0,0,0,0,0,0\n1004,D,1,0,0,0,0,0\n",
         "images": "".join(f"{k:2d}, a/P{k}.JPG\n" for k in images),
         "marks": "".join(f"{point}, {image}, {x}, {y}\n" for image, point, x, y, *_ in rows),
@@ -160,9 +178,11 @@ def test_a_real_calibration_has_the_published_result(tmp_path: Path) -> None:
         "script": SCRIPT.replace("auto,24", "auto,5.43764").replace("6000,4000", "2272,1704")
         .replace("<focal>28<", "<focal>7.5<").replace("<io>loaded</io>", "<io>default</io>")
         .replace("<nK>2<", "<nK>3<").replace("-1e-4,2e-7", "0,0,0").replace("<K2>false</K2>", "")
-        .replace('sxy="0.5"', 'sxy="0.1"').replace('<filter id="4">remove</filter>', "")
-        .replace('<prior_eo><file format="id,x,y,z,omega,phi,kappa" units="degrees">eo.txt</file></prior_eo>', ""),
+        .replace('sxy="0.5"', 'sxy="0.1"').replace('<filter id="4">remove</filter>', ""),
     }  # fmt: skip
-    solved = solve_network(network_of(read_foreign(files(tmp_path, **texts)), tmp_path))
-    assert solved.quality.redundancy == 3725
-    assert solved.quality.sigma0 == pytest.approx(1.614804348, rel=1e-8)
+    network = network_of(read_foreign(files(tmp_path, **texts)), tmp_path)
+    assert sum(len(group.observed) * 2 for group in network.groups) == 4148
+    free = {kind: int(block.free.sum()) for kind, block in network.blocks.items()}
+    assert free["interior/brown"] == 9
+    assert free["rotation"] == 63
+    assert free["point"] == 288 + 63

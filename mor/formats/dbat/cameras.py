@@ -7,7 +7,7 @@ the signs of its functions, the opposite of those it reports (and of PhotoModele
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from mor.formats.draft import Draft, number
 from mor.formats.xml import Element
@@ -29,12 +29,19 @@ _KNOWN = (
 )
 
 
-class CameraError(ValueError):
-    """What is wrong with a camera, and the line."""
+class Place(NamedTuple):
+    """A line of a file."""
 
-    def __init__(self, words: str, line: int) -> None:
+    line: int
+    file: str
+
+
+class CameraError(ValueError):
+    """What is wrong with a camera, and where."""
+
+    def __init__(self, words: str, place: Place) -> None:
         super().__init__(words)
-        self.line = line
+        self.place = place
 
 
 @dataclass
@@ -44,68 +51,86 @@ class Texts:
     camera: Element
     own: dict[str, Element]
     initial: dict[str, Element]
+    file: str
+    """Of the camera."""
+    script: str
 
-    def find(self, name: str) -> tuple[str, int]:
-        """Text that counts, ``default`` and empty ones included, and its line."""
+    def at(self, element: Element) -> Place:
+        """Where an element of the camera stands."""
+        return Place(element.line, self.file)
+
+    def find(self, name: str) -> tuple[str, Place]:
+        """Text that counts, ``default`` and empty ones included, and its place."""
         given = self.initial.get(name) or self.initial.get("all")
         if given is not None and given.text.strip() != "loaded":
-            return given.text.strip(), given.line
+            return given.text.strip(), Place(given.line, self.script)
         loaded = self.own.get(name) or self.own.get("all")
-        return (loaded.text.strip(), loaded.line) if loaded is not None else ("", self.camera.line)
+        return (loaded.text.strip(), self.at(loaded)) if loaded is not None else ("", self.at(self.camera))
+
+    def model(self) -> tuple[str, Place]:
+        """Number of the model, and where it stands; ``all`` does not set it."""
+        given = self.initial.get("model")
+        if given is not None:
+            return given.text.strip(), Place(given.line, self.script)
+        own = self.own.get("model", self.camera)
+        return ("" if own is self.camera else own.text.strip()), self.at(own)
 
     def numbers(self, name: str, default: list[float], least: int) -> list[float]:
         """Numbers behind a name, ``default`` where it says so or nothing. Raises :class:`CameraError`."""
-        text, line = self.find(name)
+        text, place = self.find(name)
         if text in ("", "default"):
             return default
-        found = numbers(text, name, line)
+        found = numbers(text, name, place)
         if len(found) < least:
-            raise CameraError(f"{name}: found {text!r}, expected {least} numbers", line)
+            raise CameraError(f"{name}: found {text!r}, expected {least} numbers", place)
         return found
 
 
-def numbers(text: str, name: str, line: int) -> list[float]:
+def numbers(text: str, name: str, place: Place) -> list[float]:
     """Numbers between commas. Raises :class:`CameraError`."""
     try:
         found = [number(word.strip()) for word in text.split(",") if word.strip()]
     except ValueError as error:
-        raise CameraError(f"{name}: {error}", line) from None
+        raise CameraError(f"{name}: {error}", place) from None
     if any(abs(value) > 1e30 for value in found):
-        raise CameraError(f"{name}: found {text!r}, a number beyond 1e30", line)
+        raise CameraError(f"{name}: found {text!r}, a number beyond 1e30", place)
     return found
 
 
-def put_cameras(elements: list[Element], initial: dict[str, Element], free: set[str], draft: Draft) -> None:
-    """The section ``cameras``; every mistake is told."""
+def put_cameras(
+    elements: list[tuple[Element, str]], initial: dict[str, Element], free: set[str], draft: Draft
+) -> None:
+    """The section ``cameras`` of elements and the files they are in; every mistake is told."""
     cameras: dict[str, Any] = {}
-    for element in elements:
+    for element, file in elements:
         own = {child.name: child for child in element.children}
         name = own["id"].text.strip() if "id" in own else str(len(cameras) + 1)
         for child in element.children:
             if child.name not in _KNOWN:
-                draft.note(f"<{child.name}> of camera {name} is not read", child.line)
+                draft.note(f"<{child.name}> of camera {name} is not read", child.line, file)
         if name in cameras:
-            draft.problem(f"camera {name!r} is there already", element.line)
+            draft.problem(f"camera {name!r} is there already", element.line, file)
             continue
         try:
-            cameras[name] = _camera(Texts(element, own, initial), free, name, draft)
+            cameras[name] = _camera(Texts(element, own, initial, file, draft.file), free, name, draft)
         except CameraError as error:
-            draft.problem(f"camera {name}: {error}", error.line)
+            draft.problem(f"camera {name}: {error}", *error.place)
             cameras[name] = {}
         draft.lines["cameras", name] = element.line
+        draft.files["cameras", name] = file
     draft.put("cameras", cameras)
 
 
 def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, Any]:
-    own, line = texts.own, texts.camera.line
-    model, where = texts.initial["model"].text.strip() if "model" in texts.initial else "", line
-    if "model" in own and not model:
-        model, where = own["model"].text.strip(), own["model"].line
+    own = texts.own
+    model, where = texts.model()
     if model not in _MODELS:
         raise CameraError(f"found the model {model!r}, expected one of {', '.join(_MODELS)}", where)
     unit = own["unit"].text.strip() if "unit" in own else "mm"
     if unit not in _UNITS:
-        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", own["unit"].line)
+        raise CameraError(
+            f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", texts.at(own["unit"])
+        )
     columns, rows, width, height, b1 = _format(texts, name, draft)
     pixel = height / rows
     c = _constant(texts)
@@ -121,7 +146,7 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         values |= {"b1": b1, "b2": texts.numbers("skew", [0.0], 1)[0]}
     elif b1 or texts.numbers("skew", [0.0], 1)[0]:
         words = f"camera {name}: model {model} has no affinity; its aspect and skew are not used"
-        draft.note(words, line)
+        draft.note(words, *texts.at(texts.camera))
     known = _distortion(texts, values)
     interior = {
         key: {"free" if key in free and key in known else "fixed": repr(value)}
@@ -143,20 +168,20 @@ def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float,
     own = texts.own
     for key in ("image", "sensor"):
         if key not in own:
-            raise CameraError(f"found no <{key}>", texts.camera.line)
-    size = numbers(own["image"].text, "image", own["image"].line)
+            raise CameraError(f"found no <{key}>", texts.at(texts.camera))
+    size = numbers(own["image"].text, "image", texts.at(own["image"]))
     if len(size) != 2 or min(size) < 1.0:
         raise CameraError(
-            f"image: found {own['image'].text!r}, expected width,height in px", own["image"].line
+            f"image: found {own['image'].text!r}, expected width,height in px", texts.at(own["image"])
         )
     words = [word.strip() for word in own["sensor"].text.split(",")]
-    sensor = numbers(",".join(word for word in words if word != "auto"), "sensor", own["sensor"].line)
+    sensor = numbers(",".join(word for word in words if word != "auto"), "sensor", texts.at(own["sensor"]))
     if len(words) != 2 or words[1] == "auto" or not sensor or min(sensor) <= 1e-30:
         form = "width,height or auto,height"
-        raise CameraError(f"sensor: found {own['sensor'].text!r}, expected {form}", own["sensor"].line)
+        raise CameraError(f"sensor: found {own['sensor'].text!r}, expected {form}", texts.at(own["sensor"]))
     height, square = sensor[-1], sensor[-1] / size[1] * size[0]
     ratio = sensor[0] / square if len(sensor) == 2 else 1.0
-    aspect, line = texts.find("aspect")
+    aspect, place = texts.find("aspect")
     if aspect == "auto":
         return size[0], size[1], square, height, ratio - 1.0
     b1 = 1.0 - texts.numbers("aspect", [1.0], 1)[0]
@@ -164,20 +189,20 @@ def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float,
         said = (
             f"pixels are {ratio:.6g} times as wide as high by the sensor, {1.0 + b1:.6g} times by the aspect"
         )
-        draft.note(f"camera {name}: {said}, which is taken", line)
+        draft.note(f"camera {name}: {said}, which is taken", *place)
     return size[0], size[1], square, height, b1
 
 
 def _constant(texts: Texts) -> float:
-    text, line = texts.find("cc")
+    text, place = texts.find("cc")
     if text in ("", "focal", "default"):
         given = texts.own.get("focal")
         if given is None:
-            raise CameraError("found neither cc nor focal", line)
-        text, line = given.text.strip(), given.line
-    found = numbers(text, "cc", line)
+            raise CameraError("found neither cc nor focal", place)
+        text, place = given.text.strip(), texts.at(given)
+    found = numbers(text, "cc", place)
     if len(found) != 1 or found[0] <= 0.0:
-        raise CameraError(f"found the camera constant {text!r}, expected a number above 0", line)
+        raise CameraError(f"found the camera constant {text!r}, expected a number above 0", place)
     return found[0]
 
 
@@ -190,7 +215,7 @@ def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:
         if counted_ is not None:
             text = counted_.text.strip()
             if not text.isdecimal() or len(text) > 3:
-                raise CameraError(f"n{letter}: found {text!r}, expected a count", counted_.line)
+                raise CameraError(f"n{letter}: found {text!r}, expected a count", texts.at(counted_))
             count = int(text)
         if any(given[most:]) or count > most:
             words = f"found {max(count, len(given))} coefficients {letter}, mor's models have {most}"

@@ -81,20 +81,19 @@ def _angle_unit(section: Element | None, draft: Draft) -> str:
     return "deg"
 
 
-def _camera_elements(sections: dict[str, Element], folder: Path, draft: Draft) -> list[Element]:
-    """Cameras in the script, or in the file it names."""
+def _camera_elements(sections: dict[str, Element], folder: Path, draft: Draft) -> list[tuple[Element, str]]:
+    """Cameras in the script, or in the file it names, each with the file it is in."""
     section = sections.get("cameras")
     if section is None:
         draft.problem("found no <cameras> in <input>")
         return []
-    found = section.all("camera")
+    found = [(camera, draft.file) for camera in section.all("camera")]
     for given in section.all("file"):
         path = path_of(given, folder, draft)
         if path is None:
             continue
         inner = parse_xml(read_bytes(path, PROJECT), str(path))
-        mine = [camera for part in inner.all("cameras") for camera in part.all("camera")]
-        draft.files["cameras",] = str(path)
+        mine = [(camera, str(path)) for part in inner.all("cameras") for camera in part.all("camera")]
         if not mine:
             draft.problem("found no <camera> in <cameras>", 1, str(path))
         found += mine
