@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from mor.cli._format import format_option
+from mor.cli._output import quiet_option
 
 
 @click.command(name="check")
@@ -15,7 +16,7 @@ from mor.cli._format import format_option
     "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
 @format_option
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.
 

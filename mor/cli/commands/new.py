@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mor.cli._output import force_option
+
 
 @click.command(name="new")
 @click.argument("project", type=click.Path(path_type=Path))
@@ -36,7 +38,7 @@ import click
     show_default=True,
     help="fixed: by control points; free: inner constraints over all points.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@force_option
 def command(
     project: Path,
     tables: tuple[Path, ...],
