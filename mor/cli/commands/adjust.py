@@ -12,6 +12,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell
+from mor.cli._output import quiet_option
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ if TYPE_CHECKING:
     type=click.File("w", encoding="utf-8"),
     help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 @click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
 def command(
     project: Path,

@@ -11,6 +11,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell, tell_note
+from mor.cli._output import force_option, quiet_option
 from mor.counting import counted
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     show_default="PROJECT.start",
     help="Folder of the project with start values.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@force_option
 @format_option
 @click.option(
     "--plot",
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 @language_option("the report and the picture")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(
     project: Path,
     output: Path | None,

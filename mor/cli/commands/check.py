@@ -8,6 +8,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_of_command, tell_note, told_problem
+from mor.cli._output import quiet_option
 
 
 @click.command(name="check")
@@ -16,7 +17,7 @@ from mor.cli._language import language_of_command, tell_note, told_problem
     "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
 @format_option
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:
     """Read and check PROJECT, say what it contains, adjust nothing.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mor.cli._language import language_option
+from mor.cli._output import quiet_option
 from mor.errors import ExitCode, InputError, Problem
 from mor.input_files import TABLE, read_text
 
@@ -57,7 +58,7 @@ SCHEMA = "mor-results"
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
 @language_option("the page and of what the terminal says")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(
     results: tuple[Path, ...],
     tol: float,

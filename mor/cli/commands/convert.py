@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import tell, tell_note
+from mor.cli._output import force_option, quiet_option
 
 if TYPE_CHECKING:
     from mor.errors import Problem
@@ -36,8 +37,8 @@ _OWN = (".yaml", ".yml")
 @click.option(
     "--to", "target_format", metavar="FORMAT", help="Format of TARGET, where its suffix does not tell."
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@force_option
+@quiet_option
 def command(
     paths: tuple[Path, ...],
     output: Path | None,

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from mor.cli._language import tell
+from mor.cli._output import force_option
 
 
 @click.command(name="new")
@@ -38,7 +39,7 @@ from mor.cli._language import tell
     show_default=True,
     help="fixed: by control points; free: inner constraints over all points.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@force_option
 def command(
     project: Path,
     tables: tuple[Path, ...],

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import language_option, tell
+from mor.cli._output import quiet_option
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print batch.json on standard output.")
 @language_option("the tables and reports")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(
     projects: tuple[str, ...],
     output: Path,

@@ -10,6 +10,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option
+from mor.cli._output import force_option, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     show_default="PROJECT.design",
     help="Folder of the plan.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@force_option
 @format_option
 @click.option("--rank", is_flag=True, help="Rank planned observations and candidates by what they are worth.")
 @click.option(
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     "--json", "as_json", is_flag=True, help="Print design.json on standard output; files only with -o."
 )
 @language_option("the report")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(
     project: Path,
     output: Path | None,

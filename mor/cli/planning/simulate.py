@@ -9,6 +9,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell, tell_note
+from mor.cli._output import force_option, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     show_default="PROJECT.simulated, with --runs PROJECT.montecarlo",
     help="Folder of the simulated project, or of the report of many runs.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@force_option
 @format_option
 @click.option(
     "--seed",
@@ -98,7 +99,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print montecarlo.json on standard output as well.")
 @language_option("the report of many runs")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+@quiet_option
 def command(
     project: Path,
     output: Path | None,
