@@ -124,7 +124,7 @@ def _can_be_named(scene: Spoiled, quality: Quality) -> tuple[BoolArray, ...]:
     return tuple(result)
 
 
-def table(count: int, part: float, angle: float) -> str:
+def table(count: int, part: float, angle: float, first: int = 0) -> str:
     """Rates of all kinds of scenes as a table in Markdown."""
     lines = [
         "| scene | wrong rows | converged | plainly | σ0, median | named of those that can be | false names "
@@ -133,7 +133,7 @@ def table(count: int, part: float, angle: float) -> str:
     ]
     for kind in KINDS:
         for errors in PARTS:
-            found = [trial(kind, errors, seed, part, angle) for seed in range(count)]
+            found = [trial(kind, errors, seed, part, angle) for seed in range(first, first + count)]
             can, missed, false, rows = (
                 sum(getattr(one, name) for one in found)
                 for name in ("can_be_named", "missed", "false", "rows")
@@ -151,13 +151,14 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20, help="scenes of each kind and part of errors")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument(
         "--start", type=float, default=0.01, help="start values off by this part of the extent"
     )
     parser.add_argument("--turn", type=float, default=1.0, help="attitudes off by so many gon")
     chosen = parser.parse_args()
     warnings.simplefilter("ignore")
-    table(chosen.count, chosen.start, chosen.turn * GON)
+    table(chosen.count, chosen.start, chosen.turn * GON, chosen.first)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.adjustment.problem import Problem
 from mor.approximate.undistort import ideal_rays
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations import ObservationGroup, is_image_point
 from mor.observations.on_the_sphere import image_scale, on_the_sphere
@@ -47,11 +47,11 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
         if slot.kind.startswith(_INTERIOR)
     )
-    whole = group.mask.all(axis=1)
+    whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)
     rays = ideal_rays(model, interior, group.constants[:, 2:], measured)
     scale = image_scale(model, rays, interior, group.constants)
-    used = whole & np.isfinite(scale) & (scale > 0.0)
+    used: BoolArray = np.asarray(whole & np.isfinite(scale) & (scale > 0.0))
     type_ = on_the_sphere(group.type)
     assert type_ is not None
     constants = np.concatenate([measured, rays], axis=1)

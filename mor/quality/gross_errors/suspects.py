@@ -28,8 +28,8 @@ SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
-_FROM_FAR = 20
-"""Iterations by directions: where nothing but start values is wrong, a dozen do."""
+_FROM_FAR = 40
+"""Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
