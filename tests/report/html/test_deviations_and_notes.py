@@ -14,7 +14,7 @@ from mor.errors import Problem
 from mor.report.html.derived import deviations
 from mor.report.html.payload import _to_sigma
 from mor.report.html.sights import detectable_effects, sights
-from mor.report.tables.notes import note_rows
+from mor.report.notes import note_rows
 from mor.report.view import View
 
 
