@@ -7,8 +7,8 @@ from mor.quality.solved import Solved
 from mor.report.columns import paragraphs
 from mor.report.identity import Identity, identity_of
 from mor.report.layout import ALL
+from mor.report.notes import note_rows
 from mor.report.places import text as places
-from mor.report.tables.notes import note_rows
 from mor.report.text import (
     cameras,
     checks,

@@ -17,6 +17,7 @@ from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
 from mor.report.identity import Identity, identity_of
+from mor.report.notes import note_rows
 from mor.report.results.summary import SCHEMA_VERSION, summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.ellipses import chosen_pairs, relative_rows
@@ -29,7 +30,6 @@ from mor.report.tables.estimates import (
 )
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
-from mor.report.tables.notes import note_rows
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
 from mor.report.verdict.group_tests import verdict_rows

@@ -1,0 +1,73 @@
+"""Deviations in space, notes of results, and what the overlays of the network are drawn from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from small_projects import LEVELLING, mor, write
+
+from mor.errors import Problem
+from mor.report.html.derived import deviations
+from mor.report.html.payload import _to_sigma
+from mor.report.html.sights import detectable_effects, sights
+from mor.report.notes import note_rows
+from mor.report.view import View
+
+
+def row(point: str, component: str, v: float) -> dict[str, object]:
+    return {"point": point, "component": component, "unit": "m", "v": v}
+
+
+def test_deviations_in_space() -> None:
+    """3-4-12 makes 13; a point without a height counts in plan alone."""
+    rows = [row("A", "x", 3.0), row("A", "y", -4.0), row("A", "z", 12.0), row("B", "x", 1.0)]
+    x, _, _, space = deviations(rows)
+    assert (x["count"], x["mean"], x["largest"]) == (2, 2.0, 3.0)
+    assert x["rms"] == pytest.approx(np.sqrt(5.0))
+    assert (space["component"], space["count"], space["rms"], space["mean"]) == ("3-D", 1, 13.0, None)
+
+
+def test_notes_have_places_that_tell_nothing_of_the_machine(tmp_path: Path) -> None:
+    notes = [Problem("strange", str(tmp_path / "data" / "a.csv"), 7), Problem("no place")]
+    assert note_rows(notes, tmp_path) == [
+        {"message": "strange", "file": "data/a.csv", "line": 7},
+        {"message": "no place", "file": "", "line": 0},
+    ]
+
+
+def test_notes_stand_in_the_results(tmp_path: Path) -> None:
+    text = LEVELLING.replace("[C, A, -2.001, 0.001]", "[C, A, -2.001, 0.001], [C, B, -1.0, 100.0]")
+    mor("adjust", write(tmp_path, text), "--no-html")
+    noted = json.loads((tmp_path / "project.results" / "results.json").read_text(encoding="utf-8"))["notes"]
+    said = mor("check", tmp_path / "project.yaml").err
+    assert all(one["message"] in said for one in noted)
+
+
+def test_external_reliability_is_the_movement_by_a_detectable_error(building_view: View) -> None:
+    listed = building_view.gross_errors["suspicious"][0]
+    vector = np.array(detectable_effects(building_view).row(0)[1:])
+    expected = np.linalg.norm(listed["movement"]) * listed["nabla"] / abs(listed["error"])
+    assert np.linalg.norm(vector) == pytest.approx(expected, rel=1e-12)
+
+
+def test_scale_bars_of_a_block_are_told_from_distances(building_view: View) -> None:
+    kinds = sights(building_view).group_by("kind").len()
+    count = dict(kinds.iter_rows())
+    assert count["scale"] >= 2
+    assert count["distance"] > 0
+
+
+def test_rounding_is_far_below_sigma() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.uniform(-1e6, 1e6, 500)
+    frame = pl.DataFrame(
+        {"x": x, "y": x, "z": x, "sx": np.full(500, 0.02), "sy": np.full(500, 1e-5), "sz": np.zeros(500)}
+    )
+    rounded = _to_sigma(frame)
+    assert np.abs(rounded["x"].to_numpy() - x).max() < 1e-3 * 0.02
+    assert np.abs(rounded["y"].to_numpy() - x).max() < 1e-3 * 1e-5
+    assert (rounded["z"].to_numpy() == x).all()
