@@ -53,6 +53,11 @@ def _projected(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     return replace(group, type=PLAIN_TYPES["coordinates"], observed=group.constants[:, :3])
 
 
+def _control(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    observed = np.where(group.mask, group.constants[:, :3], np.nan)
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed)
+
+
 def _heights(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     geoid = group.constants[:, :1] if group.type.constants else 0.0
     nothing = np.full((group.count, 2), np.nan)
@@ -80,6 +85,7 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "gnss_position": _geocentric,
     "geodetic_position": _geodetic,
     "projected_position": _projected,
+    "control": _control,
     "ellipsoidal_height": _heights,
     "orthometric_height": _heights,
     "height_difference": _differences,

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import betaln, gammaln
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.reweighting import normalised_misclosures
@@ -26,6 +27,8 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
+_LEVEL = 1e-3
+"""Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _FROM_FAR = 40
@@ -70,8 +73,8 @@ def without_suspects(
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
     left out. A solution is absurd where another one is known that half of the observations fit three times better. In
     place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
-    stands, however bad, where most of a group of observations are among them: of two sources that contradict each other
-    suspects would only be the smaller one.
+    stands, however bad, where most of a group of observations are among them (of two sources that contradict each other
+    suspects would only be the smaller one), and where as many chosen ones would lessen vᵀPv so by chance.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -90,6 +93,8 @@ def without_suspects(
             break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
+            if plain.outcome is Outcome.CONVERGED and not _are_gross(plain, rest):
+                break
             again = _from_far(plain, settings, watch) if suspects.lost else plain
             return (again, None) if again is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
@@ -123,6 +128,31 @@ def _outvoted(problem: Problem, suspects: Suspects) -> bool:
         2 * np.count_nonzero(mask) > np.count_nonzero(own)
         for mask, own in zip(suspects.masks, used, strict=True)
     )
+
+
+def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where vᵀPv falls more without the suspects than without any other as many, by chance, whatever σ0 is.
+
+    With normal residuals the part of vᵀPv that is left with r' of r degrees of freedom is a Beta(r'/2, (r − r')/2);
+    its lower tail is told by its first term, and taken as often as there are choices of so many of all (Bonferroni).
+    """
+    before, after = _freedom(plain), _freedom(rest)
+    if after <= 0 or plain.normals.objective <= 0.0:
+        return False
+    count, gone = _used(plain.problem), max(before - after, 1)
+    a, b = 0.5 * after, 0.5 * gone
+    part = max(rest.normals.objective / plain.normals.objective, 1e-300)
+    choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
+    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(_LEVEL))
+
+
+def _freedom(adjustment: Adjustment) -> int:
+    """Redundancy of what takes part."""
+    return _used(adjustment.problem) - adjustment.problem.index.count + int(adjustment.defect.datum.shape[1])
+
+
+def _used(problem: Problem) -> int:
+    return sum(int(np.count_nonzero(group.mask & ~group.left_out)) for group in problem.groups)
 
 
 def left_out(problem: Problem, suspects: Suspects) -> Problem:
