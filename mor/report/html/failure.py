@@ -5,6 +5,7 @@ It shows no places and no cameras: what looks like a result would be taken for o
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,6 +14,7 @@ from markupsafe import Markup
 
 from mor.quality.solved import Solved
 from mor.report.html.paper import running_heads
+from mor.report.html.provenance import listed_notes
 from mor.report.layout import fixed, short
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
@@ -25,8 +27,13 @@ SHOWN = 1000
 """Things that nothing determines that are listed."""
 
 
-def failure_page(solved: Solved, identity: dict[str, Any], words: Words = ENGLISH) -> str:
-    """The page of an outcome that is no solution, in a language: HTML that needs nothing else."""
+def failure_page(
+    solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words = ENGLISH
+) -> str:
+    """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
+
+    ``notes`` are those of :func:`mor.report.notes.note_rows`.
+    """
     environment = Environment(
         loader=PackageLoader("mor.report.html"),
         autoescape=True,
@@ -40,6 +47,7 @@ def failure_page(solved: Solved, identity: dict[str, Any], words: Words = ENGLIS
         "title": data["title"] or words("Adjustment"),
         "summary": data,
         "identity": identity,
+        **listed_notes(notes, words),
         "persons": persons(identity, words),
         "verdict": verdict(solved, words),
         "explained": section(solved, words).splitlines()[2:],

@@ -19,6 +19,7 @@ from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
 from mor.report.html.paper import running_heads
 from mor.report.html.payload import MOST_ROWS, MOST_VECTORS, payload
+from mor.report.html.provenance import listed_notes
 from mor.report.html.verdict import headline, statements
 from mor.report.layout import DIGITS
 from mor.report.text.identity import persons
@@ -102,8 +103,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
         "identity": view.identity,
-        "notes": [_note(row, data.words) for row in view.notes[:MOST_LISTED]],
-        "notes_left": max(0, len(view.notes) - MOST_LISTED),
+        **listed_notes(view.notes, data.words),
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
@@ -142,12 +142,6 @@ def _content(data: PageData) -> dict[str, Any]:
         "language": data.words.language,
         **_movement(view),
     }
-
-
-def _note(row: dict[str, Any], words: Words) -> dict[str, str]:
-    """A note with its place, in the language of the page."""
-    line = f":{row['line']}" if row["line"] else ""
-    return {"place": f"{row['file']}{line}", "message": words.told(row["message"])}
 
 
 def _movement(view: View) -> dict[str, Any]:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
+from mor.report.words.language import Words
 
 _NAMED = 3
 """Observations without control that are named."""
+_MOST_NOTES = 200
+"""Notes that are listed."""
 
 
 def used_in_words(data: PageData) -> str:
@@ -58,3 +64,15 @@ def help_in_words(data: PageData) -> str:
         parts.append(say("A second observation beside what nothing controls: {names}.", names=names))
     parts.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
     return " ".join(parts)
+
+
+def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
+    """The first notes with their places, in the language of the page, and how many more there are."""
+    notes = [
+        {
+            "place": f"{row['file']}:{row['line']}" if row["line"] else row["file"],
+            "message": words.told(row["message"]),
+        }
+        for row in rows[:_MOST_NOTES]
+    ]
+    return {"notes": notes, "notes_left": len(rows) - len(notes)}

@@ -15,6 +15,7 @@ from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.notes import note_rows
 from mor.report.places.table import place_table
 from mor.report.readme import FILE as README
 from mor.report.readme import may_write, readme
@@ -219,7 +220,8 @@ def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
 def _failure_page(solved: Solved, of: Identity, language: str) -> str:
     from mor.report.html.failure import failure_page
 
-    return failure_page(solved, identity_of(solved.network.project, of), words_of_page(language))
+    notes = note_rows(solved.network.notes, of.folder)
+    return failure_page(solved, identity_of(solved.network.project, of), notes, words_of_page(language))
 
 
 def _made(text: Future[str]) -> Writer:
