@@ -27,6 +27,10 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
+_SAME = 1e-6
+"""Part of vᵀPv by which two minima that are one may differ."""
+_MANY = 10
+"""Degrees of freedom left for each that suspects take, from which the rest outvotes them beyond doubt."""
 _LEVEL = 1e-3
 """Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
@@ -73,8 +77,9 @@ def without_suspects(
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
     left out. A solution is absurd where another one is known that half of the observations fit three times better. In
     place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
-    stands, however bad, where most of a group of observations are among them (of two sources that contradict each other
-    suspects would only be the smaller one), and where as many chosen ones would lessen vᵀPv so by chance.
+    stands, however bad, where it is come to from there, too (then it is no matter of where the iteration began), unless
+    suspects are few. So it does where most of a group of observations are among them (of two sources that contradict
+    each other they would only be the smaller one), and where as many chosen ones would lessen vᵀPv so by chance.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -93,10 +98,12 @@ def without_suspects(
             break
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
-            if plain.outcome is Outcome.CONVERGED and not _are_gross(plain, rest):
+            if plain.outcome is Outcome.CONVERGED and not (
+                _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
+            ):
                 break
-            again = _from_far(plain, settings, watch) if suspects.lost else plain
-            return (again, None) if again is not plain else (rest, suspects)
+            anew = _from_far(plain, settings, watch) if suspects.lost else plain
+            return (anew, None) if anew is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
@@ -119,6 +126,17 @@ def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | Non
         return plain
     again = adjust(plain.problem, there.values, settings, watch)
     return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
+
+
+def _are_few(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where the rest keeps so much redundancy that it does not matter which of them would fit as well."""
+    return _freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))
+
+
+def _same_place(one: Adjustment, other: Adjustment) -> bool:
+    """True where two adjustments of the same observations have come to the same minimum."""
+    objectives = one.normals.objective, other.normals.objective
+    return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
 
 
 def _outvoted(problem: Problem, suspects: Suspects) -> bool:
