@@ -42,8 +42,9 @@ MOST_LISTED = 200
 MEANINGS = {
     **dict.fromkeys(("c", "fx", "fy", "f"), "camera constant"),
     **dict.fromkeys(("xh", "yh", "cx", "cy"), "principal point"),
-    **dict.fromkeys(("A", "K", "k"), "radial distortion"),
+    **dict.fromkeys(("A", "K", "k", "omega"), "radial distortion"),
     **dict.fromkeys(("B", "P", "p"), "tangential distortion"),
+    **dict.fromkeys(("s", "sx", "sy"), "thin prism distortion"),
     **dict.fromkeys(("C", "b", "alpha"), "affinity"),
 }
 """What the components of the interior orientations are, by their names without numbers."""
