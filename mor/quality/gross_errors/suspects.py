@@ -37,6 +37,8 @@ _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
+_OF_THEMSELVES = ("observed/", "coordinates", "control")
+"""Types of observations that tell where a point is without seeing it."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
@@ -78,8 +80,9 @@ def without_suspects(
     left out. A solution is absurd where another one is known that half of the observations fit three times better. In
     place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
     stands, however bad, where it is come to from there, too (then it is no matter of where the iteration began), unless
-    suspects are few. So it does where most of a group of observations are among them (of two sources that contradict
-    each other they would only be the smaller one), and where as many chosen ones would lessen vᵀPv so by chance.
+    suspects are few; where most of a group of observations are among them, or all that see a given point (of two
+    sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
+    vᵀPv so by chance.
     """
     problem = plain.problem
     found = graduated_weights(problem, plain.start, watch)
@@ -140,12 +143,29 @@ def _same_place(one: Adjustment, other: Adjustment) -> bool:
 
 
 def _outvoted(problem: Problem, suspects: Suspects) -> bool:
-    """True where most observations of a group are suspects."""
-    used = (group.mask & ~group.left_out for group in problem.groups)
-    return any(
+    """True where most observations of a group are suspects, or all that see a point of which something is given."""
+    used = [group.mask & ~group.left_out for group in problem.groups]
+    return _given_points_contradicted(problem, suspects, used) or any(
         2 * np.count_nonzero(mask) > np.count_nonzero(own)
         for mask, own in zip(suspects.masks, used, strict=True)
     )
+
+
+def _given_points_contradicted(problem: Problem, suspects: Suspects, used: Sequence[BoolArray]) -> bool:
+    """True where a point that is held or observed itself is seen more than once, and every time by a suspect."""
+    given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).all(axis=1))
+    seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
+    for group, mask, own in zip(problem.groups, suspects.masks, used, strict=True):
+        itself = group.type.key.startswith(_OF_THEMSELVES)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind != "point":
+                continue
+            if itself:
+                given[blocks[own.any(axis=1)]] = True
+            else:
+                np.add.at(seen, blocks, own.any(axis=1))
+                np.add.at(wrong, blocks, (own & mask).any(axis=1))
+    return bool(np.any(given & (wrong == seen) & (seen > 1)))
 
 
 def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
