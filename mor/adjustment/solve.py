@@ -118,7 +118,7 @@ def _advance(state: Adjustment) -> Adjustment:
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
         return _converged(_last_step(state, step + shift, iteration))
-    taken = _with_curvature(state, change)
+    taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
     if taken is None:
         taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:

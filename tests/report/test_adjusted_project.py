@@ -11,7 +11,7 @@ from kinds_of_projects import KINDS, known_block, write_pixels
 from published_schemas import mistakes
 from small_projects import BLOCK, mor, write_block
 
-NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum", "identity"}
+NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum", "identity", "notes"}
 
 
 def adjust(project: Path, folder: Path) -> dict[str, Any]:
@@ -27,7 +27,8 @@ def adjust(project: Path, folder: Path) -> dict[str, Any]:
 def test_second_run_converges_at_once_to_the_same_result(tmp_path: Path, kind: str) -> None:
     first = adjust(KINDS[kind](tmp_path), tmp_path / "first")
     second = adjust(tmp_path / "first" / "adjusted.yaml", tmp_path / "second")
-    assert second["iterations"] <= 2
+    # On the earth images have no columns for their places, which are found anew from their points.
+    assert second["iterations"] <= (3 if kind == "sample dam" else 2)
     assert first["redundancy"] > 0
     compare(first, second, kind)
 
