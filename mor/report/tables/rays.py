@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.spatial import ConvexHull, QhullError
 
 from mor.arrays import FloatArray, IntArray
 from mor.report.view import View, is_ray
@@ -108,6 +107,8 @@ def covered(xy: FloatArray, area: float) -> float:
     """Share of an image's area inside the convex hull of its points (n, 2); 0 with fewer than three."""
     if len(xy) < 3 or area <= 0.0:
         return 0.0
+    from scipy.spatial import ConvexHull, QhullError  # no network without images waits for it
+
     try:
         return float(min(ConvexHull(xy).volume / area, 1.0))
     except QhullError:
