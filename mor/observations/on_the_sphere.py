@@ -42,6 +42,16 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     return replace(found, key=_KEY + type_.key)
 
 
+def is_on_the_sphere(type_: ObservationType) -> bool:
+    """True for types that :func:`on_the_sphere` has made."""
+    return type_.key.startswith(_KEY)
+
+
+def stereographic(rays: FloatArray) -> FloatArray:
+    """(n, 2) coordinates of unit rays (n, 3), which stand in place of the measured ones: 0 where a camera looks to."""
+    return np.asarray(rays[:, :2] / np.maximum(1.0 - rays[:, 2:], 1e-300))
+
+
 def image_scale(
     model: CameraModel, rays: FloatArray, interior: FloatArray, constants: FloatArray
 ) -> FloatArray:

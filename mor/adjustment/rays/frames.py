@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import MODELS
+from mor.adjustment.rays.compiled.cameras import MODELS, ON_THE_SPHERE
 from mor.adjustment.rays.compiled.image_rays import FrameChange, FrameValues, Layout
 from mor.arrays import FloatArray, IntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
+from mor.observations.on_the_sphere import is_on_the_sphere, on_the_sphere
 from mor.parameters.index import Index, Values
 
 _POSITION, _ROTATION, _HEIGHT, _ECCENTRICITY, _INTERIOR = range(5)
@@ -126,6 +127,9 @@ def _compiled_model(
 ) -> tuple[int, FloatArray]:
     """Number of the compiled camera model, and its constant for each frame."""
     r0 = np.zeros(frames)
+    if is_on_the_sphere(group.type):
+        single = any(group.type is on_the_sphere(type_) for type_ in IMAGE_TYPES.values())
+        return ON_THE_SPHERE if single else -1, r0
     for key, model in MODELS.items():
         if group.type is IMAGE_TYPES[key]:
             if group.constants.shape[1] > 2:

@@ -15,6 +15,7 @@ from mor.adjustment.rays.compiled.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, ObservationGroup
+from mor.observations.on_the_sphere import is_on_the_sphere
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
 """Points and rays of a chunk at most, so many that they share blocks."""
@@ -183,9 +184,8 @@ def _measured(
 
 def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
     """Measurements of some rows of a group."""
-    forward = (
-        group.type is not IMAGE_TYPES["brown"]
-    )  # all other models never look at the measured coordinates
+    # Nothing else looks at the measured coordinates.
+    forward = group.type is not IMAGE_TYPES["brown"] and not is_on_the_sphere(group.type)
     one_sigma = group.sigma.strides == (0, 8) and bool(np.isfinite(group.observed).all())
     if forward and one_sigma and longest < len(rows):
         weight = 1.0 / group.sigma[:longest]

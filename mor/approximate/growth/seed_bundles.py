@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import islice
 from typing import NamedTuple
 
@@ -37,6 +38,8 @@ FEWEST_UPRIGHT = FEWEST
 """The same of two frames that both know the vertical."""
 UPRIGHT_TOLERANCE = 1e-3
 _SAMPLE = 80
+_REMEMBERED = 512
+"""Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
 
 
 class Pairs(NamedTuple):
@@ -162,7 +165,9 @@ def _common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
 
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
     at_i, at_j = _common_rays(frames[i], frames[j])
-    found = _with_least_slack(frames[i], frames[j], at_i, at_j)
+    one, other = frames[i], frames[j]
+    measured = one.rays[at_i], one.sigma[at_i], other.rays[at_j], other.sigma[at_j]
+    found = _with_least_slack(*(array.tobytes() for array in measured))
     if isinstance(found, RelativeOutcome):
         part = _upright(frames, i, j, at_i, at_j, points)
         if part is not None:
@@ -225,23 +230,28 @@ def _towards_vertical(up: FloatArray) -> FloatArray:
     return np.asarray(exponential((np.arctan2(sine, up[2]) * axis)[None])[0])
 
 
+@lru_cache(_REMEMBERED)
 def _with_least_slack(
-    one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
+    rays_one: bytes, sigma_one: bytes, rays_other: bytes, sigma_other: bytes
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
     """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter.
 
     Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
-    looseness: they are mirrored.
+    looseness: they are mirrored. Of two arrays (n, 3) of rays and (n,) of their σ, whose bytes can be remembered.
     """
+    (a_rays, a_sigma), (b_rays, b_sigma) = (
+        (np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigma))
+        for rays, sigma in ((rays_one, sigma_one), (rays_other, sigma_other))
+    )
     best: tuple[float, RobustOrientation] | None = None
     outcome = RelativeOutcome.DOES_NOT_FIT
-    for slack in reversed(SLACKS) if len(at_one) >= FEWEST_COMMON else ():
-        a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
-        b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
+    for slack in reversed(SLACKS) if len(a_rays) >= FEWEST_COMMON else ():
+        a = direction_bundle(a_rays, loosened(a_sigma, slack))
+        b = direction_bundle(b_rays, loosened(b_sigma, slack))
         result = robust_relative_orientation(a, b)
         outcome = result.orientation.outcome
         good = outcome is RelativeOutcome.DETERMINED
-        if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(at_one)):
+        if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(a_rays)):
             best = slack, result
         elif best is not None:
             break

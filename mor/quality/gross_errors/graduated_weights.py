@@ -155,9 +155,9 @@ def _factors(problem: Problem, sizes: tuple[FloatArray, ...], widths: FloatArray
 
 
 def _change(factors: Factors, before: Factors) -> float:
-    return max(
-        (float(np.abs(a - b).max(initial=0.0)) for a, b in zip(factors, before, strict=True)), default=0.0
-    )
+    """Root mean square change of the factors."""
+    squares = sum(float(np.sum((a - b) ** 2)) for a, b in zip(factors, before, strict=True))
+    return float(np.sqrt(squares / max(sum(a.size for a in factors), 1)))
 
 
 def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:

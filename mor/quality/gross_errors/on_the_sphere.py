@@ -11,7 +11,7 @@ from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations import ObservationGroup, is_image_point
-from mor.observations.on_the_sphere import image_scale, on_the_sphere
+from mor.observations.on_the_sphere import image_scale, on_the_sphere, stereographic
 from mor.parameters.index import Values, index_unknowns
 from mor.quality.gross_errors.exclusion import reweighted
 
@@ -54,7 +54,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     used: BoolArray = np.asarray(whole & np.isfinite(scale) & (scale > 0.0))
     type_ = on_the_sphere(group.type)
     assert type_ is not None
-    constants = np.concatenate([measured, rays], axis=1)
+    constants = np.concatenate([stereographic(rays), rays], axis=1)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
     return replace(group, type=type_, observed=observed, constants=constants), factor

@@ -37,6 +37,8 @@ _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
 _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
+_FROM_NEAR = 15
+"""Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 _OF_THEMSELVES = ("observed/", "coordinates", "control")
 """Types of observations that tell where a point is without seeing it."""
 _GIVEN_UP = ("point", "rotation")
@@ -89,7 +91,8 @@ def without_suspects(
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return plain, None
-    again = adjust(problem, found.values, settings, watch)
+    most = settings if plain.outcome is Outcome.CONVERGED else Settings(_FROM_NEAR)
+    again = adjust(problem, found.values, most, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return again, None
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
@@ -105,17 +108,24 @@ def without_suspects(
                 _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
             ):
                 break
-            anew = _from_far(plain, settings, watch) if suspects.lost else plain
+            anew = _from_far(plain, watch) if _are_mostly_lost(problem, suspects) else plain
             return (anew, None) if anew is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return _from_far(plain, settings, watch), None
+    return _from_far(plain, watch), None
 
 
-def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
+def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:
+    """True where most suspects are such for what is lost with them: that alone may be what is far off."""
+    of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
+    _add_rows(problem, of_lost, set(suspects.lost))
+    return 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
+
+
+def _from_far(plain: Adjustment, watch: Watcher | None) -> Adjustment:
     """All observations once more, all with their weights, from where directions in place of coordinates lead.
 
     Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
@@ -127,7 +137,7 @@ def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | Non
     there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
     if there.outcome is not Outcome.CONVERGED:
         return plain
-    again = adjust(plain.problem, there.values, settings, watch)
+    again = adjust(plain.problem, there.values, Settings(_FROM_NEAR), watch)
     return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
 
 

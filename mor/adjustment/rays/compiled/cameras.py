@@ -5,12 +5,16 @@ The equations and their sources stand in ``mor.geometry.cameras``; a model that 
 
 from __future__ import annotations
 
+from math import atan2, copysign, sqrt
+
 from mor.arrays import FloatArray
 from mor.compilation import compile_kernel
 
 MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
 """Number of each compiled model."""
 _MOR, _BROWN_FORWARD = 0, 1
+ON_THE_SPHERE = 3
+"""Number of what takes the place of every model where rays are directions (``mor.observations.on_the_sphere``)."""
 
 
 @compile_kernel
@@ -56,10 +60,41 @@ def fill_by_distortion(x: float, y: float, r0: float, sign: float, by_interior: 
 
 
 @compile_kernel
+def across(X: float, Y: float, Z: float) -> tuple[float, float, float, float, float, float]:
+    """Return the two axes across the direction of X, Y, Z."""
+    length = sqrt(X * X + Y * Y + Z * Z)
+    per_length = 1.0 / length if length > 0.0 else 1.0
+    x, y, z = X * per_length, Y * per_length, Z * per_length
+    sign = copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return 1.0 + sign * x * x * a, sign * b, -sign * x, b, sign + y * y * a, -y
+
+
+@compile_kernel
+def arcs(
+    X: float, Y: float, Z: float, u: float, v: float, axes: tuple[float, float, float, float, float, float]
+) -> tuple[float, float]:
+    """Return the arcs to the direction of X, Y, Z from the ray whose stereographic coordinates are u, v."""
+    s = u * u + v * v
+    i, j, k = 2.0 * u / (1.0 + s), 2.0 * v / (1.0 + s), (s - 1.0) / (1.0 + s)
+    along_first = axes[0] * i + axes[1] * j + axes[2] * k
+    along_second = axes[3] * i + axes[4] * j + axes[5] * k
+    sine = sqrt(along_first * along_first + along_second * along_second)
+    length = sqrt(X * X + Y * Y + Z * Z)
+    cosine = (X * i + Y * j + Z * k) / length if length > 0.0 else 0.0
+    stretch = atan2(sine, cosine) / sine if sine > 0.0 else 1.0
+    return -stretch * along_first, -stretch * along_second
+
+
+@compile_kernel
 def image_point(
     model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float
 ) -> tuple[float, float]:
     """Return the image coordinates of a point X, Y, Z in the image system; (u, v) are the measured ones."""
+    if model == ON_THE_SPHERE:
+        axes = across(X, Y, Z)
+        return arcs(X, Y, Z, u, v, axes)
     x, y = -i[0] * X / Z, -i[0] * Y / Z
     if model == _MOR:
         dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], r0)
@@ -87,6 +122,12 @@ def project(
     by_interior: FloatArray,
 ) -> tuple[float, float]:
     """Return the image coordinates, and set their derivatives by X, Y, Z (2, 3) and by the interior (2, k)."""
+    if model == ON_THE_SPHERE:
+        length, axes = sqrt(X * X + Y * Y + Z * Z), across(X, Y, Z)
+        per_length = 1.0 / length if length > 0.0 else 1.0
+        by_star[0, 0], by_star[0, 1], by_star[0, 2] = axes[0] * per_length, axes[1] * per_length, axes[2] * per_length
+        by_star[1, 0], by_star[1, 1], by_star[1, 2] = axes[3] * per_length, axes[4] * per_length, axes[5] * per_length
+        return arcs(X, Y, Z, u, v, axes)
     per_depth = -1.0 / Z
     x_by_c, y_by_c = X * per_depth, Y * per_depth
     x, y = i[0] * x_by_c, i[0] * y_by_c
