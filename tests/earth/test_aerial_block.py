@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 from pyproj import Transformer
+from scipy.spatial.transform import Rotation
 from small_projects import mor, table, write
 
-from mor.geometry.earth import Ellipsoid, Horizon
+from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
+from mor.geometry.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.observations.earth import projected_position
+from mor.pipeline import read_document, read_network
 from mor.project.world.reference_system import reference_system
 from mor.project.world.world import World
 
@@ -118,3 +122,69 @@ def test_a_block_in_utm_with_antennas(block: tuple[Path, np.ndarray, list[str]],
     observed = [row for row in results["residuals"] if row["type"] == "projected_position"]
     assert {row["component"] for row in observed} == {"east", "north", "height"}
     assert min(row["r"] for row in observed) > 0.05
+
+
+def _attitudes(project: Path, kind: str, rng: np.random.Generator) -> list[list[object]]:
+    """Attitudes of the images, as an adjustment without them has them, by axes that PROJ gives at their places."""
+    found = mor("adjust", project, "-o", project.parent.parent / f"before {kind}", "--no-html")
+    assert found.code == 0
+    results = json.loads((project.parent.parent / f"before {kind}" / "results.json").read_text())
+    world = read_network(read_document(project), project.parent).world
+    assert world is not None
+    horizon = world.horizon
+    rows: list[list[object]] = []
+    for image in results["images"]:
+        place = horizon.to_geocentric(np.array([[image[c] for c in "xyz"]]))
+        angles = np.array([[image[c] for c in ("omega", "phi", "kappa")]]) * np.pi / 200.0
+        D = rotation_from_angles(angles)[0] @ horizon.axes  # image axes (rows) in geocentric ones
+        east, north, height = _utm(place)[0]
+        if kind == "projected_attitude":
+            ahead = [
+                _geocentric(np.array([[east, north, height]]) + 50.0 * np.eye(3)[k])[0] for k in range(3)
+            ]
+            axes = np.array([(there - place[0]) / np.linalg.norm(there - place[0]) for there in ahead])
+            given = angles_from_rotation(nearest_rotation(D @ axes.T)[None])[0]
+            rows.append([image["id"], east, north, *_noisy(given, rng)])
+        else:
+            longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(
+                east, north
+            )
+            enu = east_north_up(np.radians(latitude), np.radians(longitude))
+            ned = enu[[1, 0, 2]] * [[1.0], [1.0], [-1.0]]
+            body = ned @ np.stack([D[1], D[0], -D[2]], axis=1)  # forward, right, down as columns
+            yaw, pitch, roll = Rotation.from_matrix(body).as_euler("ZYX")
+            rows.append([image["id"], *_noisy(np.array([roll, pitch, yaw]), rng)])
+    return rows
+
+
+def _noisy(angles: np.ndarray, rng: np.random.Generator) -> list[float]:
+    """In gon, with a σ of 5 mgon."""
+    noisy: list[float] = (angles * 200.0 / np.pi + rng.normal(0.0, 0.005, 3)).tolist()
+    return noisy
+
+
+@pytest.mark.parametrize(
+    ("kind", "columns"),
+    [
+        ("projected_attitude", "image,east,north,omega,phi,kappa"),
+        ("navigation_attitude", "image,roll,pitch,yaw"),
+    ],
+)
+def test_attitudes_of_a_projection_and_of_navigation(
+    block: tuple[Path, np.ndarray, list[str]], tmp_path: Path, kind: str, columns: str
+) -> None:
+    """They are 5 mgon off what the rays say: with convergence (1.9 gon here) or axes wrong it would be gon."""
+    project, _, _ = block
+    rows = _attitudes(project, kind, np.random.default_rng(3))
+    extra = f"  - {{type: {kind}, file: {kind}.csv, values: {{sigma: 5 mgon}}}}\n"
+    shutil.copytree(project.parent, tmp_path / "with")
+    with_attitudes = write(tmp_path / "with", project.read_text() + extra, **{kind: table(columns, rows)})
+    found = mor("adjust", with_attitudes, "-o", tmp_path / "out", "--no-html")
+    assert found.code == 0, found.err + found.out
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["global_test"]["accepted"]
+    observed = [row for row in results["residuals"] if row["type"] == kind]
+    assert len(observed) == 24
+    assert 0.6 < np.sqrt(np.mean([row["w"] ** 2 for row in observed])) < 1.4
+    total = sum(row["r"] for row in results["residuals"])
+    assert total == pytest.approx(results["redundancy"], abs=1e-6)

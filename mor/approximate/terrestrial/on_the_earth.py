@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from mor.geometry.earth import Horizon
-from mor.observations import PLAIN_TYPES, ObservationGroup, some_rows
+from mor.observations import OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup, some_rows
+from mor.observations.earth.attitude import in_object_axes
 from mor.project.network.build import Network
 
 _NEUTRAL = 0
@@ -80,6 +81,12 @@ def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
 
 
+def _attitudes(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    observed = in_object_axes(kept.type, kept.observed, kept.constants)
+    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=kept.blocks[1:])
+
+
 _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "gnss_vector": _vectors,
     "gnss_position": _geocentric,
@@ -96,4 +103,6 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "ellipsoid_chord": _distances,
     "mean_sea_level_distance": _distances,
     "height_reduced_distance": _distances,
+    "projected_attitude": _attitudes,
+    "navigation_attitude": _attitudes,
 }

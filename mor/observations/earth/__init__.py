@@ -3,6 +3,7 @@
 Each is made for the :class:`mor.geometry.earth.Horizon` that is the object system of the network.
 """
 
+from mor.observations.earth.attitude import projected_attitude
 from mor.observations.earth.catalogue import EARTH_TYPES, NOT_ON_EARTH, earth_types
 from mor.observations.earth.control import control
 from mor.observations.earth.ends import DEFLECTIONS, GEOID
@@ -15,5 +16,6 @@ __all__ = [
     "NOT_ON_EARTH",
     "control",
     "earth_types",
+    "projected_attitude",
     "projected_position",
 ]

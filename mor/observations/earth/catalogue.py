@@ -16,6 +16,7 @@ from mor.observations.earth.arcs import (
     height_reduced_distance,
     mean_sea_level_distance,
 )
+from mor.observations.earth.attitude import navigation_attitude
 from mor.observations.earth.geodetic_coordinates import (
     ellipsoidal_height,
     geodetic_position,
@@ -52,12 +53,14 @@ _OF_THE_EARTH = (
     ellipsoid_chord,
     mean_sea_level_distance,
     height_reduced_distance,
+    navigation_attitude,
 )
 EARTH_TYPES = (
     "azimuth",
     "astronomic_azimuth",
     *(make.__name__ for make in _OF_THE_EARTH if make is not height_difference),
     "projected_position",
+    "projected_attitude",
 )
 """Types that only a project with ``world`` has."""
 NOT_ON_EARTH = {

@@ -32,7 +32,14 @@ from mor.project.observations.planned_rows import planned_rows, without_required
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
-from mor.project.world.observed import known_at, needs_place, place_of_observed
+from mor.project.world.observed import (
+    PLANE,
+    convergence_of_rows,
+    known_at,
+    needs_convergence,
+    needs_place,
+    place_of_observed,
+)
 from mor.units import IMAGE, LENGTH, Component
 
 TYPE_NAMES = ("image", *PLAIN_TYPES)
@@ -111,6 +118,8 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
         columns.append(Column("set"))
     if needs_place(type_):
         columns.append(number_column(GEOID, LENGTH, edge))
+    if needs_convergence(type_):
+        columns += [number_column(name, LENGTH, edge, required=True) for name in PLANE]
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns
@@ -250,6 +259,8 @@ def _constants(
     columns: list[FloatArray] = []
     if reading.world is not None and needs_place(type_):
         return place_of_observed(reading, reading.world, named["point"].blocks["position"], rows, given)
+    if reading.world is not None and needs_convergence(type_):
+        return convergence_of_rows(reading.world, rows)[:, None]
     for constant in type_.constants:
         known, _, end = constant.name.partition(" of ")
         if end and reading.world is not None:

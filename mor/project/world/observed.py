@@ -7,6 +7,7 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationType
 from mor.observations.earth import GEOID
+from mor.observations.earth.attitude import CONVERGENCE
 from mor.observations.names import Names
 from mor.project.network.reading import Reading
 from mor.project.tables.columns import tell_rows
@@ -14,6 +15,8 @@ from mor.project.tables.tables import Rows
 from mor.project.world.geoid import GeoidError, geoid_heights
 from mor.project.world.world import World
 
+PLANE = ("east", "north")
+"""Columns of the place at which angles refer to the axes of a projection."""
 _MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
 
 
@@ -42,6 +45,11 @@ def place_of_observed(
     return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
 
 
+def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
+    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``."""
+    return world.convergence(np.stack([rows.number(name) for name in PLANE], axis=1))
+
+
 def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
     if world.geoid is None:
         return np.full(len(given), np.nan)
@@ -54,3 +62,8 @@ def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
 def needs_place(type_: ObservationType) -> bool:
     """True for types that are told where they were observed."""
     return any(constant.name.startswith("grid ") for constant in type_.constants)
+
+
+def needs_convergence(type_: ObservationType) -> bool:
+    """True for types whose angles refer to grid north."""
+    return CONVERGENCE in type_.constants

@@ -11,7 +11,14 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.earth import Ellipsoid
 from mor.observations import ObservationGroup
-from mor.observations.earth import DEFLECTIONS, GEOID, control, earth_types, projected_position
+from mor.observations.earth import (
+    DEFLECTIONS,
+    GEOID,
+    control,
+    earth_types,
+    projected_attitude,
+    projected_position,
+)
 from mor.observations.names import names_of
 from mor.project.axes import external
 from mor.project.file.earth import World as WorldSection
@@ -75,8 +82,9 @@ def read_world(reading: Reading) -> None:
         world is not None and len(reading.problems) == before
     ):  # else what follows would be told again and again
         reading.world = world
-        own = {"projected_position": projected_position(world.horizon)} if system.kind == "projected" else {}
-        reading.types = {**earth_types(world.horizon), **own}
+        own = (projected_position(world.horizon), projected_attitude(world.horizon))
+        of_projection = {type_.key: type_ for type_ in own if system.kind == "projected"}
+        reading.types = {**earth_types(world.horizon), **of_projection}
         _add(reading, world, tables)
         _note(reading, world)
 

@@ -64,6 +64,14 @@ class World:
             columns.append((ahead - behind)[:, :2] / (2.0 * _NEAR))
         return np.stack(columns, axis=2)
 
+    def convergence(self, east_north: FloatArray) -> FloatArray:
+        """(n,) direction of grid north, clockwise from true north, where coordinates (n, 2) of a projection are."""
+        there = np.hstack([east_north, np.zeros((len(east_north), 1))])
+        by_local = self.grid(self.to_object(there, np.zeros(len(there))))
+        # Grid north keeps east as it is: it leads along (e, n) with ∂E/∂e e + ∂E/∂n n = 0.
+        clockwise: FloatArray = np.arctan2(-by_local[:, 0, 1], by_local[:, 0, 0])
+        return clockwise
+
     def from_object(self, position: FloatArray, geoid: FloatArray) -> FloatArray:
         """Coordinates (n, 3) in the system of object coordinates (n, 3); the way back of :meth:`to_object`."""
         geodetic = self.horizon.to_geodetic(position)

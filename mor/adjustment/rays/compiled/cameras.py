@@ -125,8 +125,16 @@ def project(
     if model == ON_THE_SPHERE:
         length, axes = sqrt(X * X + Y * Y + Z * Z), across(X, Y, Z)
         per_length = 1.0 / length if length > 0.0 else 1.0
-        by_star[0, 0], by_star[0, 1], by_star[0, 2] = axes[0] * per_length, axes[1] * per_length, axes[2] * per_length
-        by_star[1, 0], by_star[1, 1], by_star[1, 2] = axes[3] * per_length, axes[4] * per_length, axes[5] * per_length
+        by_star[0, 0], by_star[0, 1], by_star[0, 2] = (
+            axes[0] * per_length,
+            axes[1] * per_length,
+            axes[2] * per_length,
+        )
+        by_star[1, 0], by_star[1, 1], by_star[1, 2] = (
+            axes[3] * per_length,
+            axes[4] * per_length,
+            axes[5] * per_length,
+        )
         return arcs(X, Y, Z, u, v, axes)
     per_depth = -1.0 / Z
     x_by_c, y_by_c = X * per_depth, Y * per_depth
