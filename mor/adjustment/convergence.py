@@ -75,7 +75,7 @@ def stands_still(iterations: tuple[Iteration, ...]) -> bool:
     if len(iterations) < 2 * _STANDING:
         return False
     earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
-    if earlier[0].objective > 2.0 * later[-1].objective:
+    if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
         return False
     before, now = (min(iteration.largest_change for iteration in part) for part in (earlier, later))
     rate = (now / before) ** (1.0 / _STANDING) if before > 0.0 else 0.0

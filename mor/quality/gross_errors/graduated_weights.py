@@ -45,8 +45,8 @@ _ITERATIONS = 60
 _FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
 _SMALLEST = 1e-10
 """Factor on a weight below which nothing is made lighter: the system must stay regular."""
-_SETTLED = 1e-2
-"""Largest change of a factor in an iteration after which the weights have settled."""
+_SETTLED, _NEARLY_SETTLED = 1e-3, 1e-2
+"""Root mean square change of the factors after which they have settled, and of directions, which only lead there."""
 REJECTED = 3.29
 """Residual in units of the robust σ beyond which an observation is a suspect: level 0.001."""
 
@@ -74,13 +74,15 @@ def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = N
     """Adjust with graduated redescending weights from the start values, images by directions before by coordinates."""
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
-        return _narrowed(problem, start, WIDEST, watch)
-    first = _narrowed(sphere, start, NARROWEST, watch)
-    last = _narrowed(problem, first.values, NARROWEST, counting_on(watch, first.iterations))
+        return _narrowed(problem, start, WIDEST, _SETTLED, watch)
+    first = _narrowed(sphere, start, NARROWEST, _NEARLY_SETTLED, watch)
+    last = _narrowed(problem, first.values, NARROWEST, _SETTLED, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 
 
-def _narrowed(problem: Problem, start: Values, widest: float, watch: Watcher | None) -> Graduated:
+def _narrowed(
+    problem: Problem, start: Values, widest: float, settled: float, watch: Watcher | None
+) -> Graduated:
     """Where weights of shrinking width lead, from the widest to the narrowest until they have settled."""
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
@@ -94,7 +96,7 @@ def _narrowed(problem: Problem, start: Values, widest: float, watch: Watcher | N
         before, factors = factors, _factors(problem, place.sizes, multiples * scales)
         if watch is not None:
             watch(_iteration(problem, number, place, before))
-        if (multiples == NARROWEST).all() and _change(factors, before) < _SETTLED:
+        if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
     suspects = tuple(
         group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)

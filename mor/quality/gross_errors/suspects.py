@@ -91,7 +91,7 @@ def without_suspects(
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return plain, None
-    most = settings if plain.outcome is Outcome.CONVERGED else Settings(_FROM_NEAR)
+    most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     again = adjust(problem, found.values, most, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return again, None
@@ -108,14 +108,14 @@ def without_suspects(
                 _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
             ):
                 break
-            anew = _from_far(plain, watch) if _are_mostly_lost(problem, suspects) else plain
+            anew = _from_far(plain, settings, watch) if _are_mostly_lost(problem, suspects) else plain
             return (anew, None) if anew is not plain else (rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return _from_far(plain, watch), None
+    return _from_far(plain, settings, watch), None
 
 
 def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:
@@ -125,7 +125,11 @@ def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:
     return 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
 
 
-def _from_far(plain: Adjustment, watch: Watcher | None) -> Adjustment:
+def _from_near(settings: Settings | None) -> Settings:
+    return Settings(min((settings or Settings()).max_iterations, _FROM_NEAR))
+
+
+def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
     """All observations once more, all with their weights, from where directions in place of coordinates lead.
 
     Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
@@ -137,7 +141,7 @@ def _from_far(plain: Adjustment, watch: Watcher | None) -> Adjustment:
     there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
     if there.outcome is not Outcome.CONVERGED:
         return plain
-    again = adjust(plain.problem, there.values, Settings(_FROM_NEAR), watch)
+    again = adjust(plain.problem, there.values, _from_near(settings), watch)
     return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
 
 
