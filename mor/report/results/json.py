@@ -31,6 +31,7 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
+from mor.report.tables.motions import epoch_rows, motion_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.verdict.group_tests import verdict_rows
@@ -54,6 +55,8 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
         "reliability": reliability_rows(solved),
         "points": _rows(points, beside),
         "images": _with_interiors(_rows(images, beside), solved),
+        "motions": motion_table(solved).to_dicts(),
+        "epochs": epoch_rows(solved),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
