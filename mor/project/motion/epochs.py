@@ -38,7 +38,7 @@ def epochs_of_rows(reading: Reading, rows: Rows) -> IntArray:
 def remember_epochs(reading: Reading, space: str, names: list[str], rows: Rows) -> None:
     """Keep the epochs of images or stations for the observations that refer to them."""
     epochs = epochs_of_rows(reading, rows)
-    known = reading.epoch_of.setdefault(space, {})
+    known = reading.motion.epoch_of.setdefault(space, {})
     known |= {name: epoch for name, epoch in zip(names, epochs.tolist(), strict=True) if epoch != NONE}
 
 
@@ -73,8 +73,8 @@ def _differs(motion: Motion, name: str, epoch: int, other: int) -> str:
 def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
     for space in reference.among:
         bare = name.removeprefix(f"{space}:").removeprefix("centre:" if space == "image" else "\0")
-        if space in reading.epoch_of and bare in reading.epoch_of[space]:
-            return reading.epoch_of[space][bare]
+        if space in reading.motion.epoch_of and bare in reading.motion.epoch_of[space]:
+            return reading.motion.epoch_of[space][bare]
         things = reading.shop.things.get(space)
         if things is not None and bare in things.numbers:
             return NONE

@@ -48,6 +48,8 @@ class Motion:
     """Moving points by their own blocks."""
     stands_for: dict[int, int] = field(default_factory=dict)
     """Point whose coordinates at some time a block has, by that block."""
+    epoch_of: dict[str, dict[str, int]] = field(default_factory=dict)
+    """Epoch of the images and stations that have one, by namespace and name."""
     tables: list[tuple[str, list[str]]] = field(default_factory=list)
     """Model of each declared table, and the points in it."""
 
@@ -58,6 +60,11 @@ class Motion:
             self.labels.append(text)
             self.times.append(time)
         return self.times.index(time)
+
+    def label_of(self, space: str, name: str) -> str:
+        """Epoch of an image or a station as it was written; nothing where it has none."""
+        epoch = self.epoch_of.get(space, {}).get(name)
+        return "" if epoch is None else self.labels[epoch]
 
     @property
     def in_order(self) -> list[int]:

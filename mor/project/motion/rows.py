@@ -10,12 +10,17 @@ from mor.arrays import BoolArray, IntArray
 from mor.errors import Problem
 from mor.observations import ObservationGroup, some_rows
 from mor.observations.moving import basis, moving
+from mor.observations.names import Names
 from mor.parameters.kinds import MOTIONS
 from mor.project.motion.declared import AT, block_at
 from mor.project.motion.epochs import NONE
 from mor.project.motion.times import decimal_year
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group
+
+
+MOVING_POINTS = ", moving points"
+"""What the names of groups end with whose points have velocities or oscillations."""
 
 
 def settle_reference(reading: Reading) -> None:
@@ -76,7 +81,8 @@ def _at_its_epochs(reading: Reading, found: Group) -> list[Group]:
         motions += of_place
         moves |= np.any([column != 0 for column in of_place], axis=0)
         blocks[k] = placed
-    whole = replace(found, group=replace(group, blocks=tuple(blocks)))
+    references = _called_by_epoch(reading, group, blocks)
+    whole = replace(found, group=replace(group, blocks=tuple(blocks), references=references))
     entry = reading.section == "observations" and reading.project.observations[found.entry]
     together = bool(entry) and (entry.covariance is not None or entry.cluster is not None)
     moves |= moves.any() and together
@@ -91,12 +97,39 @@ def _at_its_epochs(reading: Reading, found: Group) -> list[Group]:
     return parts
 
 
+def _called_by_epoch(
+    reading: Reading, group: ObservationGroup, blocks: list[IntArray]
+) -> tuple[Names, ...]:
+    """Names of rows, those of points with other coordinates at the time by the names of these."""
+    called = []
+    for reference, names in zip(group.type.references, group.references, strict=True):
+        for k, slot in enumerate(group.type.slots):
+            if slot.kind == "point" and slot.of == reference.name and "point" in reference.among:
+                names = _renamed(reading, names, np.asarray(group.blocks[k]), blocks[k])
+        called.append(names)
+    return tuple(called)
+
+
+def _renamed(reading: Reading, names: Names, own: IntArray, placed: IntArray) -> Names:
+    rows = np.flatnonzero(own != placed)
+    points = reading.motion.points
+    rows = np.array([r for r in rows.tolist() if names[r] == points[int(own[r])].name], dtype=np.int64)
+    if not len(rows):
+        return names
+    others, which = np.unique(placed[rows], return_inverse=True)
+    ids = reading.shop.store("point").ids
+    numbers = np.array(names.numbers, dtype=np.int32)
+    numbers[rows] = len(names.known) + which.ravel()
+    return Names(numbers, (*names.known, *(ids[block] for block in others.tolist())))
+
+
 def _moving(found: Group, motions: list[IntArray], constants: np.ndarray) -> Group:
     group = found.group
     return replace(
         found,
         group=replace(
             group,
+            name=group.name + MOVING_POINTS,
             type=moving(group.type),
             blocks=(*group.blocks, *motions),
             constants=np.concatenate([group.constants, constants], axis=1),

@@ -74,8 +74,6 @@ class Reading:
     """Observed points on the earth."""
     motion: Motion = field(default_factory=Motion)
     """Epochs, and the points that move between them."""
-    epoch_of: dict[str, dict[str, int]] = field(default_factory=dict)
-    """Epoch of the images and stations that have one, by namespace and name."""
     motion_groups: list[ObservationGroup] = field(default_factory=list)
     """Steps of points that are observed."""
 

@@ -28,6 +28,9 @@ _CURES = {
     "scale": "fix the scale, or give the system points of known distance",
     "eccentricity": "fix the component, or turn the frame about its rotation centre",
     "base": "fix the base, or measure a distance",
+    "velocity": "observe the point in a second epoch, hold points that do not move, or fix or observe the velocity",
+    "sine": "observe the point at other times of the year, or fix or observe the oscillation",
+    "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
 }
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""

@@ -116,6 +116,12 @@ def plain_columns(
     return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
 
 
+def motion_columns(placed: Placed, kind: BlockKind, numbers: IntArray) -> dict[str, FloatArray]:
+    """Movements of points, in project axes."""
+    values = placed.values[kind.key][numbers] @ placed.network.edge.matrix
+    return _component_columns(placed, kind.key, numbers, kind.names, values)
+
+
 def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
     """Heights, eccentricities or offsets of the frames (n,) that have ``own`` ones, and names they share."""
     columns: dict[str, Any] = dict(plain_columns(placed, kind.key, numbers, kind.names))
