@@ -7,7 +7,7 @@ import numpy as np
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.state import A_WEAK_TURN
-from mor.parameters.kinds import KINDS
+from mor.parameters.kinds import KINDS, MOTIONS
 from mor.project.network.entities import thing_of
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts
@@ -271,6 +271,8 @@ def _components(direction: Undetermined, kind: str, block: str) -> str:
 
 def _name(kind: str, block: str, say: Say) -> str:
     space, name = thing_of(kind, block)
+    if KINDS[kind] in MOTIONS:
+        return say("the {part} of {names}", part=say(kind), names=f"{say('point')} {name}")
     thing = f"{say(space)} {name}"
     if kind.startswith("interior/"):
         if space == "image":
