@@ -96,11 +96,11 @@ def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     said, factor = _unit(solved, frame)
     rows = []
     for row in _most_first(frame, shown):
-        name = words(row["parameter"]) + (f" {row['time']}" if row["time"] else "")
+        waves = row["parameter"] == "annual oscillation"
+        name = words("annual" if waves else row["parameter"]) + (f" {row['time']}" if row["time"] else "")
         unit = f"{said}{PER[row['parameter']]}"
         nabla = "-" if row["smallest"] is None else short(row["smallest"] * factor, 3)
-        tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("significant") if row["moved"] else ""]
-        waves = row["parameter"] == "annual oscillation"
+        tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("moves") if row["moved"] else ""]
         rows.append([row["point"], name + (" sin" if waves else ""), unit, *_cells(row, "", factor), *tests])
         if waves:
             rows.append([row["point"], f"{name} cos", unit, *_cells(row, "cos_", factor), "", "", "", ""])
