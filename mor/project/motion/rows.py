@@ -180,7 +180,8 @@ def _placed(
     placed = blocks.copy()
     of_place = [np.zeros(len(blocks), dtype=np.int64) for _ in MOTIONS]
     rows = np.flatnonzero(np.isin(blocks, np.array(sorted(motion.points), dtype=np.int64)))
-    pairs, which = np.unique(np.stack([blocks[rows], epochs[rows]], axis=1), axis=0, return_inverse=True)
+    keys, which = np.unique(blocks[rows] * len(motion.times) + epochs[rows], return_inverse=True)
+    pairs = np.stack(np.divmod(keys, len(motion.times)), axis=1)
     _add_epochs(reading, pairs, group, rows, which)
     there = np.zeros(len(pairs), dtype=np.int64)
     moved = np.zeros((len(pairs), len(MOTIONS)), dtype=np.int64)

@@ -24,6 +24,8 @@ from mor.quality.tests.levels import sidak
 
 MOST_COLUMNS = 2_000
 """Coordinates of single epochs whose joint cofactors are worked out unasked: each costs a solution of the system."""
+_ROOM = 6
+"""Components of the longest vector: an annual oscillation."""
 _KINDS = tuple(kind.key for kind in MOTIONS)
 
 
@@ -123,20 +125,25 @@ class _Vectors:
         self, name: str, what: str, span: tuple[str, str], values: FloatArray, cofactors: FloatArray
     ) -> None:
         """One more; a vector of three components takes the room of six."""
-        self.names.append(name)
-        self.what.append(what)
-        self.begin.append(span[0])
-        self.end.append(span[1])
-        size = len(values)
-        self.values.append(np.concatenate([values, np.zeros(6 - size)]))
-        room = np.zeros((6, 6))
-        room[:size, :size] = cofactors
-        self.cofactors.append(room)
+        self.add_many(name, what, [span], values[None], cofactors[None])
+
+    def add_many(
+        self, name: str, what: str, spans: list[tuple[str, str]], values: FloatArray, cofactors: FloatArray
+    ) -> None:
+        """Several vectors (n, k) of a point with their cofactors (n, k, k)."""
+        count, size = values.shape
+        self.names += [name] * count
+        self.what += [what] * count
+        self.begin += [begin for begin, _ in spans]
+        self.end += [end for _, end in spans]
+        self.values.append(np.pad(values, ((0, 0), (0, _ROOM - size))))
+        self.cofactors.append(np.pad(cofactors, ((0, 0), (0, _ROOM - size), (0, _ROOM - size))))
 
     def tested(self, quality: Quality, level: float, estimated: bool) -> Tested:
         """All of them with their tests, with σ0 ``estimated`` or known."""
+        none = np.zeros((0, _ROOM)), np.zeros((0, _ROOM, _ROOM))
         tests = vector_tests(
-            np.array(self.values).reshape(-1, 6), np.array(self.cofactors).reshape(-1, 6, 6)
+            np.concatenate([none[0], *self.values]), np.concatenate([none[1], *self.cofactors])
         )
         log_p = tests.log_p(quality.redundancy, quality.sigma0**2 if estimated else None)
         of_freedom = {
@@ -177,9 +184,27 @@ class _Positions:
 
     def between(self, point: MovingPoint, pairs: list[tuple[int, int]], into: _Vectors) -> None:
         """Movements of a point between pairs of epochs."""
+        motions = [point.motions.get(kind, 0) for kind in _KINDS]
+        if len(set(_blocks(self.motion, point))) == 1 and any(motions):
+            self._between_by_motions(point, motions, pairs, into)
+            return
         for first, second in pairs:
             d, q = self.movement(point, first, second)
             into.add(point.name, "", (self.motion.labels[first], self.motion.labels[second]), d, q)
+
+    def _between_by_motions(
+        self, point: MovingPoint, motions: list[int], pairs: list[tuple[int, int]], into: _Vectors
+    ) -> None:
+        """The same of a point whose coordinates are the same all the time: only what moves it counts."""
+        times = np.array([[self.motion.times[first], self.motion.times[second]] for first, second in pairs])
+        first, second = (basis(column, self.motion.reference) for column in times.reshape(-1, 2).T)
+        by = second - first
+        values = self.quality.adjustment.values
+        vectors = np.stack([values[k][m] for k, m in zip(_KINDS, motions, strict=True)])
+        joint = self._joint(_blocks(self.motion, point)[0], motions)[3:, 3:].reshape(3, 3, 3, 3)
+        q = np.einsum("na,nb,aibj->nij", by, by, joint)
+        spans = [(self.motion.labels[one], self.motion.labels[other]) for one, other in pairs]
+        into.add_many(point.name, "", spans, by @ vectors, q)
 
     def movement(self, point: MovingPoint, first: int, second: int) -> tuple[FloatArray, FloatArray]:
         """d (3,) from one epoch to another, and its cofactors (3, 3)."""
