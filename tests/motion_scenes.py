@@ -1,4 +1,4 @@
-"""Seeded networks of several epochs with known movements, written as projects: levelling, distances, theodolites, GNSS."""
+"""Seeded networks of several epochs with known movements, as projects: theodolites, distances, levelling."""
 
 from __future__ import annotations
 
@@ -29,7 +29,11 @@ class Scene:
     @property
     def pillars(self) -> dict[str, np.ndarray]:
         """Fixed places."""
-        return {"A": np.array([0.0, 0.0, 10.0]), "B": np.array([60.0, -5.0, 12.0]), "C": np.array([30.0, 70.0, 15.0])}
+        return {
+            "A": np.array([0.0, 0.0, 10.0]),
+            "B": np.array([60.0, -5.0, 12.0]),
+            "C": np.array([30.0, 70.0, 15.0]),
+        }
 
     def at(self, name: str, time: float) -> np.ndarray:
         """Where a point is."""
@@ -65,14 +69,17 @@ def observations(truth: Scene, random: np.random.Generator, chosen: list[int] | 
                 h = np.arctan2(d[0], d[1]) - zero + SIGMA_A * random.standard_normal()
                 z = np.arctan2(np.hypot(d[0], d[1]), d[2]) + SIGMA_A * random.standard_normal()
                 s = np.linalg.norm(d) + SIGMA_S * random.standard_normal()
-                directions.append([station, f"e{number}", name, repr(float(h % (2 * np.pi) / GON)), repr(float(z / GON))])
+                directions.append(
+                    [station, f"e{number}", name, repr(float(h % (2 * np.pi) / GON)), repr(float(z / GON))]
+                )
                 distances.append([station, name, repr(float(s))])
         for one, other in zip(["A", *names], [*names, "B"], strict=True):
             dz = truth.at(other, time)[2] - truth.at(one, time)[2] + SIGMA_H * random.standard_normal()
             heights.append([one, other, repr(float(dz))])
         epoch = f"epoch: {time!r}"
         tables += [
-            f"  - {{type: zenith_directions, name: theodolite {number}, columns: [station, set, to, horizontal, zenith], "
+            f"  - {{type: zenith_directions, name: theodolite {number}, "
+            "columns: [station, set, to, horizontal, zenith], "
             f"values: {{sigma: {float(SIGMA_A / GON)!r}, {epoch}}},\n     rows: {_rows(directions)}}}",
             f"  - {{type: distance, name: distances {number}, columns: [from, to, distance], "
             f"values: {{sigma: {SIGMA_S}, {epoch}}},\n     rows: {_rows(distances)}}}",

@@ -33,7 +33,10 @@ _KEY = "on the sphere "
 
 @cache
 def on_the_sphere(type_: ObservationType) -> ObservationType | None:
-    """The type with the same slots and directions in place of image coordinates; ``None`` of points at infinity, or that move."""
+    """The type with the same slots and directions in place of image coordinates.
+
+    ``None`` of points that are at infinity, or move.
+    """
     form, _, key = type_.key.partition("/")
     if key not in CAMERA_MODELS or type_.still is not None:
         return None

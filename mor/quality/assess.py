@@ -13,8 +13,8 @@ from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
 from mor.quality.effort import Done, of_operations
 from mor.quality.in_chunks import in_pieces
-from mor.quality.precision.moving_points import MovingCofactors, moving_cofactors
 from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
+from mor.quality.precision.moving_points import MovingCofactors, moving_cofactors
 from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import ObservationQuality, redundancy_of
 from mor.quality.reliability.redundancy import observation_quality

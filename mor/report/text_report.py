@@ -7,6 +7,7 @@ from mor.quality.solved import Solved
 from mor.report.columns import paragraphs
 from mor.report.identity import Identity, identity_of
 from mor.report.layout import ALL
+from mor.report.motions import text as motions
 from mor.report.notes import note_rows
 from mor.report.places import text as places
 from mor.report.text import (
@@ -18,7 +19,6 @@ from mor.report.text import (
     head,
     identity,
     images,
-    motions,
     others,
     points,
     reliability,

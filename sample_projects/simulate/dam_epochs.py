@@ -23,7 +23,16 @@ DISTANCE, PPM = 0.0008, 1.0
 LEVELLING = 0.0003
 SIGMA = 0.0013
 """mm in the image."""
-LINES = (("P4", "P2"), ("P2", "K5"), ("K5", "K4"), ("K4", "K3"), ("K3", "K2"), ("K2", "K1"), ("K1", "P1"), ("P1", "P3"))
+LINES = (
+    ("P4", "P2"),
+    ("P2", "K5"),
+    ("K5", "K4"),
+    ("K4", "K3"),
+    ("K3", "K2"),
+    ("K2", "K1"),
+    ("K1", "P1"),
+    ("P1", "P3"),
+)
 _MIDDLE = ("03", "04", "05")
 """Images of a row that see most of the plates."""
 INSTRUMENTS = ("P1", "P2", "P3", "P4")
@@ -33,7 +42,9 @@ def year(epoch: str) -> float:
     """Years at the first day of a month, counted by days."""
     first = np.datetime64(f"{epoch}-01", "D")
     begin, end = (np.datetime64(f"{int(epoch[:4]) + k}-01-01", "D") for k in (0, 1))
-    return int(epoch[:4]) + float((first - begin) / np.timedelta64(1, "D")) / float((end - begin) / np.timedelta64(1, "D"))
+    return int(epoch[:4]) + float((first - begin) / np.timedelta64(1, "D")) / float(
+        (end - begin) / np.timedelta64(1, "D")
+    )
 
 
 def bend(point: Array) -> float:
@@ -129,7 +140,11 @@ def _images(
         def visible(camera: Camera, frame: Frame, places: Array = places) -> Mask:
             return sees(camera, frame, places, facing, 70.0 * DEGREE)
 
-        flown = {name: frame for name, frame in site.frames(layout).items() if name[0] in "23" and name[1:] in _MIDDLE}
+        flown = {
+            name: frame
+            for name, frame in site.frames(layout).items()
+            if name[0] in "23" and name[1:] in _MIDDLE
+        }
         shots = {f"{epoch[2:4]}{epoch[5:]}_{name}": (site.CAMERA, frame) for name, frame in flown.items()}
         rays = measured(shots, now, visible, SIGMA, random, 0.05)
         rows += [[ray.image, ray.point, *numbers(ray.xy, 4)] for ray in rays]

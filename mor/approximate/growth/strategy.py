@@ -49,8 +49,8 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.relative_poses import grow_relative
 from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
-from mor.approximate.standing_still import at_all_times, standing_still
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
+from mor.approximate.standing_still import at_all_times, standing_still
 from mor.approximate.terrestrial.on_the_earth import to_plane
 from mor.approximate.terrestrial.projection_centres import to_places
 from mor.approximate.terrestrial.sights import Sight

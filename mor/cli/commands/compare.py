@@ -88,7 +88,8 @@ def command(
       mor compare both.results --pairs pairs.csv
       mor compare dam.results --between 2015-04 2024-04
 
-    RESULTS are folders of results; number by number also results.json files. All others print the movements as CSV on standard output, in the length unit of the project.
+    RESULTS are folders of results; number by number also results.json files. All others print the movements as CSV
+    on standard output, in the length unit of the project.
 
     \b
     Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.
@@ -233,7 +234,9 @@ def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple
             raise InputError([Problem(f"--between: {error}")]) from None
         if time not in motion.times:
             known = [motion.labels[k] for k in motion.in_order]
-            words = f"--between: no epoch {text!r}{nearest(text, known)}; there are {', '.join(known) or 'none'}"
+            words = (
+                f"--between: no epoch {text!r}{nearest(text, known)}; there are {', '.join(known) or 'none'}"
+            )
             raise InputError([Problem(words, str(path))])
         numbers.append(motion.times.index(time))
     if numbers[0] == numbers[1]:

@@ -9,9 +9,7 @@ from pydantic import Field, model_validator
 from mor.project.file.scalars import Name, Strict, Text
 from mor.project.file.table import Table
 
-_COMPONENTS = Literal[
-    *("vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_y", "cos_z", "dx", "dy", "dz"),
-]
+_Component = Literal["vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_y", "cos_z", "dx", "dy", "dz"]
 
 
 class Epochs(Strict):
@@ -34,7 +32,7 @@ class Motion(Table):
     points: list[Name] | None = Field(
         default=None, description="In place of a table: names, groups of points, or patterns such as D*"
     )
-    fixed: list[_COMPONENTS] = Field(default_factory=list, description="Components held as they are")
+    fixed: list[_Component] = Field(default_factory=list, description="Components held as they are")
 
     @property
     def sources(self) -> dict[str, object]:

@@ -26,6 +26,7 @@ from mor.units import LENGTH, Component
 
 STEP = tuple(Component(f"d{axis}", LENGTH) for axis in "xyz")
 _KINDS: dict[str, tuple[BlockKind, ...]] = {"velocity": (VELOCITY,), "seasonal": (SINE, COSINE)}
+_MOVES_ALREADY = "point {} has coordinates of its own in every epoch, and no movement beside"
 AT = "@"
 """Between the name of a point and the time from which coordinates of its own hold."""
 
@@ -118,16 +119,14 @@ def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
     return reading.motion.points.setdefault(block, MovingPoint(name, [], block))
 
 
-def _tell_twice(reading: Reading, rows: Rows, row: int, point: MovingPoint, what: str) -> None:
-    words = f"point {point.name!r} has {what} already"
+def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
     reading.problems.append(Problem(words, rows.file, int(rows.lines[row])))
 
 
 def _own_epochs(reading: Reading, rows: Rows, moving: list[MovingPoint]) -> None:
     for row, point in enumerate(moving):
         if point.own_epochs or point.steps or point.motions:
-            have = "coordinates of its own in every epoch" if point.own_epochs else "another movement"
-            _tell_twice(reading, rows, row, point, have)
+            _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
         point.own_epochs = True
 
 
@@ -144,10 +143,14 @@ def _add_motion(reading: Reading, table: MotionTable, rows: Rows, moving: list[M
         points = reading.shop.things["point"]
         for row, (point, block) in enumerate(zip(moving, blocks.tolist(), strict=True)):
             if point.own_epochs:
-                _tell_twice(reading, rows, row, point, "coordinates of its own in every epoch")
+                _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
             elif kind.key in point.motions:
-                what = "a velocity" if kind is VELOCITY else "an annual oscillation"
-                _tell_twice(reading, rows, row, point, what)
+                words = (
+                    f"point {point.name!r} has a velocity already"
+                    if kind is VELOCITY
+                    else f"point {point.name!r} has an annual oscillation already"
+                )
+                _tell_twice(reading, rows, row, words)
                 return
             point.motions[kind.key] = block
             points.parts[kind.key][points.numbers[point.name]] = block
@@ -196,8 +199,11 @@ def _take_steps(reading: Reading, steps: list[_Step]) -> None:
         point = step.point
         times = [time for time, _ in point.steps]
         if point.own_epochs or step.time in times:
-            have = "coordinates of its own in every epoch" if point.own_epochs else "a step at this time"
-            words = f"point {point.name!r} has {have} already"
+            words = (
+                _MOVES_ALREADY.format(repr(point.name))
+                if point.own_epochs
+                else f"point {point.name!r} has a step at this time already"
+            )
             reading.problems.append(Problem(words, step.problem.file, step.problem.line))
             continue
         before = point.steps[-1][1] if point.steps else point.block
@@ -220,14 +226,15 @@ def _observed_steps(reading: Reading, name: str, found: list[tuple[_Step, int, i
     sigma = np.array([step.sigma for step, _, _ in found])
     size = np.array([step.size for step, _, _ in found])
     ids = reading.shop.store("point").ids
+    ends = [[before for _, before, _ in found], [after for _, _, after in found]]
     return ObservationGroup(
         name=name,
         type=OBSERVED_DIFFERENCES["point"],
-        blocks=tuple(np.array([pair[k] for pair in found], dtype=np.int64) for k in (1, 2)),
+        blocks=tuple(np.array(blocks, dtype=np.int64) for blocks in ends),
         observed=np.where(np.isfinite(sigma), size, np.nan),
         sigma=sigma,
         constants=np.zeros((len(found), 0)),
-        references=tuple(names_of([f"point {ids[pair[k]]}" for pair in found]) for k in (1, 2)),
+        references=tuple(names_of([f"point {ids[block]}" for block in blocks]) for blocks in ends),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mor.arrays import IntArray
@@ -54,20 +56,23 @@ def row_epochs(
         of_name = np.array([_epoch_of(reading, reference, name) for name in named.known], dtype=np.int64)
         found = of_name[named.numbers] if len(of_name) else epochs
         differ = (found != NONE) & (epochs != NONE) & (found != epochs)
-        tell_rows(
-            reading.problems,
-            differ,
-            rows,
-            lambda row, named=named, found=found: _differs(  # type: ignore[misc]
-                reading.motion, named[row], found[row], epochs[row]
-            ),
-        )
+        tell_rows(reading.problems, differ, rows, _Differing(reading.motion, named, found, epochs).words)
         epochs = np.where(epochs == NONE, found, epochs)
     return epochs
 
 
-def _differs(motion: Motion, name: str, epoch: int, other: int) -> str:
-    return f"{name} is of epoch {motion.labels[epoch]}, this row of {motion.labels[other]}"
+class _Differing(NamedTuple):
+    """Rows that give another epoch than their image or station has."""
+
+    motion: Motion
+    names: Names
+    found: IntArray
+    given: IntArray
+
+    def words(self, row: int) -> str:
+        """What is wrong with a row."""
+        own, other = (self.motion.labels[int(epochs[row])] for epochs in (self.found, self.given))
+        return f"{self.names[row]} is of epoch {own}, this row of {other}"
 
 
 def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from mor.arrays import BoolArray, IntArray
 from mor.errors import Problem
 from mor.observations import ObservationGroup, some_rows
-from mor.observations.moving import basis, moving
+from mor.observations.motion.moving import basis, moving
 from mor.observations.names import Names
 from mor.parameters.kinds import MOTIONS
 from mor.project.motion.declared import AT, block_at
@@ -17,7 +17,7 @@ from mor.project.motion.epochs import NONE
 from mor.project.motion.times import decimal_year
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group
-
+from mor.project.tables.columns import MOST_TOLD
 
 MOVING_POINTS = ", moving points"
 """What the names of groups end with whose points have velocities or oscillations."""
@@ -53,7 +53,9 @@ def _settle_first_epochs(reading: Reading, groups: list[Group]) -> None:
             if slot.kind != "point" or found.epochs is None:
                 continue
             rows = np.flatnonzero(np.isin(blocks, free) & (found.epochs != NONE))
-            for block, epoch in np.unique(np.stack([blocks[rows], found.epochs[rows]], axis=1), axis=0).tolist():
+            for block, epoch in np.unique(
+                np.stack([blocks[rows], found.epochs[rows]], axis=1), axis=0
+            ).tolist():
                 motion.points[block].epochs.add(epoch)
     for block in free.tolist():
         point = motion.points[block]
@@ -83,8 +85,8 @@ def _at_its_epochs(reading: Reading, found: Group) -> list[Group]:
         blocks[k] = placed
     references = _called_by_epoch(reading, group, blocks)
     whole = replace(found, group=replace(group, blocks=tuple(blocks), references=references))
-    entry = reading.section == "observations" and reading.project.observations[found.entry]
-    together = bool(entry) and (entry.covariance is not None or entry.cluster is not None)
+    entry = reading.project.observations[found.entry]
+    together = entry.covariance is not None or entry.cluster is not None
     moves |= moves.any() and together
     parts = [] if moves.all() else [_some(whole, np.flatnonzero(~moves))]
     if moves.any():
@@ -97,9 +99,7 @@ def _at_its_epochs(reading: Reading, found: Group) -> list[Group]:
     return parts
 
 
-def _called_by_epoch(
-    reading: Reading, group: ObservationGroup, blocks: list[IntArray]
-) -> tuple[Names, ...]:
+def _called_by_epoch(reading: Reading, group: ObservationGroup, blocks: list[IntArray]) -> tuple[Names, ...]:
     """Names of rows, those of points with other coordinates at the time by the names of these."""
     called = []
     for reference, names in zip(group.type.references, group.references, strict=True):
@@ -156,16 +156,13 @@ def _all_have_epochs(
     """False where a row sees a moving point at no time; each such row is told."""
     if not without.any():
         return True
-    for row in np.flatnonzero(without)[:1].tolist():
-        names = [
-            reading.motion.points[b].name
-            for k in positions
-            if (b := int(group.blocks[k][row])) in reading.motion.points
-        ]
-        more = int(np.count_nonzero(without)) - 1
+    moving = reading.motion.points
+    for row in np.flatnonzero(without)[:MOST_TOLD].tolist():
+        seen = [int(group.blocks[k][row]) for k in positions]
+        name = next(moving[block].name for block in seen if block in moving)
         words = (
-            f"point {names[0]!r} moves, and this row has no epoch: give the row, or its image or station, a column epoch"
-            + (f" (and {more} more rows)" if more else "")
+            f"point {name!r} moves, and this row has no epoch: give the row, or its image or station, a column "
+            "epoch"
         )
         line = int(group.lines[row]) if len(group.lines) > row else 0
         reading.problems.append(Problem(words, group.file, line))
@@ -210,7 +207,7 @@ def _add_epochs(
         if not point.own_epochs or epoch in point.by_epoch:
             continue
         if reading.section != "observations":
-            row = int(rows[int(np.argmax((which.ravel() == 0)))])
+            row = int(rows[int(np.argmax(which.ravel() == 0))])
             words = f"point {point.name!r} was not observed in the epoch {motion.labels[epoch]}"
             line = int(group.lines[row]) if len(group.lines) > row else 0
             reading.problems.append(Problem(words, group.file, line))

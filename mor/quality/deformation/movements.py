@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
-from mor.observations.moving import basis
+from mor.arrays import FloatArray
+from mor.observations.motion.moving import basis
 from mor.parameters.kinds import COSINE, MOTIONS, SINE, VELOCITY
 from mor.project.motion.model import Motion, MovingPoint
 from mor.quality.assess import Quality
@@ -153,8 +153,9 @@ class _Vectors:
             for h in np.unique(tests.freedom[tests.freedom > 0]).tolist()
         }
         delta = np.array([of_freedom.get(h, np.nan) for h in tests.freedom.tolist()])
-        names = tuple(tuple(some) for some in (self.names, self.what, self.begin, self.end))
-        return Tested(*names, tests, log_p, log_p < np.log(level), delta * tests.longest)
+        significant = log_p < np.log(level)
+        said = tuple(self.names), tuple(self.what), tuple(self.begin), tuple(self.end)
+        return Tested(said[0], said[1], said[2], said[3], tests, log_p, significant, delta * tests.longest)
 
 
 class _Positions:
@@ -244,7 +245,9 @@ class _Positions:
         return np.zeros((12, 12)) if k is None else self.quality.moving.cofactors[k]
 
 
-def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], FloatArray, FloatArray, IntArray]:
+def compared(
+    solved: Solved, first: int, second: int
+) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray]:
     """Movements (n, 3) between two epochs with their joint cofactors (3n, 3n): names of the points seen in both.
 
     Also the columns of the null space of the network on these movements (3n, d), for the congruence test.
@@ -259,7 +262,10 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
     for point in points:
         blocks = [point.at(e, t) for e, t in zip((first, second), times, strict=True)]
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
-        own = [*index.columns["point"][blocks], *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True))]
+        own = [
+            *index.columns["point"][blocks],
+            *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True)),
+        ]
         columns.append(np.concatenate(own) if any(motions) else np.concatenate(own[:2]))
         rows.append(np.concatenate([[-1.0, 1.0], by if any(motions) else []]))
         moved = values["point"][blocks[1]] - values["point"][blocks[0]]
@@ -269,9 +275,9 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
     used = np.unique(np.concatenate(columns)) if columns else np.zeros(0, dtype=np.int64)
     used = used[used >= 0]
     C = np.zeros((3 * len(points), len(used)))
-    for k, (own, factors) in enumerate(zip(columns, rows, strict=True)):
+    for k, (some, factors) in enumerate(zip(columns, rows, strict=True)):
         for part, factor in enumerate(factors):
-            for axis, column in enumerate(own[3 * part : 3 * part + 3].tolist()):
+            for axis, column in enumerate(some[3 * part : 3 * part + 3].tolist()):
                 if column >= 0:
                     C[3 * k + axis, np.searchsorted(used, column)] += factor
     q = C @ joint_cofactors(quality, used) @ C.T

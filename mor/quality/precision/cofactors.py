@@ -38,7 +38,11 @@ def parameter_cofactors(
 
 
 def joint_blocks(
-    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation, columns: IntArray, result: FloatArray
+    adjustment: Adjustment,
+    cofactors: BlockMatrix,
+    datum: STransformation,
+    columns: IntArray,
+    result: FloatArray,
 ) -> FloatArray:
     """Cofactor matrices (n, k, k) of sets of unknowns ``columns`` (n, k) that observations have together, σ0 = 1.
 

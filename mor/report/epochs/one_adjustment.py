@@ -17,8 +17,8 @@ from mor.report.html.page import asset, environment
 from mor.report.html.paper import running_heads
 from mor.report.html.payload import drawn_axes
 from mor.report.identity import Identity, identity_of
-from mor.report.tables.motions import found_movements, movement_rows
-from mor.report.text.motions import listed_movements, listed_parameters, statements
+from mor.report.motions.table import found_movements, movement_rows
+from mor.report.motions.text import listed_movements, listed_parameters, statements
 from mor.report.words.language import Words
 
 MOST_SERIES = 60

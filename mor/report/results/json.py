@@ -11,6 +11,7 @@ import polars as pl
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.motions.table import epoch_rows, motion_table
 from mor.report.notes import note_rows
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
@@ -31,7 +32,6 @@ from mor.report.tables.estimates import (
 from mor.report.tables.features import feature_table
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
-from mor.report.tables.motions import epoch_rows, motion_table
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.verdict.group_tests import verdict_rows

@@ -15,6 +15,7 @@ from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.motions.table import found_movements, motion_table, movement_rows
 from mor.report.notes import note_rows
 from mor.report.places.table import place_table
 from mor.report.readme import FILE as README
@@ -26,7 +27,6 @@ from mor.report.results.json import entries, results, to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer
-from mor.report.tables.motions import found_movements, motion_table, movement_rows
 from mor.report.tables.observations import SHOWN, observation_table
 from mor.report.tables.shared import forget
 from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table

@@ -21,8 +21,8 @@ from mor.observations.earth import DEFLECTIONS
 from mor.parameters.kinds import GNSS_FRAME, INTERIORS, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
-from mor.report.results.adjusted.motions import motions
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
+from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables
 from mor.units import ANGLE, ANGLE_UNITS
 

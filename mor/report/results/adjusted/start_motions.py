@@ -16,11 +16,15 @@ from mor.report.results.adjusted.start_columns import Placed, motion_columns, st
 _MODELS = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
 
 
-def motions(placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame]) -> list[dict[str, Any]]:
+def motions(
+    placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame]
+) -> list[dict[str, Any]]:
     """The entries of the section ``motions``; tables of start values are added to ``tables``."""
     result = []
     points = placed.network.things["point"]
-    for number, (entry, (model, names)) in enumerate(zip(entries, placed.network.motion.tables, strict=True), 1):
+    for number, (entry, (model, names)) in enumerate(
+        zip(entries, placed.network.motion.tables, strict=True), 1
+    ):
         if model not in _MODELS:
             result.append(entry)
             continue

@@ -1,4 +1,4 @@
-"""Movements of points: parameters with their tests, and how far each point has moved from its first to its last epoch."""
+"""Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import polars as pl
 from mor.quality.solved import Solved
 from mor.report.html.figures.layout import small_unit
 from mor.report.layout import fixed, heading, short, table
-from mor.report.tables.motions import PER, found_movements, motion_table, movement_rows
+from mor.report.motions.table import PER, found_movements, motion_table, movement_rows
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 200
@@ -90,18 +90,33 @@ def statements(solved: Solved, words: Words) -> list[str]:
 def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     """A line for each velocity and step, two for an annual oscillation."""
     frame = motion_table(solved)
-    headers = ["point", "parameter", "unit", "X", "Y", "Z", "sX", "sY", "sZ", "test [1]", "p", "nabla", "verdict"]
+    headers = [
+        "point",
+        "parameter",
+        "unit",
+        "X",
+        "Y",
+        "Z",
+        "sX",
+        "sY",
+        "sZ",
+        "test [1]",
+        "p",
+        "nabla",
+        "verdict",
+    ]
     if frame.height == 0:
         return Listed(headers, [], 3, "")
     said, factor = _unit(solved, frame)
     rows = []
     for row in _most_first(frame, shown):
         waves = row["parameter"] == "annual oscillation"
-        name = words("annual" if waves else row["parameter"]) + (f" {row['time']}" if row["time"] else "")
+        name = words("annual" if waves else row["parameter"])
+        name = words("step at {time}", time=row["time"]) if row["time"] else name
         unit = f"{said}{PER[row['parameter']]}"
         nabla = "-" if row["smallest"] is None else short(row["smallest"] * factor, 3)
         tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("moves") if row["moved"] else ""]
-        rows.append([row["point"], name + (" sin" if waves else ""), unit, *_cells(row, "", factor), *tests])
+        rows.append([row["point"], f"{name} sin" if waves else name, unit, *_cells(row, "", factor), *tests])
         if waves:
             rows.append([row["point"], f"{name} cos", unit, *_cells(row, "cos_", factor), "", "", "", ""])
     return Listed(headers, rows, 3, _left_out(frame.height, shown, "motions", words))

@@ -49,7 +49,9 @@ def moving(type_: ObservationType) -> ObservationType:
         times = constants[:, -len(BASIS) :].T[:, :, None]
         for k, number in enumerate(positions):
             motions = blocks[own + k * len(MOTIONS) : own + (k + 1) * len(MOTIONS)]
-            places[number] = places[number] + sum(t * motion for t, motion in zip(times, motions, strict=True))
+            places[number] = places[number] + sum(
+                t * motion for t, motion in zip(times, motions, strict=True)
+            )
         computed = type_.equation(places, given)
         further = [computed.jacobians[number] * t[:, :, None] for number in positions for t in times]
         return Computed(computed.values, (*computed.jacobians, *further))
