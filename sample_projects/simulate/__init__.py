@@ -17,6 +17,7 @@ SCENES = (
     "bridge",
     "dam",
     "dam_epochs",
+    "panorama",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

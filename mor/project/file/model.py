@@ -87,6 +87,7 @@ class Camera(Strict):
         "thin-prism-fisheye",
         "rad-tan-thin-prism-fisheye",
         "fov",
+        "panorama",
     ] = Field(default="mor", description="Camera model: how distortion is described")
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
