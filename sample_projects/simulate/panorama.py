@@ -11,16 +11,16 @@ from sample_projects.simulate.geometry import GON, Array, Frame, rotation
 WIDTH, HEIGHT = 22_000, 5_200
 """px."""
 CAMERA = {
-    **{
-        "c": 3489.4,
-        "yh": -14.2,
-        "rate": 1.9e-4,
-        "ahead": 0.0234,
-        "aside": -0.0061,
-        "lean": 6.1e-4,
-        "pitch": -0.0021,
-    },
-    **{"A1": -2.1e-9, "a1": 1.6e-4, "b1": -0.9e-4},
+    "c": 3489.4,
+    "yh": -14.2,
+    "rate": 1.9e-4,
+    "ahead": 0.0234,
+    "aside": -0.0061,
+    "lean": 6.1e-4,
+    "pitch": -0.0021,
+    "A1": -2.1e-9,
+    "a1": 1.6e-4,
+    "b1": -0.9e-4,
 }
 """What the project estimates; all else is nothing."""
 STATIONS = {

@@ -98,6 +98,7 @@ PANORAMA = CameraModel(
     constants=(),
     project=project,
     sees_behind=True,
+    central=False,
     corrects_measured=True,
 )
 """Camera model ``panorama``."""

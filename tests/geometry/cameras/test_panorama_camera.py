@@ -9,17 +9,20 @@ from mor.geometry.cameras.panorama import PANORAMA
 
 NAMES = [component.name for component in PANORAMA.components]
 VALUES = {
-    **{
-        "c": 50.0,
-        "xh": 0.3,
-        "yh": -0.2,
-        "rate": 1e-3,
-        "ahead": 0.03,
-        "aside": -0.02,
-        "lean": 2e-3,
-        "pitch": -4e-3,
-    },
-    **{"A1": -1e-5, "A2": 2e-9, "a1": 3e-4, "b1": -2e-4, "a2": 1e-4, "b2": 2e-4},
+    "c": 50.0,
+    "xh": 0.3,
+    "yh": -0.2,
+    "rate": 1e-3,
+    "ahead": 0.03,
+    "aside": -0.02,
+    "lean": 2e-3,
+    "pitch": -4e-3,
+    "A1": -1e-5,
+    "A2": 2e-9,
+    "a1": 3e-4,
+    "b1": -2e-4,
+    "a2": 1e-4,
+    "b2": 2e-4,
 }
 POINTS = np.array(
     [
