@@ -13,7 +13,7 @@ from mor.observations import OBSERVED_DIFFERENCES, ObservationGroup
 from mor.observations.names import names_of
 from mor.parameters.kinds import COSINE, MOTIONS, SINE, VELOCITY, BlockKind
 from mor.project.file.motions import Motion as MotionTable
-from mor.project.motion.model import MovingPoint
+from mor.project.motion.model import AT, MovingPoint
 from mor.project.motion.times import decimal_year
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
@@ -27,8 +27,6 @@ from mor.units import LENGTH, Component
 STEP = tuple(Component(f"d{axis}", LENGTH) for axis in "xyz")
 _KINDS: dict[str, tuple[BlockKind, ...]] = {"velocity": (VELOCITY,), "seasonal": (SINE, COSINE)}
 _MOVES_ALREADY = "point {} has coordinates of its own in every epoch, and no movement beside"
-AT = "@"
-"""Between the name of a point and the time from which coordinates of its own hold."""
 
 
 def read_motions(reading: Reading) -> None:

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 from mor.project.motion.times import decimal_year
 
+AT = "@"
+"""Between the name of a point and the time from which coordinates of its own hold."""
+
 
 @dataclass
 class MovingPoint:

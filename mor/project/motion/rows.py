@@ -12,15 +12,13 @@ from mor.observations import ObservationGroup, some_rows
 from mor.observations.motion.moving import basis, moving
 from mor.observations.names import Names
 from mor.parameters.kinds import MOTIONS
-from mor.project.motion.declared import AT, block_at
+from mor.project.motion.declared import block_at
 from mor.project.motion.epochs import NONE
+from mor.project.motion.model import AT
 from mor.project.motion.times import decimal_year
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group
 from mor.project.tables.columns import MOST_TOLD
-
-MOVING_POINTS = ", moving points"
-"""What the names of groups end with whose points have velocities or oscillations."""
 
 
 def settle_reference(reading: Reading) -> None:
@@ -129,7 +127,6 @@ def _moving(found: Group, motions: list[IntArray], constants: np.ndarray) -> Gro
         found,
         group=replace(
             group,
-            name=group.name + MOVING_POINTS,
             type=moving(group.type),
             blocks=(*group.blocks, *motions),
             constants=np.concatenate([group.constants, constants], axis=1),
