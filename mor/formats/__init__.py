@@ -63,6 +63,9 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
         writable = {name: form for name, form in FORMATS.items() if form.write is not None}
         words = f"{key!r} is no format that is written{nearest(key, writable)} (known: {', '.join(writable)})"
         raise InputError([Problem(words)])
+    if document.data.get("motions"):
+        words = f"the points of this project move; {key} has points that stand still"
+        raise InputError([Problem(words, document.file, document.line(("motions",)))])
     write: Writer = getattr(import_module(form.write.module), form.write.function)
     return write(document, folder, target)
 

@@ -33,9 +33,12 @@ _KEY = "on the sphere "
 
 @cache
 def on_the_sphere(type_: ObservationType) -> ObservationType | None:
-    """The type with the same slots and directions in place of image coordinates; ``None`` of points at infinity."""
+    """The type with the same slots and directions in place of image coordinates.
+
+    ``None`` of points that are at infinity, or move.
+    """
     form, _, key = type_.key.partition("/")
-    if key not in CAMERA_MODELS:
+    if key not in CAMERA_MODELS or type_.still is not None:
         return None
     model = replace(CAMERA_MODELS[key], project=_arcs, constants=RAY)
     found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())

@@ -33,7 +33,7 @@ def observed_parameter(kind: BlockKind) -> ObservationType:
         references=(Reference("of", (kind.key,)),),
         slots=(Slot(kind.key, "of", "itself"),),
         equation=equation,
-        in_object_axes=kind.key == "point",
+        in_object_axes=kind.in_object_axes,
     )
 
 
@@ -52,7 +52,7 @@ def observed_difference(kind: BlockKind) -> ObservationType:
         references=(Reference("from", (kind.key,)), Reference("to", (kind.key,))),
         slots=(Slot(kind.key, "from", "itself"), Slot(kind.key, "to", "itself")),
         equation=equation,
-        in_object_axes=kind.key == "point",
+        in_object_axes=kind.in_object_axes,
     )
 
 

@@ -30,6 +30,11 @@ class BlockKind:
         """True for attitudes, which are stored as matrices and updated by small rotations."""
         return self.key == "rotation"
 
+    @property
+    def in_object_axes(self) -> bool:
+        """True for positions and movements of points, whose components are along the axes of the object system."""
+        return self.key in ("point", "velocity", "sine", "cosine")
+
 
 POINT = BlockKind("point", (Component("x", LENGTH), Component("y", LENGTH), Component("z", LENGTH)))
 ROTATION = BlockKind(
@@ -54,6 +59,13 @@ GNSS_FRAME = BlockKind(
     ),
 )
 """Where the frame of a GNSS solution lies in that of the points, in geocentric axes."""
+VELOCITY = BlockKind("velocity", tuple(Component(f"v{axis}", LENGTH) for axis in "xyz"))
+"""Movement of a point in a year."""
+SINE = BlockKind("sine", tuple(Component(f"sin_{axis}", LENGTH) for axis in "xyz"))
+COSINE = BlockKind("cosine", tuple(Component(f"cos_{axis}", LENGTH) for axis in "xyz"))
+"""Annual oscillation of a point: s sin 2πt + c cos 2πt, t in years."""
+MOTIONS = (VELOCITY, SINE, COSINE)
+"""What moves points in the course of time."""
 
 
 def interior_key(model: str) -> str:
@@ -76,6 +88,7 @@ KINDS = {
         HEIGHT,
         ECCENTRICITY,
         BASE,
+        *MOTIONS,
         ROTATION,
         POINT,
     )

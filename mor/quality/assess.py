@@ -14,6 +14,7 @@ from mor.arrays import BoolArray, FloatArray
 from mor.quality.effort import Done, of_operations
 from mor.quality.in_chunks import in_pieces
 from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
+from mor.quality.precision.moving_points import MovingCofactors, moving_cofactors
 from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import ObservationQuality, redundancy_of
 from mor.quality.reliability.redundancy import observation_quality
@@ -58,6 +59,8 @@ class Quality:
     cofactors: Mapping[str, FloatArray]
     """Cofactor matrices (n, k, k) of the blocks of each kind, in the datum of the adjustment; rotations as vectors."""
     datum: STransformation
+    moving: MovingCofactors
+    """Joint cofactors of the coordinates of points and of what moves them."""
 
     @cached_property
     def flagged(self) -> tuple[BoolArray, ...]:
@@ -115,6 +118,7 @@ def assess(
         reliability=tuple(Reliability(one, ncp) for one in groups),
         cofactors=blocks,
         datum=datum,
+        moving=moving_cofactors(adjustment, cofactors, datum),
     )
 
 

@@ -16,6 +16,8 @@ MEANINGS = {
     "results.json": "all results for programs; mor schema results describes every key",
     "points.*": "coordinates of the points with sigma, correlations and error ellipsoids",
     "places.*": "the points in their reference system, above ellipsoid and geoid, and geocentric",
+    "motions.*": "velocities, oscillations and steps of points, each with its test",
+    "movements.*": "movements of points between epochs with sigma and test; as a page, also against time",
     "images.*": "places and rotation angles of the images with sigma",
     "residuals.*": "every observation: observed, adjusted, residual v, redundancy number r, test w, reliability",
     "residuals_worst.*": "the observations with the largest test values",

@@ -7,6 +7,7 @@ from mor.quality.solved import Solved
 from mor.report.columns import paragraphs
 from mor.report.identity import Identity, identity_of
 from mor.report.layout import ALL
+from mor.report.motions import text as motions
 from mor.report.notes import note_rows
 from mor.report.places import text as places
 from mor.report.text import (
@@ -51,6 +52,7 @@ def text_report(
         unsettled.section(solved, words, **shown),
         suspects.section(solved, words, **shown),
         hypotheses.section(solved, words),
+        motions.section(solved, words, **shown),
         checks.section(solved, words),
         sentences.section(solved, words, **shown),
         words_of_reliability.section(solved, words, **({"weakest": ALL, "named": ALL} if full else {})),

@@ -16,6 +16,8 @@ SCENES = (
     "image_variant",
     "bridge",
     "dam",
+    "dam_epochs",
+    "panorama",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

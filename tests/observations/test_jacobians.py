@@ -58,6 +58,7 @@ def _interior(kind, random):
     """Interior orientations of moderate size by the dimension of the component; none is zero."""
     sizes = {1: 0.1, 0: 1e-2, -1: 1e-5, -2: 1e-4, -4: 1e-7, -6: 1e-9}
     values = np.array([sizes[component.quantity.image] for component in kind.components])
+    values[[component.quantity.length == 1 for component in kind.components]] = 1e-4
     for number, component in enumerate(kind.components):
         if component.name in ("c", "fx", "fy"):
             values[number] = 20.0 + number / 7.0

@@ -50,6 +50,7 @@ from mor.approximate.parts.relative_poses import grow_relative
 from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
+from mor.approximate.standing_still import at_all_times, standing_still
 from mor.approximate.terrestrial.on_the_earth import to_plane
 from mor.approximate.terrestrial.projection_centres import to_places
 from mor.approximate.terrestrial.sights import Sight
@@ -111,13 +112,15 @@ def approximate(network: Network) -> Approximation:
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
-    network = to_plane(network)
+    moving = network
+    network = to_plane(standing_still(network))
     network = to_places(replace(network, start=with_observed(network)))
     scene = scene_of(network)
     assembly = _assembled(network, scene)
     found = _contradicting(network, assembly.parts[0], scene)
     better = _with_others(network, scene, found) if found else None
-    return _approximation(network, assembly) if better is None else better
+    result = _approximation(network, assembly) if better is None else better
+    return replace(result, start=at_all_times(moving, result.start))
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:

@@ -47,6 +47,12 @@ SCHEMA = "mor-results"
     help="CSV with a header and two columns of points: have the pairs of one adjustment moved apart?",
 )
 @click.option(
+    "--between",
+    nargs=2,
+    metavar="EPOCH EPOCH",
+    help="Two epochs of one adjustment: congruence test over the points that move and were seen in both.",
+)
+@click.option(
     "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
 )
 @click.option("--known-sigma0", is_flag=True, help="Test with σ0 a priori, not with the estimated one.")
@@ -54,7 +60,7 @@ SCHEMA = "mor-results"
     "--page",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="With --epochs: write a page, both epochs side by side, movements with ellipses and tests.",
+    help="With --epochs or --between: write a page, both epochs side by side, movements with ellipses and tests.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
 @language_option("the page and of what the terminal says")
@@ -64,6 +70,7 @@ def command(
     tol: float,
     epochs: bool,
     pairs: Path | None,
+    between: tuple[str, str] | None,
     level: float,
     known_sigma0: bool,
     page: Path | None,
@@ -79,9 +86,10 @@ def command(
       mor compare spring.results autumn.results --epochs
       mor compare spring.results autumn.results --epochs --page movements.html --quiet
       mor compare both.results --pairs pairs.csv
+      mor compare dam.results --between 2015-04 2024-04
 
-    RESULTS are folders of results; number by number also results.json files. --epochs and --pairs print the movements
-    as CSV on standard output, in the length unit of the project.
+    RESULTS are folders of results; number by number also results.json files. All others print the movements as CSV
+    on standard output, in the length unit of the project.
 
     \b
     Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.
@@ -90,15 +98,17 @@ def command(
         raise InputError([Problem(f"--level: found {level:g}, expected a number between 0 and 1")])
     if tol < 0.0:
         raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
-    if epochs and pairs is not None:
-        raise InputError([Problem("choose one of --epochs, --pairs")])
-    check_page(page, epochs, force)
-    wanted = 1 if pairs is not None else 2
-    if len(results) != wanted:
-        expected = "one folder of results with --pairs" if pairs is not None else "two to compare"
+    if epochs + (pairs is not None) + (between is not None) > 1:
+        raise InputError([Problem("choose one of --epochs, --pairs, --between")])
+    check_page(page, epochs or between is not None, force)
+    alone = "--pairs" if pairs is not None else "--between" if between is not None else ""
+    if len(results) != (1 if alone else 2):
+        expected = f"one folder of results with {alone}" if alone else "two to compare"
         raise InputError([Problem(f"found {len(results)}, expected {expected}")])
     if pairs is not None:
         table, words = _pairs(results[0], pairs, level, known_sigma0, lang)
+    elif between is not None:
+        table, words = _between(results[0], between, level, known_sigma0, page, lang)
     elif epochs:
         table, words = _epochs(results[0], results[1], level, known_sigma0, page, lang)
     else:
@@ -116,7 +126,7 @@ def check_page(page: Path | None, epochs: bool, force: bool) -> None:
     if page is None:
         return
     if not epochs:
-        raise InputError([Problem("--page is for --epochs")])
+        raise InputError([Problem("--page is for --epochs and --between")])
     if page.exists() and not force:
         raise InputError([Problem("this file exists; --force replaces it", str(page))])
 
@@ -188,6 +198,50 @@ def _epochs(
     if page is not None:
         _write_page((one, other), solved, found, table, level, known, page, lang)
     return table, verdict(found, level, known, words_of(lang))
+
+
+def _between(
+    path: Path, wanted: tuple[str, str], level: float, known: bool, page: Path | None, lang: str
+) -> tuple[pl.DataFrame, list[str]]:
+    from mor.api.reopened import reopen, solve
+    from mor.compilation import chosen_by_size
+    from mor.quality.deformation.epochs import compare_within
+    from mor.report.tables.movements import movement_table, verdict
+    from mor.report.words.language import words_of
+
+    solved = solve(reopen(_folder(path)).project)
+    first, second = _epoch_numbers(solved, wanted, path)
+    with chosen_by_size(solved.network.observations):
+        found = compare_within(solved, first, second, level, known)
+    if not found.names:
+        raise InputError([Problem("no point that moves was seen in both epochs", str(path))])
+    table = movement_table(found.names, found.result.points, solved.network.edge.matrix, level, known)
+    if page is not None:
+        _write_page((path, path), (solved, solved), found, table, level, known, page, lang)
+    return table, verdict(found, level, known, words_of(lang))
+
+
+def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple[int, int]:
+    """Numbers of two epochs of an adjustment."""
+    from mor.errors import nearest
+    from mor.project.motion.times import decimal_year
+
+    motion, numbers = solved.network.motion, []
+    for text in wanted:
+        try:
+            time = decimal_year(text)
+        except ValueError as error:
+            raise InputError([Problem(f"--between: {error}")]) from None
+        if time not in motion.times:
+            known = [motion.labels[k] for k in motion.in_order]
+            words = (
+                f"--between: no epoch {text!r}{nearest(text, known)}; there are {', '.join(known) or 'none'}"
+            )
+            raise InputError([Problem(words, str(path))])
+        numbers.append(motion.times.index(time))
+    if numbers[0] == numbers[1]:
+        raise InputError([Problem("--between: found one epoch twice, expected two")])
+    return numbers[0], numbers[1]
 
 
 def _write_page(

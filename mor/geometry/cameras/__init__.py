@@ -11,6 +11,7 @@ from mor.geometry.cameras.fov import FOV
 from mor.geometry.cameras.metashape import METASHAPE
 from mor.geometry.cameras.mor import MOR
 from mor.geometry.cameras.opencv import OPENCV
+from mor.geometry.cameras.panorama import PANORAMA
 from mor.geometry.cameras.thin_prism import RAD_TAN_THIN_PRISM, THIN_PRISM
 
 CAMERA_MODELS: dict[str, CameraModel] = {
@@ -27,6 +28,7 @@ CAMERA_MODELS: dict[str, CameraModel] = {
         THIN_PRISM,
         RAD_TAN_THIN_PRISM,
         FOV,
+        PANORAMA,
     )
 }
 """Every camera model, by its key; the first component of each is its camera constant (``c`` or ``fx``)."""

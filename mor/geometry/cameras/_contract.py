@@ -37,5 +37,7 @@ class CameraModel:
     project: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Projection]
     sees_behind: bool = False
     """True where points with Z* ≥ 0 can be imaged (fisheye beyond 180 degrees)."""
+    central: bool = True
+    """True where images are central projections onto one plane but for distortion, which has a radial part."""
     corrects_measured: bool = False
     """True where ``project`` looks at the measured coordinates at all."""

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from mor.project.file.earth import World
+from mor.project.file.motions import Epochs, Motion
 from mor.project.file.plans import Require, Variant
 from mor.project.file.scalars import Measure, Name, Strict, Text
 from mor.project.file.table import Table
@@ -86,6 +87,7 @@ class Camera(Strict):
         "thin-prism-fisheye",
         "rad-tan-thin-prism-fisheye",
         "fov",
+        "panorama",
     ] = Field(default="mor", description="Camera model: how distortion is described")
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
@@ -357,6 +359,8 @@ class Project(Strict):
     features: list[Feature] = Field(
         default_factory=list, description="Planes, lines and right angles that points lie on"
     )
+    epochs: Epochs = Field(default=Epochs(), description="Times of what is measured at several of them")
+    motions: list[Motion] = Field(default_factory=list, description="How points move between epochs")
     instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
     observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
     checks: list[Observations] = Field(

@@ -19,6 +19,8 @@ from mor.project.axes import external
 from mor.project.edge import Edge, ImageScale
 from mor.project.file.model import Datum, Project
 from mor.project.file.nodes import Document
+from mor.project.motion.declared import read_motions
+from mor.project.motion.model import Motion
 from mor.project.network.cameras import read_cameras
 from mor.project.network.candidates import candidate_groups
 from mor.project.network.checks import check_groups
@@ -109,6 +111,8 @@ class Network:
     """(n,) blocks of a kind that have no value: left out, or at infinity."""
     directions: Mapping[int, int] = field(default_factory=dict)
     """Rotation block of the direction of each point block that is at infinity."""
+    motion: Motion = field(default_factory=Motion)
+    """Epochs, and the points that move between them."""
 
     @property
     def observations(self) -> int:
@@ -120,6 +124,7 @@ _READERS = {
     "camera": read_cameras,
     "instrument": read_instruments,
     "point": read_points,
+    "motion": read_motions,
     "pair": read_pairs,
     "image": read_images,
     "station": read_stations,
@@ -169,6 +174,7 @@ def build_network(
         *variant_groups(reading, reading.variants),
         *prior_groups(reading),
         *reading.control,
+        *reading.motion_groups,
     ]
     refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
@@ -226,6 +232,7 @@ def _network(
             for name in reading.table_ids.get(("stations", number), [])
         },
         file=document.file,
+        motion=reading.motion,
         world=reading.world,
         unmeasured=tuple(dict.fromkeys(reading.unmeasured)),
         candidates=candidates,

@@ -74,7 +74,8 @@ def settle_equalities(store: BlockStore, equalities: Iterable[Equality]) -> None
     """
     classes = _Classes()
     for (block, component), owner in store.shared.items():
-        classes.tie((owner, component), (block, component), 0.0)
+        apart = store.differences.get((block, component), 0.0)
+        classes.tie((owner, component), (block, component), apart)
     full = 2.0 * np.pi if store.kind.is_rotation else np.inf
     for number, tie in enumerate(equalities):
         over = classes.tie((tie.first, tie.component), (tie.second, tie.component), tie.difference)

@@ -8,6 +8,7 @@ from mor.arrays import IntArray
 from mor.errors import Problem
 from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION
 from mor.project.file.model import Images
+from mor.project.motion.epochs import EPOCH, remember_epochs
 from mor.project.network.cameras import interiors, variant_columns
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.poses import Seen, check_unique, positions, rotations
@@ -63,6 +64,7 @@ def _read_images_table(
         Column("id", required=True),
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
+        EPOCH,
         *component_columns((*POINT.components, *ROTATION.components), edge),
         *set_up_columns(reading, HEIGHT),
         *set_up_columns(reading, ECCENTRICITY),
@@ -73,6 +75,7 @@ def _read_images_table(
         return
     names = rows.text("id")
     check_unique("image", names, rows, seen, reading.problems)
+    remember_epochs(reading, "image", names, rows)
     if not edge.right_handed:
         reading.problems.append(
             place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")

@@ -70,11 +70,24 @@ def _add(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray
 
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:
     """Add points of which nothing is known."""
-    points = reading.shop.things["point"]
-    reading.tables.setdefault("point", []).append(("", len(names)))
     nothing = np.full((len(names), 3), np.nan)
     free = np.ones(nothing.shape, dtype=bool)
-    blocks = _add(reading, names, Statuses(nothing, free, nothing.copy(), nothing.copy()))
-    parts = {"position": blocks, "height": np.zeros_like(blocks)}
-    everything = {part: np.concatenate([points.parts[part], new]) for part, new in parts.items()}
-    reading.shop.things["point"] = entities((*points.ids, *names), everything)
+    statuses = in_dimensions(Statuses(nothing, free, nothing.copy(), nothing.copy()), reading)
+    add_points(reading, names, inwards(reading.edge, statuses))
+
+
+def add_points(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray:
+    """Add points that no table has, internal axes; returned are their blocks."""
+    points, tables = reading.shop.things["point"], reading.tables.setdefault("point", [])
+    if tables and not tables[-1][0]:
+        tables[-1] = ("", tables[-1][1] + len(names))
+    else:
+        tables.append(("", len(names)))
+    blocks = reading.shop.store("point").add(names, *statuses)
+    nothing = np.zeros_like(blocks)
+    parts = {
+        part: np.concatenate([known, blocks if part == "position" else nothing])
+        for part, known in points.parts.items()
+    }
+    reading.shop.things["point"] = entities((*points.ids, *names), parts)
+    return blocks

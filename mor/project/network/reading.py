@@ -12,6 +12,7 @@ from mor.project.edge import Edge, ImageScale
 from mor.project.file.model import Project
 from mor.project.file.nodes import Document
 from mor.project.file.table import Table
+from mor.project.motion.model import Motion
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
 from mor.project.world.world import World
@@ -71,6 +72,10 @@ class Reading:
     """Observation types of the project, besides image coordinates."""
     control: list[ObservationGroup] = field(default_factory=list)
     """Observed points on the earth."""
+    motion: Motion = field(default_factory=Motion)
+    """Epochs, and the points that move between them."""
+    motion_groups: list[ObservationGroup] = field(default_factory=list)
+    """Steps of points that are observed."""
 
     def begin(self, section: str, number: int, table: Table) -> None:
         """Blocks that are added from now on come from this table of a section."""

@@ -8,6 +8,7 @@ from mor.arrays import IntArray
 from mor.errors import Problem
 from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION, SCALE
 from mor.project.file.model import Stations, Systems
+from mor.project.motion.epochs import EPOCH, remember_epochs
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.poses import Seen, check_unique, positions, rotations
 from mor.project.network.reading import Reading
@@ -46,6 +47,7 @@ def _read_stations_table(
         Column("id", required=True),
         Column("set"),
         Column("point"),
+        EPOCH,
         *component_columns((*POINT.components, *ROTATION.components), edge),
         *set_up_columns(reading, HEIGHT),
         number_column("orientation", ANGLE, edge),
@@ -55,6 +57,7 @@ def _read_stations_table(
         return
     names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]
     check_unique("station", names, rows, seen, reading.problems)
+    remember_epochs(reading, "station", names, rows)
     oriented = np.isfinite(rows.number("orientation"))
     if oriented.any():
         kappa = -(edge.zero_azimuth + edge.sense * rows.number("orientation"))

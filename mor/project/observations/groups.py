@@ -23,6 +23,8 @@ from mor.observations.earth.catalogue import EARTH_TYPES, NOT_ON_EARTH
 from mor.project.axes import edge_transform, external
 from mor.project.edge import UnitError, split
 from mor.project.file.model import Observations
+from mor.project.motion.epochs import EPOCH, row_epochs
+from mor.project.motion.rows import at_their_epochs
 from mor.project.network.reading import Reading
 from mor.project.observations.image_groups import image_groups, raw_image, units_of_values
 from mor.project.observations.instrument_heights import note_points_under_instruments, with_own_height
@@ -81,7 +83,7 @@ def read_groups(reading: Reading) -> list[Group]:
             group = _plain_group(reading, entry, number, type_, rows, place)
             result += [group] if group is not None else []
         reading.watch(entry.file)
-    return result
+    return at_their_epochs(reading, result)
 
 
 def _unknown_type(reading: Reading, name: str) -> str:
@@ -116,6 +118,7 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
         columns.append(number_column("face", type_.constants[-1].quantity, edge))
     if type_.slots[0].of == "station":
         columns.append(Column("set"))
+    columns.append(EPOCH)
     if needs_place(type_):
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
@@ -191,7 +194,8 @@ def _plain_group(
     elif not sigma_is_good(group, rows, everything, reading.problems):
         return None
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
-    return Group(group, number, everything, transform, factors, covariance_of_rows(rows, type_))
+    epochs = row_epochs(reading, rows, type_.references, group.references)
+    return Group(group, number, everything, transform, factors, covariance_of_rows(rows, type_), epochs)
 
 
 def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:

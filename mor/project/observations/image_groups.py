@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from mor.observations.names import Names
 from mor.project.axes import external_image
 from mor.project.edge import ImageScale, UnitError, beyond, split
 from mor.project.file.model import Observations
+from mor.project.motion.epochs import row_epochs
 from mor.project.network.reading import Reading
 from mor.project.observations.names import named_things
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
@@ -59,6 +61,7 @@ def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows,
     point = named_things(reading, "point", "point", rows)
     if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
+    epochs = row_epochs(reading, rows, IMAGE_TYPES["mor"].references, (image, point))
     kinds = images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)
     keys = kinds.astype(np.int32)[image.numbers]
     result = []
@@ -67,7 +70,7 @@ def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows,
         group = _image_group(
             reading, entry, number, rows, place, image.take(chosen), point.take(chosen), chosen
         )
-        result += [group] if group is not None else []
+        result += [replace(group, epochs=epochs[chosen])] if group is not None else []
     return result
 
 

@@ -29,6 +29,8 @@ class Group:
     """(m,) internal units per unit of the σ as given."""
     covariances: FloatArray | None = None
     """(n, m, m) covariances given row by row, internal units but project axes."""
+    epochs: IntArray | None = None
+    """(n,) number of the epoch of each row, −1 where it has none."""
 
 
 def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:

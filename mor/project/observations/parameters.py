@@ -11,7 +11,7 @@ from mor.arrays import SmallIntArray
 from mor.errors import Problem, nearest
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
 from mor.observations.names import names_of
-from mor.parameters.kinds import INTERIORS, KINDS, BlockKind
+from mor.parameters.kinds import INTERIORS, KINDS, MOTIONS, BlockKind
 from mor.project.edge import ImageScale, UnitError
 from mor.project.file.model import Observations
 from mor.project.network.entities import unknown_name
@@ -27,13 +27,16 @@ PARTS = {
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
-    "point": ("position",),
+    "point": ("position", "velocity", "sine", "cosine"),
     "instrument": ("distance meter", "refraction", "gnss frame"),
 }
 """Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
 
 
-_WITH_NEUTRAL = ("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale")
+_WITH_NEUTRAL = (
+    *("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale"),
+    *(kind.key for kind in MOTIONS),
+)
 """Kinds whose block number 0 is the neutral one of all that declare none."""
 
 
@@ -150,6 +153,8 @@ def _find(reading: Reading, name: str, component: str) -> _Place:
         raise ValueError(unknown_name(space, bare, things.ids))
     known: list[str] = []
     for part in PARTS[space]:
+        if part not in things.parts:
+            continue  # nothing moves in this project
         camera = _camera(reading, space, bare) if part == "interior" else None
         kind = _kind_of_part(reading, part, camera)
         known += kind.names
@@ -166,7 +171,7 @@ def _find(reading: Reading, name: str, component: str) -> _Place:
 def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:
     """Internal component and sign behind a component in project axes."""
     M = reading.edge.matrix
-    if kind.key == "point":
+    if kind.in_object_axes:
         source = int(np.argmax(np.abs(M[:, component])))
         return source, float(M[source, component])
     if kind.is_rotation and space != "pair" and not np.array_equal(M, np.eye(3)):

@@ -10,7 +10,9 @@ from mor.arrays import FloatArray, IntArray
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.deformation.congruence import Congruence, congruence
+from mor.quality.deformation.movements import compared
 from mor.quality.precision.covariance import joint_cofactors
+from mor.quality.solved import Solved
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,19 @@ def compare_epochs(
     return Epochs(names, result, np.array([test.movement for test in result.points]))
 
 
+def compare_within(solved: Solved, first: int, second: int, level: float, known: bool) -> Epochs:
+    """Congruence test of two epochs of one adjustment, over the points that move and were seen in both.
+
+    What the network leaves open between the epochs is settled by the points that are stable.
+    """
+    quality = solved.quality
+    assert quality is not None
+    names, d, q, generators = compared(solved, first, second)
+    variance = quality.omega / quality.redundancy if quality.redundancy else 1.0
+    result = congruence(d, q, _basis(generators), variance, quality.redundancy, level, known)
+    return Epochs(names, result, np.array([test.movement for test in result.points]))
+
+
 def _movements(quality: Quality, columns: IntArray) -> FloatArray:
     """(3n, d) free movements of a network on some coordinates."""
     null = quality.adjustment.defect.datum
@@ -86,5 +101,5 @@ def _basis(generators: FloatArray) -> FloatArray:
     if generators.shape[1] == 0:
         return generators
     vectors, sizes, _ = np.linalg.svd(generators, full_matrices=False)
-    basis: FloatArray = vectors[:, sizes > 1e-6 * sizes[0]]
+    basis: FloatArray = vectors[:, sizes > max(1e-6 * sizes[0], 1e-9)]
     return basis

@@ -7,7 +7,7 @@ import numpy as np
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.state import A_WEAK_TURN
-from mor.parameters.kinds import KINDS
+from mor.parameters.kinds import KINDS, MOTIONS
 from mor.project.network.entities import thing_of
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts
@@ -28,6 +28,9 @@ _CURES = {
     "scale": "fix the scale, or give the system points of known distance",
     "eccentricity": "fix the component, or turn the frame about its rotation centre",
     "base": "fix the base, or measure a distance",
+    "velocity": "observe the point in a second epoch, hold points that do not move, or fix or observe the velocity",
+    "sine": "observe the point at other times of the year, or fix or observe the oscillation",
+    "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
 }
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
@@ -268,6 +271,8 @@ def _components(direction: Undetermined, kind: str, block: str) -> str:
 
 def _name(kind: str, block: str, say: Say) -> str:
     space, name = thing_of(kind, block)
+    if KINDS[kind] in MOTIONS:
+        return say("the {part} of {names}", part=say(kind), names=f"{say('point')} {name}")
     thing = f"{say(space)} {name}"
     if kind.startswith("interior/"):
         if space == "image":

@@ -32,9 +32,23 @@ def parameter_cofactors(
     ``cofactors``. The array is taken over: of points it is what is returned.
     Rotations are given for the small rotation vector, or for ω, φ, κ where they move by angles.
     """
-    plan, index = adjustment.plan, adjustment.problem.index
-    columns = index.columns[kind]
+    columns = adjustment.problem.index.columns[kind]
     result = of_eliminated if kind == "point" else np.empty((*columns.shape, columns.shape[1]))
+    return joint_blocks(adjustment, cofactors, datum, columns, result)
+
+
+def joint_blocks(
+    adjustment: Adjustment,
+    cofactors: BlockMatrix,
+    datum: STransformation,
+    columns: IntArray,
+    result: FloatArray,
+) -> FloatArray:
+    """Cofactor matrices (n, k, k) of sets of unknowns ``columns`` (n, k) that observations have together, σ0 = 1.
+
+    Zero rows where a column is −1; of eliminated points ``result``, which is taken over, has the part of their rays.
+    """
+    plan = adjustment.plan
     for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
         piece = slice(first, first + _BLOCKS_AT_A_TIME)
         own, q = columns[piece], result[piece]

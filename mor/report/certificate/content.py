@@ -10,6 +10,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem, nearest
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import INTERIORS
 from mor.report.html.derived import image_points
 from mor.report.html.figures.layout import small_unit
@@ -60,6 +61,12 @@ def certificate(view: View, name: str) -> Certificate:
         known = f" (known: {', '.join(cameras)})" if cameras else ""
         raise InputError([Problem(f"unknown camera {name!r}{nearest(name, cameras)}{known}")])
     camera = cameras[name]
+    if not CAMERA_MODELS[camera["model"]].central:
+        words = (
+            f"camera {name} is of the model {camera['model']}, whose images have no radial distortion; the report "
+            "has its parameters"
+        )
+        raise InputError([Problem(words)])
     images = view.images.filter(pl.col("camera") == name)
     measured = image_points(view).join(images.select(pl.col("id").alias("image")), on="image", how="semi")
     measured = measured.filter(~pl.col("flag").str.contains("excluded|check"))

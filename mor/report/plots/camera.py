@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mor.errors import InputError, Problem, nearest
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.report.html.derived import image_points, windows
 from mor.report.html.figures.camera import CONFIDENCE, camera_window
 from mor.report.html.figures.layout import small_unit
@@ -34,7 +35,7 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
     left, right = figure.subplots(1, 2)
     title = words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"])
     figure.suptitle(title, fontsize=10)
-    if area is not None:
+    if area is not None and CAMERA_MODELS[chosen["model"]].central:
         _curve(left, chosen, area, words)
     _matrix(right, chosen, words)
     return figure

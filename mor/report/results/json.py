@@ -11,6 +11,7 @@ import polars as pl
 from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.motions.table import epoch_rows, motion_table
 from mor.report.notes import note_rows
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
@@ -54,6 +55,8 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
         "reliability": reliability_rows(solved),
         "points": _rows(points, beside),
         "images": _with_interiors(_rows(images, beside), solved),
+        "motions": motion_table(solved).to_dicts(),
+        "epochs": epoch_rows(solved),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),

@@ -17,12 +17,14 @@ from mor.report.results.model_parts import (
     Camera,
     Check,
     Direction,
+    Epoch,
     Feature,
     FixedPoint,
     GlobalTest,
     Group,
     Identity,
     Image,
+    Motion,
     Note,
     Number,
     Other,
@@ -89,6 +91,8 @@ class Results(Part):
     iteration_log: list[Step] = Field(description="The iterations")
     points: list[Point] | None = Field(description="null beyond 10 000: read the table")
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
+    motions: list[Motion] = Field(default=[], description="What moves points")
+    epochs: list[Epoch] = Field(default=[], description="Times of the observations, in their order")
     cameras: list[Camera] = Field(description="Interior orientations")
     stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
     systems: list[System] = Field(description="Local systems")

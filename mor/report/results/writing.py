@@ -15,6 +15,7 @@ from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
+from mor.report.motions.table import found_movements, motion_table, movement_rows
 from mor.report.notes import note_rows
 from mor.report.places.table import place_table
 from mor.report.readme import FILE as README
@@ -121,6 +122,8 @@ def _reports(
     if solved.quality is not None and choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, of, file, choice.language)
+    if choice.html and found_movements(solved) is not None:
+        reports["movements.html"] = lambda: _page_of_movements(solved, of, choice.language)
     return reports
 
 
@@ -157,6 +160,9 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         "points": lambda path: table_writer(point_table(solved), kind)(path),
         "images": lambda path: table_writer(image_table(solved), kind)(path),
     }
+    if found_movements(solved) is not None:
+        tables["motions"] = lambda path: table_writer(motion_table(solved), kind)(path)
+        tables["movements"] = lambda path: table_writer(movement_rows(solved), kind)(path)
     if solved.network.world is not None:
         tables["places"] = lambda path: table_writer(place_table(solved), kind)(path)
     if choice.tables == "all":
@@ -215,6 +221,12 @@ def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
     from mor.report.view import view_of
 
     return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
+
+
+def _page_of_movements(solved: Solved, of: Identity, language: str) -> str:
+    from mor.report.epochs.one_adjustment import movements_page
+
+    return movements_page(solved, of, words_of_page(language))
 
 
 def _failure_page(solved: Solved, of: Identity, language: str) -> str:

@@ -19,6 +19,7 @@ from mor.parameters.kinds import INTERIORS, KINDS
 from mor.project.edge import UnitError
 from mor.project.file.model import Observations
 from mor.project.file.nodes import Document
+from mor.project.motion.model import AT
 from mor.project.network.build import Network
 from mor.project.tables.columns import Place, Source
 from mor.project.tables.sources import from_file, from_rows
@@ -139,8 +140,15 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
     left: dict[tuple[object, ...], list[int]] = {}
     for row, key in reversed(list(enumerate(zip(found.lines.tolist(), *named, strict=True)))):
         left.setdefault(key, []).append(row)
-    own = zip(group.lines.tolist(), *(names.texts().to_list() for names in group.references), strict=True)
+    own = zip(
+        group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True
+    )
     return np.array([left[key].pop() for key in own], dtype=np.int64)
+
+
+def _as_given(names: list[str]) -> list[str]:
+    """Names of rows as their table has them: of a point at a time that of the point."""
+    return [name.partition(AT)[0] for name in names]
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:

@@ -22,6 +22,7 @@ def test_the_models_are_found_under_their_own_keys() -> None:
         "thin-prism-fisheye",
         "rad-tan-thin-prism-fisheye",
         "fov",
+        "panorama",
     }
     assert all(key == model.key for key, model in CAMERA_MODELS.items())
 
@@ -84,5 +85,5 @@ def test_the_arguments_are_left_as_they_were(model: CameraModel) -> None:
 
 
 @MODELS
-def test_only_fisheyes_see_behind(model: CameraModel) -> None:
-    assert model.sees_behind == model.key.endswith("fisheye")
+def test_only_fisheyes_and_panoramas_see_behind(model: CameraModel) -> None:
+    assert model.sees_behind == model.key.endswith(("fisheye", "panorama"))

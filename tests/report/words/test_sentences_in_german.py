@@ -27,7 +27,7 @@ NOT_SAID = {
     ).values()
     for text in texts
 }
-SCHEMAS = ("model", "earth.py", "plans.py", "scalars.py", "beginning.py", "schema.py")
+SCHEMAS = ("model", "earth.py", "plans.py", "motions.py", "scalars.py", "beginning.py", "schema.py")
 """Modules that describe keys to editors, or write a project file: English, as the keys are."""
 INTERNAL = ("adjustment/rays/", "report/html/", "report/batch/files", "report/epochs/drawing")
 """What is told there is a mistake of the program, or written in a language of its own."""

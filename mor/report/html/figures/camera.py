@@ -9,6 +9,7 @@ import polars as pl
 from scipy.special import chdtri, ndtri
 
 from mor.arrays import FloatArray
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.report.html.figures.layout import Figure, figure, joined, numbers, round_length, small_unit
 from mor.report.html.page_data import PageData
 from mor.report.palette import BAND, BLUE, DIVERGING, ORANGE, RED
@@ -32,7 +33,7 @@ def camera_figures(data: PageData) -> list[dict[str, Figure]]:
 def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
     area = camera_window(camera, data.windows.get(camera["id"]), _measured_unit(data, camera))
-    if area is not None:
+    if area is not None and CAMERA_MODELS[camera["model"]].central:
         figures["curve"] = distortion_curve(camera, area, data.words)
         figures["field"] = distortion_field(camera, area, data.words)
     if camera["correlations"]["matrix"] is not None and len(camera["correlations"]["components"]) > 1:

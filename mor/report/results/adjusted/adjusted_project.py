@@ -22,6 +22,7 @@ from mor.parameters.kinds import GNSS_FRAME, INTERIORS, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
+from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables
 from mor.units import ANGLE, ANGLE_UNITS
 
@@ -46,6 +47,9 @@ def adjusted_project(
             entries.append({"file": f"start_{name}", "units": _units(placed, frame), **keys})
         if entries:
             data[section] = entries
+    if "motions" in data:
+        entries = [_moved(entry, document, source, target, tables) for entry in data["motions"] or []]
+        data["motions"] = motions(placed, entries, tables)
     if "geoid" in (data.get("world") or {}):
         data["world"] = {**data["world"], "geoid": _from(target, source / data["world"]["geoid"])}
     for section in ("observations", "checks", "candidates"):

@@ -13,7 +13,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations.earth import DEFLECTIONS, GEOID
 from mor.parameters.index import Values
-from mor.parameters.kinds import POINT, ROTATION, BlockKind
+from mor.parameters.kinds import KINDS, POINT, ROTATION, BlockKind
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
@@ -46,7 +46,7 @@ def _component_columns(
     network = placed.network
     free = network.blocks[kind].free[numbers]
     sigma, observed = network.sigma[kind][numbers], network.observed[kind][numbers]
-    if kind == "point":
+    if KINDS[kind].in_object_axes:
         M = network.edge.matrix
         source = np.argmax(np.abs(M), axis=0)
         free, sigma = free[:, source], sigma[:, source]
@@ -114,6 +114,12 @@ def plain_columns(
 ) -> dict[str, FloatArray]:
     """Components that no axes turn."""
     return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
+
+
+def motion_columns(placed: Placed, kind: BlockKind, numbers: IntArray) -> dict[str, FloatArray]:
+    """Movements of points, in project axes."""
+    values = placed.values[kind.key][numbers] @ placed.network.edge.matrix
+    return _component_columns(placed, kind.key, numbers, kind.names, values)
 
 
 def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:

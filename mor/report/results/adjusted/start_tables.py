@@ -87,6 +87,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     raised, apart = parts["height"] != 0, parts["eccentricity"] != of_cameras
     columns: dict[str, Any] = {
         "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
+        "epoch": [network.motion.label_of("image", name) for name in things.ids],
         "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
         "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
         **pose_columns(placed, parts["position"], parts["rotation"], "position"),
@@ -96,7 +97,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     for key, column in columns.items():
         if isinstance(column, np.ndarray):
             column[follows] = np.nan
-        elif key not in ("camera", "leader", "pair"):
+        elif key not in ("camera", "epoch", "leader", "pair"):
             columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
     heights = unknown_constants(placed, HEIGHT, parts["height"], raised & ~follows)
     eccentricities = unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
@@ -144,6 +145,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         names = [placed.network.sets.get(things.ids[i], (things.ids[i], "")) for i in chosen]
         columns = {
             "set": [set_ for _, set_ in names],
+            "epoch": [network.motion.label_of("station", things.ids[i]) for i in chosen],
             **pose_columns(placed, parts["position"], parts["rotation"], "point", level=level == "fixed"),
             **constant_columns(placed, HEIGHT, parts["height"], parts["height"] != 0),
         }

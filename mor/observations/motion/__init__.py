@@ -1,0 +1,1 @@
+"""Points that move while they are observed."""

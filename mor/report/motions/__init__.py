@@ -1,0 +1,1 @@
+"""Movements of points in one adjustment: tables, and the section of the text report."""
