@@ -18,6 +18,7 @@ from mor.arrays import FloatArray
 from mor.memory import largest_resident
 from mor.project.domains.part_network import PartNetwork
 from mor.quality.assess import Whole, assessed
+from mor.quality.diagnosis.self_check import beyond_use
 from mor.quality.solved import Solved
 from mor.report.tables.control import sums_of_control
 from mor.report.tables.estimates import group_table, image_table, interior_rows, point_table
@@ -58,6 +59,8 @@ class Assessed(NamedTuple):
     worst: pl.DataFrame
     shared: dict[str, pl.DataFrame]
     """Sums over the observations of points and images that several domains have, by ``points``, ``images``."""
+    useless: tuple[tuple[str, str, int], ...]
+    """Unknowns whose σ is larger than the domain they live in."""
     resident: float
     """Largest resident size of the process so far."""
 
@@ -88,6 +91,7 @@ def assess_domain(store: Store, d: int, order: Order, outer: FloatArray) -> Asse
         interior_rows(solved) if part.first else [],
         worst_residuals(solved, WORST),
         {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
+        tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
         largest_resident(),
     )
 

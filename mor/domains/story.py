@@ -16,7 +16,7 @@ from mor.adjustment.domains.adjust import Joined, Sizes, adjust
 from mor.adjustment.domains.domain import Key
 from mor.adjustment.domains.tasks import reduce_product, refine_and_bind, settled, through
 from mor.adjustment.domains.tree import Boundaries, Engine, inverses, solve
-from mor.adjustment.state import Watcher
+from mor.adjustment.state import Outcome, Watcher
 from mor.domains.assessing import Assessed, Kind, Order, assess_domain
 from mor.domains.preparing import Divided, Head, number_outer, prepare
 from mor.errors import Problem as Mistake
@@ -28,6 +28,7 @@ from mor.project.file.model import Project
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.quality.assess import Whole
+from mor.quality.diagnosis.self_check import BEYOND_USE, REDUNDANCY_LOST, is_complete
 from mor.quality.tests.levels import sidak
 
 
@@ -109,7 +110,7 @@ def solved(
     kind: Kind,
     residuals: bool,
     watch: Watcher | None = None,
-    assessing: Callable[[], None] = lambda: None,
+    assessing: Callable[[], object] = lambda: None,
 ) -> Outcomes:
     """Adjust prepared domains; where there is a solution, assess it and write the parts of the tables."""
     project = ready.project
@@ -130,7 +131,19 @@ def solved(
     tasks: list[Any] = [None] * len(ready.heads)
     for d, Q in inverses(engine, joined.boundaries, joined.stage, joined.root, factor):
         tasks[d] = engine.submit(assess_domain, d, order, Q)
-    return Outcomes(ready, joined, whole, tuple(engine.result(task) for task in tasks))
+    return _checked(Outcomes(ready, joined, whole, tuple(engine.result(task) for task in tasks)))
+
+
+def _checked(found: Outcomes) -> Outcomes:
+    """As :func:`mor.quality.diagnosis.self_check.checked`: no solution where σ are beyond use, or Σ r is lost."""
+    useless = tuple(key for one in found.assessed for key in one.useless)
+    if useless:
+        lost = replace(found.joined, outcome=Outcome.SINGULAR, reason=BEYOND_USE, loose=useless)
+        return Outcomes(found.prepared, lost)
+    if not is_complete(found.redundancy_sum, found.joined.redundancy):
+        lost = replace(found.joined, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
+        return Outcomes(found.prepared, lost)
+    return found
 
 
 def _datum(engine: Engine, joined: Joined) -> tuple[np.ndarray, np.ndarray]:

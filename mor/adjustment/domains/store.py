@@ -8,6 +8,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from mor.observations import (
+    FOLLOWER_TYPES,
+    IMAGE_TYPES,
+    OBSERVED_DIFFERENCES,
+    OBSERVED_PARAMETERS,
+    PLAIN_TYPES,
+    PROJECTION_CENTRE_TYPES,
+    ObservationType,
+)
+
+_TYPES = {
+    "image": IMAGE_TYPES,
+    "follower": FOLLOWER_TYPES,
+    "plain": PLAIN_TYPES,
+    "projection centre": PROJECTION_CENTRE_TYPES,
+    "parameter": OBSERVED_PARAMETERS,
+    "difference": OBSERVED_DIFFERENCES,
+}
+"""Observation types by catalogue and key: they hold equations, which files do not."""
+
 
 class Store(Protocol):
     """Objects by name. What is saved again under the same name is the same object: whoever computes it anew may."""
@@ -41,6 +61,23 @@ class MemoryStore:
         self.things.pop(name, None)
 
 
+class _Pickler(pickle.Pickler):
+    """Observation types go into a file by their names: one that comes back is the same one."""
+
+    def reducer_override(self, thing: Any) -> Any:
+        if not isinstance(thing, ObservationType):
+            return NotImplemented
+        for catalogue, types in _TYPES.items():
+            for key, one in types.items():
+                if one is thing:
+                    return _type_of, (catalogue, key)
+        return NotImplemented
+
+
+def _type_of(catalogue: str, key: str) -> ObservationType:
+    return _TYPES[catalogue][key]
+
+
 @dataclass(frozen=True)
 class FileStore:
     """One file for each object in a folder; a file is there as a whole or not at all."""
@@ -53,7 +90,7 @@ class FileStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_name(f".{path.name}.{os.getpid()}")
         with beside.open("wb") as file:
-            pickle.dump(thing, file, protocol=pickle.HIGHEST_PROTOCOL)
+            _Pickler(file, protocol=pickle.HIGHEST_PROTOCOL).dump(thing)
         beside.replace(path)
 
     def load(self, name: str) -> Any:

@@ -82,6 +82,20 @@ class Boundaries:
             seen[numbers] = True
         return found
 
+    @property
+    def widest(self) -> int:
+        """Order of the largest dense matrix of the way up."""
+
+        def order(tree: Tree) -> tuple[set[int], int]:
+            if isinstance(tree, int):
+                return set(self.numbers[tree].tolist()), len(self.numbers[tree])
+            (one, first), (other, second) = order(tree[0]), order(tree[1])
+            together = one | other
+            complete = self.complete(tree)
+            return {number for number in together if not complete[number]}, max(first, second, len(together))
+
+        return order(self.tree)[1]
+
     def _uses(self, domains: Sequence[int]) -> IntArray:
         used = np.zeros(self.count, dtype=np.int64)
         for d in domains:
