@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -20,6 +21,7 @@ from mor.project.domains.part_network import PartNetwork
 from mor.quality.assess import Whole, assessed
 from mor.quality.diagnosis.self_check import beyond_use
 from mor.quality.solved import Solved
+from mor.report.results.folder import Writer
 from mor.report.tables.control import sums_of_control
 from mor.report.tables.estimates import group_table, image_table, interior_rows, point_table
 from mor.report.tables.files import residual_writer, table_writer
@@ -65,10 +67,10 @@ class Assessed(NamedTuple):
     """Largest resident size of the process so far."""
 
 
-def assess_domain(store: Store, d: int, order: Order, outer: FloatArray) -> Assessed:
-    """Quality of a domain, cofactors (s, s) of its outer unknowns given; its parts of the tables are written."""
+def assess_domain(store: Store, d: int, order: Order) -> Assessed:
+    """Quality of a domain, cofactors of its outer unknowns being in the store; its parts of the tables are written."""
     mine, part = role(store, d), store.load(f"network/{d}")
-    solved = _solved(store, d, order, mine, part, outer)
+    solved = _solved(store, d, order, mine, part, store.load(f"outer/{d}"))
     quality = solved.quality
     assert quality is not None
     own = {"points": part.foreign["point"], "images": part.foreign["image"]}
@@ -78,11 +80,11 @@ def assess_domain(store: Store, d: int, order: Order, outer: FloatArray) -> Asse
         place.mkdir(parents=True, exist_ok=True)
         foreign = pl.Series("id", sorted(own[name]), dtype=pl.String)
         mine_only = frame.filter(~pl.col("id").is_in(foreign.implode()))
-        table_writer(mine_only, "parquet")(place / f"{d:05d}.parquet")
+        _written(table_writer(mine_only, "parquet"), place / f"{d:05d}.parquet")
     if order.residuals:
         place = order.folder / "residuals"
         place.mkdir(parents=True, exist_ok=True)
-        residual_writer(solved, order.kind, lambda rows: None)(place / f"{d:05d}.{order.kind}")
+        _written(residual_writer(solved, order.kind, lambda rows: None), place / f"{d:05d}.{order.kind}")
     shared = {"points": part.shared["point"], "images": part.shared["image"]}
     return Assessed(
         quality.redundancy_sum,
@@ -94,6 +96,13 @@ def assess_domain(store: Store, d: int, order: Order, outer: FloatArray) -> Asse
         tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
         largest_resident(),
     )
+
+
+def _written(write: Writer, path: Path) -> None:
+    """Write a file beside its place first: it is there as a whole, whoever else writes it."""
+    beside = path.with_name(f".{secrets.token_hex(4)}.part")
+    write(beside)
+    beside.replace(path)
 
 
 def _solved(store: Store, d: int, order: Order, mine: Role, part: PartNetwork, outer: FloatArray) -> Solved:

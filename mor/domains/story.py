@@ -130,7 +130,8 @@ def solved(
     factor = joined.root.factor(joined.null_space.anchors)
     tasks: list[Any] = [None] * len(ready.heads)
     for d, Q in inverses(engine, joined.boundaries, joined.stage, joined.root, factor):
-        tasks[d] = engine.submit(assess_domain, d, order, Q)
+        engine.store.save(f"outer/{d}", Q)
+        tasks[d] = engine.submit(assess_domain, d, order)
     return _checked(Outcomes(ready, joined, whole, tuple(engine.result(task) for task in tasks)))
 
 

@@ -25,7 +25,7 @@ from mor.adjustment.domains.tasks import (
     shifted,
     variances_of_datum,
 )
-from mor.adjustment.domains.tree import Boundaries, Engine, Root, down, down_step, solve, up
+from mor.adjustment.domains.tree import Boundaries, Engine, Root, down, down_step, nodes, solve, up
 from mor.adjustment.inverse import anchors_of
 from mor.adjustment.state import Iteration, Outcome, Watcher
 from mor.arrays import FloatArray, IntArray
@@ -272,5 +272,7 @@ def _forget(engine: Engine, state: Joined) -> None:
         for name in ("values", "stage", "step"):
             for stage in (state.stage, f"{state.stage} damped", f"{int(state.stage) + 1} damped"):
                 engine.store.drop(f"{name}/{stage}/{d}")
+    for name in nodes(state.boundaries):
+        engine.store.drop(f"node/{state.stage}/{name}")
 
 
