@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 Halves: TypeAlias = "int | tuple[Halves, Halves]"
 
@@ -30,3 +30,34 @@ def halved(places: FloatArray, work: FloatArray, count: int) -> tuple[IntArray, 
         return divide(order[:cut], first, left), divide(order[cut:], first + left, parts - left)
 
     return domain, divide(np.arange(len(places)), 0, count)
+
+
+def without_empty(tree: Halves, used: BoolArray) -> tuple[Halves, IntArray]:
+    """The tree of the domains that are used, one at least, numbered anew; the new number (count,) of each old one.
+
+    A domain that is not used becomes part of the one it would have been joined with first.
+    """
+    number = np.full(len(used), -1, dtype=np.int64)
+
+    def left(part: Halves) -> Halves | None:
+        if isinstance(part, int):
+            if not used[part]:
+                return None
+            number[part] = number.max() + 1
+            return int(number[part])
+        both = [left(one) for one in part]
+        kept = [one for one in both if one is not None]
+        if len(kept) == 1:
+            members = _members(part)
+            heir = kept[0]
+            while not isinstance(heir, int):
+                heir = heir[0]
+            number[[d for d in members if number[d] < 0]] = heir
+        return (kept[0], kept[1]) if len(kept) == 2 else kept[0] if kept else None
+
+    found = left(tree)
+    return (0, np.zeros_like(number)) if found is None else (found, number)
+
+
+def _members(part: Halves) -> list[int]:
+    return [part] if isinstance(part, int) else [*_members(part[0]), *_members(part[1])]

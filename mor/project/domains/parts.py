@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from mor.errors import InputError, Problem
-from mor.project.domains.division import Halves, halved
+from mor.project.domains.division import Halves, halved, without_empty
 from mor.project.domains.refusals import is_divided
 from mor.project.domains.tables import pieces
 from mor.project.file.model import Project
@@ -58,9 +58,15 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     amount = images["rays"].fill_null(0).to_numpy().astype(float)
     count = max(-(-int(amount.sum()) // rays_of_domain), 1)
     domain, tree = halved(images.select("x", "y", "z").to_numpy(), np.maximum(amount, 1e-3), min(count, images.height))
-    count = int(domain.max()) + 1
     of_images = images.select("id").with_columns(domain=pl.Series(domain, dtype=pl.Int32))
     of_points = _points(rows, divided, of_images)
+    used = np.bincount(of_points["domain"].to_numpy(), minlength=int(domain.max()) + 1) > 0
+    tree, number = without_empty(tree, used)
+    count = int(number.max()) + 1
+    of_images, of_points = (
+        frame.with_columns(pl.Series(number, dtype=pl.Int32).gather(frame["domain"]).alias("domain"))
+        for frame in (of_images, of_points)
+    )
     ground = count if _has_ground(project, divided) else -1
     if ground >= 0:
         tree, count = (tree, ground), count + 1
