@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mor.report.words.language import Words
 
 
-class Amount(click.ParamType):
+class Amount(click.ParamType):  # type: ignore[type-arg]
     """An amount of memory: 4GB, 800MB."""
 
     name = "size"
@@ -115,7 +115,9 @@ def _refuse(wanted: Wanted) -> None:
     """Options that domains do not do."""
     asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--html": wanted.html, "--full": wanted.full}
     problems = [
-        Mistake(f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for")
+        Mistake(
+            f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
+        )
         for name, given in asked.items()
         if given
     ]
@@ -185,7 +187,9 @@ def _adjusted(
         say.notes(ready.notes)
         most = max(found.parts.rays)
         say.notes([Mistake(f"adjusted in {found.parts.count} domains of up to {most} image points")])
-        check_boundaries([len(numbers) for numbers in ready.boundaries.numbers], ready.boundaries.widest, memory)
+        check_boundaries(
+            [len(numbers) for numbers in ready.boundaries.numbers], ready.boundaries.widest, memory
+        )
         say.phase("adjusting")
         parts = scratch / "parts"
         assessing = partial(say.phase, "precision and reliability")
@@ -197,7 +201,9 @@ def _scratch(wanted: Wanted, place: Reservation) -> Iterator[Path]:
     """A folder for the state of the domains: where it is wanted, or beside the results; it goes at the end."""
     above = wanted.scratch or place.work
     if not above.is_dir():
-        raise InputError([Mistake("this is no folder, expected one for the state of the domains", str(above))])
+        raise InputError(
+            [Mistake("this is no folder, expected one for the state of the domains", str(above))]
+        )
     folder = Path(tempfile.mkdtemp(prefix="mor-domains-", dir=above.resolve()))
     try:
         yield folder

@@ -84,5 +84,3 @@ def _without_start(part: PartNetwork) -> str:
 def number_outer(store: Store, d: int, numbers: IntArray, first: BoolArray) -> None:
     """Keep the common numbers (s,) of the outer unknowns, and which of them this domain is the first to have."""
     store.save(f"numbers/{d}", (numbers, first))
-
-

@@ -22,7 +22,15 @@ from mor.report.tables.files import table_writer
 from mor.report.words.language import Words
 
 
-def write(found: Outcomes, parts: Path, place: Reservation, kind: Kind, residuals: bool, identity: dict[str, Any], words: Words) -> Summary:
+def write(
+    found: Outcomes,
+    parts: Path,
+    place: Reservation,
+    kind: Kind,
+    residuals: bool,
+    identity: dict[str, Any],
+    words: Words,
+) -> Summary:
     """Write tables, ``domains.json`` and ``report.txt`` into a folder; the summary, to be told."""
     tables: dict[str, Writer] = {}
     names: dict[str, str] = {}
@@ -46,7 +54,8 @@ def summary(found: Outcomes, tables: dict[str, str], identity: dict[str, Any]) -
     """What is said of the whole."""
     ready, joined = found.prepared, found.joined
     iterations = tuple(
-        (step.sigma0 if step.sigma0 is not None else step.objective, step.largest_change) for step in joined.iterations
+        (step.sigma0 if step.sigma0 is not None else step.objective, step.largest_change)
+        for step in joined.iterations
     )
     loose = tuple(f"{kind} {name} {component}".strip() for kind, name, component in joined.loose)
     outer = [len(numbers) for numbers in ready.boundaries.numbers]

@@ -20,7 +20,7 @@ PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
 OF_RAY = 340
 """Bytes of an image point on one machine, all in memory."""
-OF_RAY_IN_DOMAIN = 700
+OF_RAY_IN_DOMAIN = 1400
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
@@ -82,7 +82,7 @@ def rays_of_domain(rays: int, memory: float, workers: int = 1) -> int:
     if dividing > memory:
         words = f"dividing {rays} image points takes about {dividing / 1e9:.2f} GB in one process"
         raise OutOfMemoryError(f"{words}, and {memory / 1e9:.2f} GB are allowed (--memory)")
-    fits = int((memory - PROGRAM) / (1.5 * OF_RAY_IN_DOMAIN))
+    fits = int((memory - PROGRAM) / OF_RAY_IN_DOMAIN)
     return max(min(fits, -(-rays // max(workers, 2))), _FEWEST)
 
 
@@ -94,8 +94,8 @@ def check_boundaries(outer: Sequence[int], root: int, memory: float) -> None:
         return
     words = f"the widest boundary has {widest} unknowns, whose dense matrices take about {need / 1e9:.2f} GB"
     raise OutOfMemoryError(
-        f"{words}, and {memory / 1e9:.2f} GB are allowed (--memory). What helps: fewer, larger domains, with more memory; "
-        "without long ties across the network boundaries are narrow"
+        f"{words}, and {memory / 1e9:.2f} GB are allowed (--memory). What helps: "
+        "fewer, larger domains, with more memory; without long ties across the network boundaries are narrow"
     )
 
 
@@ -111,4 +111,4 @@ def check_scratch(rays: int, folder: Path) -> None:
 
 
 _OF_RAY_ON_DISK = 400
-"""Bytes of an image point in the scratch folder: tables, network, plan, values of two iterations, parts of the results."""
+"""Bytes of an image point in the scratch folder: tables, network, plan, two iterations, parts of the results."""

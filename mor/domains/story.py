@@ -90,12 +90,11 @@ def prepared(engine: Engine, found: Divided) -> Prepared:
     heads: list[Head] = [engine.result(part) for part in [engine.submit(prepare, d) for d in domains]]
     number_of: dict[Key, int] = {}
     numbers = tuple(
-        np.array([number_of.setdefault(key, len(number_of)) for key in head.keys], dtype=np.int64) for head in heads
+        np.array([number_of.setdefault(key, len(number_of)) for key in head.keys], dtype=np.int64)
+        for head in heads
     )
     boundaries = Boundaries(found.parts.tree, numbers, len(number_of))
-    tasks = [
-        engine.submit(number_outer, d, numbers[d], first) for d, first in enumerate(boundaries.firsts())
-    ]
+    tasks = [engine.submit(number_outer, d, numbers[d], first) for d, first in enumerate(boundaries.firsts())]
     for task in tasks:
         engine.result(task)
     unknowns = sum(head.inner for head in heads) + len(number_of)

@@ -52,7 +52,9 @@ class Workers:
         try:
             return submitted.result()
         except KilledWorker as error:
-            words = "workers died one after the other at the same task; have they less memory than they were told"
+            words = (
+                "workers died one after the other at the same task; have they less memory than they were told"
+            )
             raise InputError([Mistake(f"{words}? {str(error).splitlines()[0]}")]) from None
 
 
@@ -89,9 +91,11 @@ def _client(workers: int | None, address: str | None, memory: float | None) -> I
 
     if address is not None:
         try:
-            client = Client(address, timeout=_PATIENCE, set_as_default=False)
+            client = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
-            raise InputError([Mistake(f"no scheduler answers there: {str(error).splitlines()[0]}", address)]) from None
+            raise InputError(
+                [Mistake(f"no scheduler answers there: {str(error).splitlines()[0]}", address)]
+            ) from None
         with client:
             yield client
         return
@@ -113,7 +117,7 @@ def _client(workers: int | None, address: str | None, memory: float | None) -> I
             dashboard_address=None,
             silence_logs=50,
         ) as cluster,
-        Client(cluster, set_as_default=False) as client,
+        Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
     ):
         yield client
 
@@ -138,7 +142,9 @@ def _check(client: Any, folder: Path, memory: float | None) -> None:
             words = f"does not see {folder}: --scratch names a folder of a file system that all machines have in common"
             problems.append(Mistake(words, worker))
         if memory is not None and found["memory"] is not None and found["memory"] < memory:
-            words = f"has {found['memory'] / 1e9:.2f} GB of memory, and --memory counts on {memory / 1e9:.2f} GB"
+            words = (
+                f"has {found['memory'] / 1e9:.2f} GB of memory, and --memory counts on {memory / 1e9:.2f} GB"
+            )
             problems.append(Mistake(words, worker))
     token.unlink()
     if problems:
@@ -147,7 +153,11 @@ def _check(client: Any, folder: Path, memory: float | None) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of what makes the numbers."""
-    return {"mor": __version__, "Python": platform.python_version(), **{name: version(name) for name in _SAME}}
+    return {
+        "mor": __version__,
+        "Python": platform.python_version(),
+        **{name: version(name) for name in _SAME},
+    }
 
 
 def _what_is_there(token: str) -> dict[str, Any]:
@@ -158,5 +168,3 @@ def _what_is_there(token: str) -> dict[str, Any]:
     except OSError:
         word = ""
     return {"versions": versions(), "word": word, "memory": available()}
-
-

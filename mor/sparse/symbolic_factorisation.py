@@ -133,7 +133,9 @@ def analyse_inner(structure: BlockStructure, outer: BoolArray) -> Elimination:
 
     inner, last = np.flatnonzero(~outer), np.flatnonzero(outer)
     graph = block_graph(structure)
-    order = np.concatenate([inner[fill_reducing_order(graph[inner][:, inner])] if inner.size else inner, last])
+    order = np.concatenate(
+        [inner[fill_reducing_order(graph[inner][:, inner])] if inner.size else inner, last]
+    )
     parent = _tree_to_the_last(graph, order, inner.size)
     post = symbolic.postorder(parent)
     order, parent = order[post], _relabelled(parent, post)

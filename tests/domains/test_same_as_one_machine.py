@@ -33,7 +33,9 @@ BLOCKS = {
 }
 
 
-def both(path: Path, work: Path, rays: int, store: MemoryStore | FileStore | None = None) -> tuple[Solved, Outcomes]:
+def both(
+    path: Path, work: Path, rays: int, store: MemoryStore | FileStore | None = None
+) -> tuple[Solved, Outcomes]:
     """One adjustment of everything, and one in domains of so many rays; parts of the tables are in ``work/parts``."""
     document = read_document(path)
     one = solve_network(read_network(document, path.parent))
@@ -50,7 +52,7 @@ def table(work: Path, name: str) -> pl.DataFrame:
 
 
 def largest_difference(ours: pl.DataFrame, theirs: pl.DataFrame, keys: list[str]) -> dict[str, float]:
-    """Largest differences of all columns of numbers, in parts of the largest number of the column; rows by their keys."""
+    """Largest differences of all columns of numbers, in parts of the largest number there; rows by their keys."""
     assert ours.height == theirs.height
     joined = ours.join(theirs, on=keys, how="inner", suffix=" there", nulls_equal=True)
     assert joined.height == ours.height
@@ -91,7 +93,7 @@ def test_tables_are_the_same(name: str, tmp_path: Path) -> None:
         assert largest < 1e-6
     ours, theirs = table(tmp_path, "residuals"), observation_table(one)
     controlled = pl.col("r").fill_null(1.0) > 0.01
-    found = largest_difference(ours.filter(controlled), theirs.filter(controlled), KEYS + ["unit", "flag"])
+    found = largest_difference(ours.filter(controlled), theirs.filter(controlled), [*KEYS, "unit", "flag"])
     for column in ("observed", "adjusted", "v", "sigma", "sigma_adjusted", "r"):
         assert found[column] < close, found
     for column in ("w", "nabla", "external", "influence"):

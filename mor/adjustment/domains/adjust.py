@@ -111,7 +111,17 @@ def _begin(engine: Engine, boundaries: Boundaries, sizes: Sizes, free: bool) -> 
     root, handed = up(engine, boundaries, "0", lambda d: engine.submit(linearise, d, "0"))
     nothing = NullSpace(np.zeros(0, dtype=np.int64), (), 0, 0)
     state = Joined(
-        boundaries, sizes, Outcome.NOT_CONVERGED, "", "0", root, handed.objective, nothing, (), free, handed.vanished
+        boundaries,
+        sizes,
+        Outcome.NOT_CONVERGED,
+        "",
+        "0",
+        root,
+        handed.objective,
+        nothing,
+        (),
+        free,
+        handed.vanished,
     )
     if handed.vanished:
         return replace(state, outcome=Outcome.SINGULAR, reason=LOOSE)
@@ -147,7 +157,9 @@ class _Step(NamedTuple):
         return float(np.sqrt(max(self.gain, 0.0)))
 
 
-def _step(engine: Engine, state: Joined, stage: str, root: Root, anchors: IntArray, tolerance: float) -> _Step:
+def _step(
+    engine: Engine, state: Joined, stage: str, root: Root, anchors: IntArray, tolerance: float
+) -> _Step:
     factor = root.factor(anchors, tolerance)
     outer = down_step(engine, state.boundaries, stage, root, root.solve(factor, root.rhs))
     held = down(engine, state.boundaries, stage, root, root.held(factor, anchors))
@@ -157,7 +169,7 @@ def _step(engine: Engine, state: Joined, stage: str, root: Root, anchors: IntArr
     missing = sum((one.missing for one in followed), np.zeros(len(anchors)))
     if len(anchors) and not np.linalg.cond(across) < 1e12:
         return _Step(0.0, np.full(len(anchors), np.nan), across, followed)
-    movement = np.linalg.solve(across, missing) if len(anchors) else missing
+    movement = np.asarray(np.linalg.solve(across, missing) if len(anchors) else missing, dtype=np.float64)
     return _Step(sum(one.gain for one in followed), movement, across, followed)
 
 
@@ -190,23 +202,36 @@ def _advance(engine: Engine, state: Joined) -> Joined:
 def _damped(engine: Engine, state: Joined, iteration: Iteration, to: str) -> Joined:
     """The least damped step that makes the objective smaller, and by no mere fraction of what it promises."""
     damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
-    none, stage, there = np.zeros(0, dtype=np.int64), f"{state.stage} damped", f"{to} damped"
     while damping < 1e6:
-        root, _ = up(
-            engine, state.boundaries, stage, lambda d, mu=damping: engine.submit(linearise, d, state.stage, mu, stage)
-        )
-        step = _step(engine, state, stage, root, none, 1e-16)
-        _, handed = up(
-            engine, state.boundaries, there, lambda d: engine.submit(advance, d, stage, step.movement, there)
-        )
-        if state.objective - handed.objective > _EXPECTED * step.gain:
-            _each(engine, state, lambda d: engine.submit(move_on, d, stage, step.movement, to))
-            root, handed = up(engine, state.boundaries, to, lambda d: engine.submit(linearise, d, to))
+        taken = _tried(engine, state, to, damping)
+        if taken is not None:
+            root, objective = taken
             _forget(engine, state)
             iterations = (*state.iterations, replace(iteration, damping=damping))
-            return replace(state, stage=to, root=root, objective=handed.objective, iterations=iterations)
+            return replace(state, stage=to, root=root, objective=objective, iterations=iterations)
         damping *= 10.0
     return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
+
+
+def _tried(engine: Engine, state: Joined, to: str, damping: float) -> tuple[Root, float] | None:
+    """The root and the objective after a damped step; nothing where it gains too little."""
+    none, stage, there = np.zeros(0, dtype=np.int64), f"{state.stage} damped", f"{to} damped"
+
+    def damped(d: int) -> object:
+        return engine.submit(linearise, d, state.stage, damping, stage)
+
+    root, _ = up(engine, state.boundaries, stage, damped)
+    step = _step(engine, state, stage, root, none, 1e-16)
+
+    def advanced(d: int) -> object:
+        return engine.submit(advance, d, stage, step.movement, there)
+
+    _, handed = up(engine, state.boundaries, there, advanced)
+    if not state.objective - handed.objective > _EXPECTED * step.gain:
+        return None
+    _each(engine, state, lambda d: engine.submit(move_on, d, stage, step.movement, to))
+    root, handed = up(engine, state.boundaries, to, lambda d: engine.submit(linearise, d, to))
+    return root, handed.objective
 
 
 def _is_over(state: Joined, step: _Step) -> bool:
@@ -241,9 +266,7 @@ def _sigmas(engine: Engine, state: Joined, step: _Step, d: int, unknown: int) ->
     left = _each(
         engine,
         state,
-        lambda k: engine.submit(
-            rows_of_datum, k, state.stage, unknown if k == d else -1, null, step.across
-        ),
+        lambda k: engine.submit(rows_of_datum, k, state.stage, unknown if k == d else -1, null, step.across),
     )
     factor = state.root.factor(state.null_space.anchors)
     outer = solve(engine, state.boundaries, state.stage, state.root, factor, left)
@@ -274,5 +297,3 @@ def _forget(engine: Engine, state: Joined) -> None:
                 engine.store.drop(f"{name}/{stage}/{d}")
     for name in nodes(state.boundaries):
         engine.store.drop(f"node/{state.stage}/{name}")
-
-

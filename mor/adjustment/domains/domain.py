@@ -46,7 +46,9 @@ class Domain:
     def keys(self) -> list[Key]:
         """(s,) what the outer unknowns are called."""
         index = self.problem.index
-        kinds, blocks, components = (array[self.outer] for array in (index.kind_of, index.block_of, index.component_of))
+        kinds, blocks, components = (
+            array[self.outer] for array in (index.kind_of, index.block_of, index.component_of)
+        )
         keys = [index.unknown_kind[kind] for kind in kinds.tolist()]
         return [
             (kind, index.blocks[kind].ids[block], component)
@@ -95,7 +97,10 @@ class Stage(NamedTuple):
 
 
 def eliminate(domain: Domain, values: Values, numbers: IntArray, damping: float = 0.0) -> tuple[Stage, Share]:
-    """Linearise a domain, eliminate what is inside it, and what it hands up; ``numbers`` (s,) are those of outer ones."""
+    """Linearise a domain and eliminate what is inside it; with it what it hands up.
+
+    ``numbers`` (s,) are those of its outer unknowns.
+    """
     plan = domain.plan
     normals = build_normals(plan, values, damping)
     last = plan.elimination.permutation[plan.elimination.pivot_pointers[-2] :]

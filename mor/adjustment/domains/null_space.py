@@ -27,9 +27,7 @@ class NullSpace:
     """Null directions that are no movements of the network."""
 
 
-def explain(
-    engine: Engine, boundaries: Boundaries, stage: str, root: Root, anchors: IntArray
-) -> NullSpace:
+def explain(engine: Engine, boundaries: Boundaries, stage: str, root: Root, anchors: IntArray) -> NullSpace:
     """Split what the anchors hold; the movements of the network are kept by the domains."""
     k = len(anchors)
     domains = range(len(boundaries.numbers))
@@ -54,9 +52,9 @@ def explain(
     is_null = eigenvalues < NULL * lengths
     weak = int(np.count_nonzero(~is_null))
     null = vectors[:, is_null]
-    found = [part for part in _triangles(engine, boundaries, stage, [own @ null for own in outer])]
+    found = _triangles(engine, boundaries, stage, [own @ null for own in outer])
     movements, combined = explained_movements(
-        np.linalg.qr(np.concatenate([part.whole for part in found]), mode="r"),
+        np.asarray(np.linalg.qr(np.concatenate([part.whole for part in found]), mode="r")),
         np.concatenate([part.points for part in found]),
     )
     for part in [engine.submit(keep_null, d, stage, outer[d] @ null, combined) for d in domains]:
@@ -64,7 +62,9 @@ def explain(
     return NullSpace(anchors, movements, weak, null.shape[1] - combined.shape[1])
 
 
-def _triangles(engine: Engine, boundaries: Boundaries, stage: str, outer: list[FloatArray]) -> list[Triangles]:
+def _triangles(
+    engine: Engine, boundaries: Boundaries, stage: str, outer: list[FloatArray]
+) -> list[Triangles]:
     domains = range(len(boundaries.numbers))
     boxes = [engine.result(part) for part in [engine.submit(extent, d, stage) for d in domains]]
     least = np.min([box[0] for box in boxes], axis=0)
@@ -72,5 +72,3 @@ def _triangles(engine: Engine, boundaries: Boundaries, stage: str, outer: list[F
     centre, size = 0.5 * (least + most), float(np.max(most - least)) or 1.0
     parts = [engine.submit(triangles, d, stage, outer[d], centre, size) for d in domains]
     return [engine.result(part) for part in parts]
-
-

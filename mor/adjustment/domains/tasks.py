@@ -157,7 +157,9 @@ class Triangles(NamedTuple):
     """Number of these components."""
 
 
-def triangles(store: Store, d: int, stage: str, outer: FloatArray, centre: FloatArray, size: float) -> Triangles:
+def triangles(
+    store: Store, d: int, stage: str, outer: FloatArray, centre: FloatArray, size: float
+) -> Triangles:
     """What null directions do in a domain; similarities are taken about the centre, in units of the size."""
     mine = role(store, d)
     at: Stage = store.load(f"stage/{stage}/{d}")
@@ -169,7 +171,9 @@ def triangles(store: Store, d: int, stage: str, outer: FloatArray, centre: Float
     moved = similarities((at.values["point"] - centre) / size, np.zeros(3))[used]
     both = np.concatenate([directions[columns[used]], moved], axis=1)
     return Triangles(
-        np.linalg.qr(directions[mine.owned], mode="r"), np.linalg.qr(both, mode="r"), int(np.count_nonzero(used))
+        np.asarray(np.linalg.qr(directions[mine.owned], mode="r")),
+        np.asarray(np.linalg.qr(both, mode="r")),
+        int(np.count_nonzero(used)),
     )
 
 
@@ -223,7 +227,9 @@ def settled(store: Store, d: int, stage: str) -> None:
     """Keep that there is no null vector: the observations settle the datum."""
     domain: Domain = store.load(f"domain/{d}")
     none = np.zeros((domain.problem.index.count, 0))
-    store.save(f"datum/{d}", (none, constraint(none, domain.problem, store.load(f"stage/{stage}/{d}").values)))
+    store.save(
+        f"datum/{d}", (none, constraint(none, domain.problem, store.load(f"stage/{stage}/{d}").values))
+    )
     store.save(f"through/{d}", none)
 
 
@@ -278,5 +284,3 @@ def use_step_of(store: Store, d: int, stage: str, to: str) -> None:
 def replace_normals(at: Stage) -> Stage:
     """A stage without what nobody asks for any more."""
     return at._replace(normals=at.normals.spent())
-
-

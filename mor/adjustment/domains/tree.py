@@ -71,7 +71,7 @@ class Boundaries:
     def complete(self, tree: Tree) -> BoolArray:
         """(count,) numbers that no domain outside of this part of the tree has."""
         inside = self._uses(domains_of(tree))
-        return inside == self._uses(domains_of(self.tree))
+        return np.asarray(inside == self._uses(domains_of(self.tree)))
 
     def firsts(self) -> list[BoolArray]:
         """(s,) of each domain, true for the numbers that no domain before it has."""
@@ -133,7 +133,9 @@ class Root:
         return np.asarray(selected_inverse(factor).to_dense() * self.scale[:, None] * self.scale)
 
 
-def up(engine: Engine, boundaries: Boundaries, stage: str, leaves: Callable[[int], Any]) -> tuple[Root, Handed]:
+def up(
+    engine: Engine, boundaries: Boundaries, stage: str, leaves: Callable[[int], Any]
+) -> tuple[Root, Handed]:
     """What all domains hand up, joined; ``leaves`` submits the task of a domain, whose result is what it hands up."""
 
     def of(tree: Tree, name: str) -> Any:
@@ -146,7 +148,9 @@ def up(engine: Engine, boundaries: Boundaries, stage: str, leaves: Callable[[int
 
     found = of(boundaries.tree, "r")
     handed: list[Handed] = [engine.result(one) for one in (found if isinstance(found, list) else [found])]
-    together = added([one.share for one in handed], np.unique(np.concatenate([one.share.numbers for one in handed])))
+    together = added(
+        [one.share for one in handed], np.unique(np.concatenate([one.share.numbers for one in handed]))
+    )
     scale = 1.0 / np.sqrt(np.where(together.diagonal > 0.0, together.diagonal, 1.0))
     root = Root(together.numbers, scale, together.matrix * scale[:, None] * scale, together.rhs)
     vanished = tuple(key for one in handed for key in one.vanished)
@@ -167,12 +171,16 @@ def nodes(boundaries: Boundaries) -> list[str]:
     return list(of(boundaries.tree, "r"))
 
 
-def down(engine: Engine, boundaries: Boundaries, stage: str, root: Root, solution: FloatArray) -> list[FloatArray]:
+def down(
+    engine: Engine, boundaries: Boundaries, stage: str, root: Root, solution: FloatArray
+) -> list[FloatArray]:
     """Solutions (s, k) of the outer unknowns of each domain from that of the root (n, k), nothing given inside."""
     return _down(engine, boundaries, stage, root, solution, {})
 
 
-def down_step(engine: Engine, boundaries: Boundaries, stage: str, root: Root, solution: FloatArray) -> list[FloatArray]:
+def down_step(
+    engine: Engine, boundaries: Boundaries, stage: str, root: Root, solution: FloatArray
+) -> list[FloatArray]:
     """The same (s, 1) of the right-hand sides that came up with the shares."""
     return _down(engine, boundaries, stage, root, solution, None)
 
@@ -212,7 +220,9 @@ def solve(
     return _down(engine, boundaries, stage, root, root.solve(factor, total[root.numbers]), halves)
 
 
-def inverses(engine: Engine, boundaries: Boundaries, stage: str, root: Root, factor: Factor) -> Iterator[tuple[int, FloatArray]]:
+def inverses(
+    engine: Engine, boundaries: Boundaries, stage: str, root: Root, factor: Factor
+) -> Iterator[tuple[int, FloatArray]]:
     """Each domain with the cofactors (s, s) of its outer unknowns."""
 
     def of(tree: Tree, name: str, numbers: IntArray, Q: FloatArray) -> Iterator[tuple[int, FloatArray]]:

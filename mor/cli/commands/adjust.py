@@ -135,8 +135,7 @@ def command(
       mor adjust project.yaml
       mor adjust project.yaml -o results --force
       mor adjust project.yaml --snoop
-      mor adjust project.yaml --lang de
-      mor adjust project.yaml --tables all --table-format parquet
+      mor adjust project.yaml --lang de --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
       mor adjust network.dat --from starnet
@@ -169,10 +168,10 @@ def command(
         options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
         replaces = force or is_repeated(folder, project, options)
         place = held.enter_context(reserve(folder, replaces)) if writes else None
-        wanted = Wanted(memory, workers, cluster, scratch, as_json, snoop, bool(html), full)
-        if needs_domains(document, project.parent, wanted):
-            how = Results(table_format, tables in (None, "all"), strict, quiet, words, options)
-            return adjust_in_domains(document, project.parent, wanted, place, how, say, files)
+        how = Results(table_format, tables in (None, "all"), strict, quiet, words, options)
+        limits = Wanted(memory, workers, cluster, scratch, as_json, snoop, bool(html), full)
+        if needs_domains(document, project.parent, limits):
+            return adjust_in_domains(document, project.parent, limits, place, how, say, files)
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
         of = Identity(tuple(files.values()), project.parent, options)
@@ -187,9 +186,7 @@ def command(
     if as_json:
         click.echo(results_text(solved, of), nl=False)
     if said:
-        click.echo(said, err=True)
-        if writes:
-            click.echo(words("results in {place}", place=folder), err=True)
+        click.echo("\n".join([said, *([words("results in {place}", place=folder)] if writes else [])]), err=True)
     return code
 
 

@@ -21,7 +21,9 @@ from mor.project.file.nodes import Document
 from mor.project.network.build import Network, build_network
 from mor.project.network.reading import table_label
 
-_PRIOR = frozenset(kind.key for kinds in (OBSERVED_PARAMETERS, OBSERVED_DIFFERENCES) for kind in kinds.values())
+_PRIOR = frozenset(
+    kind.key for kinds in (OBSERVED_PARAMETERS, OBSERVED_DIFFERENCES) for kind in kinds.values()
+)
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,15 @@ def read_part(project: Project, document: Document, parts: Parts, domain: int, s
             observations += [(entry, k)] if lonely else []
         elif (frame := _frame(parts, ("observations", k), domain)) is not None:
             observations.append((_standing_in(entry, ("observations", k), frame, frames), k))
-    named = [entry.model_copy(update={"name": entry.name or project.observations[k].file}) for entry, k in observations]
-    changed: dict[str, Any] = {"observations": named, "report": NoReport(), "require": type(project.require)()}
+    named = [
+        entry.model_copy(update={"name": entry.name or project.observations[k].file})
+        for entry, k in observations
+    ]
+    changed: dict[str, Any] = {
+        "observations": named,
+        "report": NoReport(),
+        "require": type(project.require)(),
+    }
     changed |= {section: list(tables.values()) for section, tables in things.items()}
     changed |= {"candidates": [], "variants": {}}
     if not lonely:

@@ -7,10 +7,10 @@ it names, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 import polars as pl
@@ -23,6 +23,8 @@ from mor.project.file.model import Project
 from mor.project.file.nodes import Document
 from mor.project.tables.columns import Place
 
+Rows: TypeAlias = Callable[[str, int], Iterator[pl.DataFrame]]
+"""What reads a table, by its section and number, a part at a time."""
 Section = tuple[str, int]
 """Section of the project file and number of the table in it."""
 
@@ -57,7 +59,9 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     images = _images(project, document, rows).join(work, left_on="id", right_on="image", how="left")
     amount = images["rays"].fill_null(0).to_numpy().astype(float)
     count = max(-(-int(amount.sum()) // rays_of_domain), 1)
-    domain, tree = halved(images.select("x", "y", "z").to_numpy(), np.maximum(amount, 1e-3), min(count, images.height))
+    domain, tree = halved(
+        images.select("x", "y", "z").to_numpy(), np.maximum(amount, 1e-3), min(count, images.height)
+    )
     of_images = images.select("id").with_columns(domain=pl.Series(domain, dtype=pl.Int32))
     of_points = _points(rows, divided, of_images)
     used = np.bincount(of_points["domain"].to_numpy(), minlength=int(domain.max()) + 1) > 0
@@ -91,7 +95,7 @@ def _counted(tables: Iterable[Iterable[pl.DataFrame]]) -> pl.DataFrame:
     return pl.concat(parts).group_by("image").agg(pl.col("rays").sum())
 
 
-def _images(project: Project, document: Document, rows: Any) -> pl.DataFrame:
+def _images(project: Project, document: Document, rows: Rows) -> pl.DataFrame:
     """Names and places of all images; a start value goes before a value."""
     found, problems = [], []
     for k in range(len(project.images)):
@@ -99,25 +103,29 @@ def _images(project: Project, document: Document, rows: Any) -> pl.DataFrame:
         for frame in rows("images", k):
             tied = [name for name in ("position", "leader", "pair") if name in frame.columns]
             if any(frame[name].cast(pl.String).fill_null("").ne("").any() for name in tied):
-                problems.append(place.problem("domains do not do images that share a position, or follow another one"))
+                problems.append(
+                    place.problem("domains do not do images that share a position, or follow another one")
+                )
             axes = [[name for name in (f"start_{axis}", axis) if name in frame.columns] for axis in "xyz"]
             if "id" not in frame.columns or not all(axes):
                 problems.append(place.problem("to be divided by place, images need columns id, x, y and z"))
                 continue
             values = (
-                pl.coalesce([pl.col(name).cast(pl.Float64, strict=False).fill_nan(None) for name in names]).alias(axis)
+                pl.coalesce(
+                    [pl.col(name).cast(pl.Float64, strict=False).fill_nan(None) for name in names]
+                ).alias(axis)
                 for axis, names in zip("xyz", axes, strict=True)
             )
             found.append(frame.select(pl.col("id"), *values))
             if found[-1].null_count().sum_horizontal().item():
-                words = "to be divided by place, all images need start values as plain numbers: mor approximate has them"
+                words = "to be divided by place, images need start values as plain numbers (mor approximate)"
                 problems.append(place.problem(words))
     if problems or not found:
         raise InputError(problems or [Problem("there are no images to divide", document.file)])
     return pl.concat(found)
 
 
-def _points(rows: Any, divided: list[int], of_images: pl.DataFrame) -> pl.DataFrame:
+def _points(rows: Rows, divided: list[int], of_images: pl.DataFrame) -> pl.DataFrame:
     """Domain of each point: that of most of its rays, the first one of several."""
     parts = [
         frame.select("image", "point")
@@ -129,7 +137,9 @@ def _points(rows: Any, divided: list[int], of_images: pl.DataFrame) -> pl.DataFr
     ]
     counts = pl.concat(parts).group_by("point", "domain").agg(pl.col("len").sum())
     order = counts.sort("point", "len", "domain", descending=[False, True, False])
-    return order.unique("point", keep="first").select(pl.col("point").alias("id"), pl.col("domain").fill_null(0))
+    return order.unique("point", keep="first").select(
+        pl.col("point").alias("id"), pl.col("domain").fill_null(0)
+    )
 
 
 def _has_ground(project: Project, divided: list[int]) -> bool:
@@ -137,7 +147,7 @@ def _has_ground(project: Project, divided: list[int]) -> bool:
     return bool(others or project.features or project.stations or project.systems)
 
 
-def _texts(document: Document, rows: Any, project: Project, divided: list[int]) -> pl.Series:
+def _texts(document: Document, rows: Rows, project: Project, divided: list[int]) -> pl.Series:
     """Every text in all that is not divided: whatever it names is among them."""
     found: set[str] = set()
 
@@ -156,7 +166,9 @@ def _texts(document: Document, rows: Any, project: Project, divided: list[int]) 
     entries = document.data.get("observations") or []
     collect([entry for k, entry in enumerate(entries) if k not in divided])
     tables = [("observations", k) for k in range(len(project.observations)) if k not in divided]
-    tables += [(section, k) for section in ("stations", "systems") for k in range(len(getattr(project, section)))]
+    tables += [
+        (section, k) for section in ("stations", "systems") for k in range(len(getattr(project, section)))
+    ]
     for section, k in tables:
         if getattr(project, section)[k].file is None:
             continue
@@ -172,7 +184,7 @@ def _texts(document: Document, rows: Any, project: Project, divided: list[int]) 
 def _divide_images(
     folder: Path,
     project: Project,
-    rows: Any,
+    rows: Rows,
     seen: pl.DataFrame,
     of_images: pl.DataFrame,
     names: pl.Series,
@@ -190,7 +202,7 @@ def _divide_images(
 def _divide_points(
     folder: Path,
     project: Project,
-    rows: Any,
+    rows: Rows,
     of_points: pl.DataFrame,
     names: pl.Series,
     ground: int,
@@ -212,7 +224,7 @@ def _in_ground(ids: pl.DataFrame, names: pl.Series, ground: int) -> pl.DataFrame
     return chosen.with_columns(domain=pl.lit(ground, dtype=pl.Int32))
 
 
-def _write_several(folder: Path, section: str, count: int, rows: Any, both: pl.DataFrame) -> None:
+def _write_several(folder: Path, section: str, count: int, rows: Rows, both: pl.DataFrame) -> None:
     for k in range(count):
         for piece, frame in enumerate(rows(section, k)):
             _write_owned(folder, (section, k), piece, frame, both.unique())

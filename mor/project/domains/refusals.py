@@ -45,7 +45,9 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         problems.append(Problem(f"{words}; {_INSTEAD}", document.file))
     files = [table.file for table in (*project.images, *project.points, *project.observations) if table.file]
     problems += [
-        Problem(f"file {name!r} stands for several tables, which cannot be divided; {_INSTEAD}", document.file)
+        Problem(
+            f"file {name!r} stands for several tables, which cannot be divided; {_INSTEAD}", document.file
+        )
         for name in dict.fromkeys(files)
         if files.count(name) > 1
     ]

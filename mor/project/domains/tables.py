@@ -21,14 +21,20 @@ ROWS_AT_A_TIME = 2_000_000
 
 def pieces(table: Table, place: Place) -> Iterator[pl.DataFrame]:
     """The rows of a table, in their order. Raises :class:`InputError`."""
-    if table.file is not None and table.file.endswith(".parquet") and place.document.frame(table.file) is None:
+    if (
+        table.file is not None
+        and table.file.endswith(".parquet")
+        and place.document.frame(table.file) is None
+    ):
         yield from _of_parquet(table, place)
         return
     problems: list[Problem] = []
-    if table.rows is not None:
-        source = from_rows(table, place, problems)
-    else:
-        source = from_file(table, {name: Column(name) for name in _TEXTS}, place, problems)
+    known = {name: Column(name) for name in _TEXTS}
+    source = (
+        from_rows(table, place, problems)
+        if table.rows is not None
+        else from_file(table, known, place, problems)
+    )
     if problems or source is None:
         raise InputError(problems)
     yield _with_values(pl.DataFrame(source.columns), table)
@@ -51,7 +57,9 @@ def _of_parquet(table: Table, place: Place) -> Iterator[pl.DataFrame]:
         for first in range(0, max(count, 1), ROWS_AT_A_TIME):
             yield _with_values(chosen.slice(first, ROWS_AT_A_TIME).collect(), table)
     except pl.exceptions.PolarsError as error:
-        raise InputError([Problem(f"this file cannot be read: {str(error).splitlines()[0]}", str(path))]) from None
+        raise InputError(
+            [Problem(f"this file cannot be read: {str(error).splitlines()[0]}", str(path))]
+        ) from None
 
 
 def _with_values(frame: pl.DataFrame, table: Table) -> pl.DataFrame:

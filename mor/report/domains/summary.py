@@ -144,12 +144,14 @@ def verdict(summary: Summary, words: Words) -> str:
         return f"{said} {words('Not determined: {names}.', names=names)}" if names else said
     if not one.test.accepted:
         return words(
-            "The adjustment converged; the global test rejects. {count:observation exceeds|observations exceed} |w| = {limit}.",
+            "The adjustment converged; the global test rejects. "
+            "{count:observation exceeds|observations exceed} |w| = {limit}.",
             count=one.flagged,
             limit=fixed(one.critical, 2),
         )
     return words(
-        "The adjustment converged; the global test accepts. {count:observation exceeds|observations exceed} |w| = {limit}.",
+        "The adjustment converged; the global test accepts. "
+        "{count:observation exceeds|observations exceed} |w| = {limit}.",
         count=one.flagged,
         limit=fixed(one.critical, 2),
     )
@@ -180,7 +182,8 @@ def _cameras(one: Solution, words: Words) -> str:
     ]
     if not rows:
         return ""
-    return f"{heading(words('Cameras'))}\n{table(['camera', 'component', 'value', 'sigma', 'status'], rows, 2, words, True)}"
+    headers = ["camera", "component", "value", "sigma", "status"]
+    return f"{heading(words('Cameras'))}\n{table(headers, rows, 2, words, True)}"
 
 
 def _worst(one: Solution, words: Words) -> str:
@@ -199,17 +202,23 @@ def _worst(one: Solution, words: Words) -> str:
 
 def _iterations(summary: Summary, words: Words) -> str:
     rows = [
-        [str(number + 1), short(size, 8), short(change, 3)] for number, (size, change) in enumerate(summary.iterations)
+        [str(number + 1), short(size, 8), short(change, 3)]
+        for number, (size, change) in enumerate(summary.iterations)
     ]
-    return f"{heading(words('Iterations'))}\n{table(['step', 'sigma0', 'change'], rows, 1, words)}" if rows else ""
+    return (
+        f"{heading(words('Iterations'))}\n{table(['step', 'sigma0', 'change'], rows, 1, words)}"
+        if rows
+        else ""
+    )
 
 
 def _domains(summary: Summary, words: Words) -> str:
     rows = [[str(d), str(rays), str(outer)] for d, (rays, outer) in enumerate(summary.domains)]
     said = paragraphs(
         words(
-            "Each domain reduces what is inside it and hands up its normal equations in the outer unknowns, those it has "
-            "in common with others; {root} are left at the root. The results are those of one adjustment of everything.",
+            "Each domain reduces what is inside it and hands up its normal equations in the outer unknowns, those "
+            "it has in common with others; {root} are left at the root. The results are those of one adjustment "
+            "of everything.",
             root=summary.root,
         )
     )

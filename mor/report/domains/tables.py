@@ -25,8 +25,10 @@ def completed(folder: Path, sums: Sequence[Mapping[str, pl.DataFrame]]) -> None:
         parts = [one[name] for one in sums if one[name].height]
         if not parts:
             continue
-        both = pl.concat(parts).group_by("id").agg(
-            pl.col("r", "active", "rays", "others", "squares").sum(), pl.col("largest").max()
+        both = (
+            pl.concat(parts)
+            .group_by("id")
+            .agg(pl.col("r", "active", "rays", "others", "squares").sum(), pl.col("largest").max())
         )
         for path in sorted((folder / name).glob("*.parquet")):
             frame = pl.read_parquet(path)
@@ -38,7 +40,8 @@ def _with_sums(frame: pl.DataFrame, sums: pl.DataFrame, name: str) -> pl.DataFra
     joined = frame.join(sums, on="id", how="left", maintain_order="left")
     known = pl.col("active").is_not_null()
     seen = pl.when(pl.col("active") > 0)
-    new = {"mean_r": seen.then(pl.col("r") / pl.col("active")), "largest_w": seen.then(pl.col("largest"))}
+    mean = seen.then(pl.col("r") / pl.col("active"))
+    new: dict[str, pl.Expr] = {"mean_r": mean, "largest_w": seen.then(pl.col("largest"))}
     if name == "points":
         new |= {key: pl.col(f"{key}_right").cast(frame.schema[key]) for key in ("rays", "others")}
     else:
