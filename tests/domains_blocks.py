@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,7 +11,25 @@ import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
+from mor.cli import run
 from mor.geometry.rotations import rotation_from_angles
+
+
+
+class Ended(NamedTuple):
+    """How a command ended."""
+
+    exit_code: int
+    stderr: str
+
+
+def command(*arguments: object) -> Ended:
+    """``mor`` with these arguments."""
+    told = StringIO()
+    with redirect_stderr(told):
+        code = run([str(argument) for argument in arguments])
+    return Ended(int(code), told.getvalue())
+
 
 SIGMA = 0.005
 C = 100.0

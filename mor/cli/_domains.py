@@ -178,10 +178,11 @@ def _adjusted(
     from mor.compilation import chosen_by_size
     from mor.domains.room import check_boundaries
     from mor.domains.story import divided, prepared, solved
+    from mor.sparse.blas_threads import one_thread
 
     say.phase("dividing")
     found = divided(document, folder, scratch, size)
-    with chosen_by_size(2 * found.observations), np.errstate(all="ignore"):
+    with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
         say.phase("reading")
         ready = prepared(engine, found)
         say.notes(ready.notes)

@@ -24,6 +24,7 @@ from mor.compilation import chosen_by_size
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.memory import available
+from mor.sparse.blas_threads import one_thread
 
 _PATIENCE = 30.0
 """Seconds to wait for a scheduler, and for its first worker."""
@@ -59,7 +60,7 @@ class Workers:
 
 
 def _done(task: Callable[..., Any], store: FileStore, observations: int, *arguments: Any) -> Any:
-    with chosen_by_size(observations), np.errstate(all="ignore"):
+    with chosen_by_size(observations), one_thread(), np.errstate(all="ignore"):
         return task(store, *arguments)
 
 
