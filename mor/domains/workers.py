@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ from mor.sparse.blas_threads import one_thread
 
 _PATIENCE = 30.0
 """Seconds to wait for a scheduler, and for its first worker."""
+_LOOK = 5.0
+"""Seconds after which it is looked whether there still are workers."""
 _DEATHS = 100
 """Workers a task may lose before it is taken for what kills them."""
 _SAME = ("numpy", "scipy", "polars")
@@ -41,6 +44,8 @@ class Workers:
     client: Any
     observations: int
     """Of the whole project: what decides whether kernels are compiled."""
+    renew: Callable[[], None]
+    """Begins workers anew where none is left; of a cluster of others it does nothing."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""
@@ -50,8 +55,17 @@ class Workers:
         """What the task has returned; it is waited for. Raises :class:`InputError` where it kills its workers."""
         from distributed.scheduler import KilledWorker
 
+        alone_since = None
         try:
-            return submitted.result()
+            while True:
+                try:
+                    return submitted.result(timeout=_LOOK)
+                except TimeoutError:
+                    alone_since = None if self.client.nthreads() else alone_since or time.monotonic()
+                if alone_since is not None and time.monotonic() - alone_since > _PATIENCE:
+                    raise InputError([Mistake("all workers are lost, and no new ones come")])
+                if alone_since is not None:
+                    self.renew()
         except KilledWorker as error:
             words = (
                 "workers died one after the other at the same task; have they less memory than they were told"
@@ -73,9 +87,9 @@ def working(
     Raises :class:`InputError` where they cannot do it: another version, files they do not see, too little memory.
     """
     _check_installed()
-    with _client(workers, address, memory) as client:
+    with _client(workers, address, memory) as (client, renew):
         _check(client, store.folder, memory)
-        yield Workers(store, client, observations)
+        yield Workers(store, client, observations, renew)
 
 
 def _check_installed() -> None:
@@ -86,7 +100,9 @@ def _check_installed() -> None:
 
 
 @contextmanager
-def _client(workers: int | None, address: str | None, memory: float | None) -> Iterator[Any]:
+def _client(
+    workers: int | None, address: str | None, memory: float | None
+) -> Iterator[tuple[Any, Callable[[], None]]]:
     import dask
     from distributed import Client, LocalCluster
 
@@ -98,7 +114,7 @@ def _client(workers: int | None, address: str | None, memory: float | None) -> I
                 [Mistake(f"no scheduler answers there: {str(error).splitlines()[0]}", address)]
             ) from None
         with client:
-            yield client
+            yield client, lambda: None
         return
     count = workers or 1
     each = memory if memory is not None else (available() or 4e9 * count) / count
@@ -120,7 +136,12 @@ def _client(workers: int | None, address: str | None, memory: float | None) -> I
         ) as cluster,
         Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
     ):
-        yield client
+
+        def renew() -> None:
+            cluster.scale(0)
+            cluster.scale(count)
+
+        yield client, renew
 
 
 def _check(client: Any, folder: Path, memory: float | None) -> None:

@@ -63,10 +63,16 @@ def test_german(tmp_path: Path) -> None:
         ("datum: fixed", "datum: fixed\nsettings: {snooping: true}", "data snooping"),
         ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
         ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
-        ("{type: image, file: rays.parquet,", "{type: image, ppm: 2, file: rays.parquet,", "σ that depend on distances"),
+        (
+            "{type: image, file: rays.parquet,",
+            "{type: image, ppm: 2, file: rays.parquet,",
+            "σ that depend on distances",
+        ),
     ],
 )
-def test_what_domains_do_not_do_is_said_before_the_work(tmp_path: Path, before: str, after: str, words: str) -> None:
+def test_what_domains_do_not_do_is_said_before_the_work(
+    tmp_path: Path, before: str, after: str, words: str
+) -> None:
     project = write_block(tmp_path / "block", Kind())
     project.write_text(project.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
     done = adjust(project, "--memory", "1MB", "-o", str(tmp_path / "out"))
@@ -105,7 +111,9 @@ def test_bad_start_values_are_damped_as_on_one_machine(tmp_path: Path) -> None:
     assert several["sigma0"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-9)
 
 
-@pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), ("800 mb", 8e8), ("1.5GiB", 1.5 * 2**30), ("12", 12.0)])
+@pytest.mark.parametrize(
+    ("text", "size"), [("4GB", 4e9), ("800 mb", 8e8), ("1.5GiB", 1.5 * 2**30), ("12", 12.0)]
+)
 def test_amounts(text: str, size: float) -> None:
     assert room.size_of(text) == size
 

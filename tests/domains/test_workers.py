@@ -1,4 +1,4 @@
-"""Workers: the same bytes as one process, also where they are killed; what keeps them from it is said before the work."""
+"""Workers: the same bytes as one process, also where they are killed; what keeps them from it is said before."""
 
 from __future__ import annotations
 
@@ -114,3 +114,34 @@ def test_other_versions_too_little_memory_and_no_common_files_are_told_at_once(t
     assert "1.00 GB of memory" in told[1][1]
     assert "does not see" in told[2][1]
     assert list((tmp_path / "state").iterdir()) == []
+
+
+def test_without_any_worker_left_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mor.adjustment.domains.store import FileStore
+    from mor.domains import workers
+    from mor.errors import InputError
+
+    class Waiting:
+        def result(self, timeout: float) -> None:
+            raise TimeoutError
+
+    class Nobody:
+        def nthreads(self) -> dict[str, int]:
+            return {}
+
+    monkeypatch.setattr(workers, "_PATIENCE", 0.0)
+    renewed: list[int] = []
+    engine = workers.Workers(FileStore(tmp_path), Nobody(), 0, lambda: renewed.append(1))
+    with pytest.raises(InputError, match="all workers are lost"):
+        engine.result(Waiting())
+    assert renewed
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_mistakes_found_by_workers_are_told_as_ever(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "project", Kind(table="csv"))
+    rays = project.parent / "rays.csv"
+    rays.write_text(rays.read_text(encoding="utf-8") + "I0,nowhere,1.0,2.0\n", encoding="utf-8")
+    done = command("adjust", project, "--workers", "1")
+    assert done.exit_code == 2
+    assert "point 'nowhere' does not exist" in done.stderr

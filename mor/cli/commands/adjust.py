@@ -186,7 +186,9 @@ def command(
     if as_json:
         click.echo(results_text(solved, of), nl=False)
     if said:
-        click.echo("\n".join([said, *([words("results in {place}", place=folder)] if writes else [])]), err=True)
+        click.echo(
+            "\n".join([said, *([words("results in {place}", place=folder)] if writes else [])]), err=True
+        )
     return code
 
 
