@@ -51,7 +51,7 @@ class Wanted(NamedTuple):
     scratch: Path | None
     as_json: bool = False
     snoop: bool = False
-    html: bool = False
+    html: bool | None = None
     full: bool = False
 
     @property
@@ -94,7 +94,7 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
 
     memory = wanted.memory if wanted.memory is not None else available()
     project = validate(document)
-    if memory is None or need_of_all(rays_of(project, document, folder)) <= memory:
+    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html) <= memory:
         return False
     try:
         _refuse(wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import secrets
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -25,6 +26,7 @@ from mor.report.results.folder import Writer
 from mor.report.tables.control import sums_of_control
 from mor.report.tables.estimates import group_table, image_table, interior_rows, point_table
 from mor.report.tables.files import residual_writer, table_writer
+from mor.report.tables.shared import forget
 from mor.report.tables.worst import worst_residuals
 
 Kind = Literal["csv", "parquet"]
@@ -69,6 +71,7 @@ class Assessed(NamedTuple):
 
 def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     """Quality of a domain, cofactors of its outer unknowns being in the store; its parts of the tables are written."""
+    gc.collect()  # what is left of the domain before goes first
     mine, part = role(store, d), store.load(f"network/{d}")
     solved = _solved(store, d, order, mine, part, store.load(f"outer/{d}"))
     quality = solved.quality
@@ -81,12 +84,8 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
         foreign = pl.Series("id", sorted(own[name]), dtype=pl.String)
         mine_only = frame.filter(~pl.col("id").is_in(foreign.implode()))
         _written(table_writer(mine_only, "parquet"), place / f"{d:05d}.parquet")
-    if order.residuals:
-        place = order.folder / "residuals"
-        place.mkdir(parents=True, exist_ok=True)
-        _written(residual_writer(solved, order.kind, lambda rows: None), place / f"{d:05d}.{order.kind}")
     shared = {"points": part.shared["point"], "images": part.shared["image"]}
-    return Assessed(
+    assessed = Assessed(
         quality.redundancy_sum,
         int(sum(int(np.count_nonzero(flags)) for flags in quality.flagged)),
         group_table(solved),
@@ -94,8 +93,14 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
         worst_residuals(solved, WORST),
         {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
         tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
-        largest_resident(),
+        0.0,
     )
+    forget(solved)  # the long table has the room of all others
+    if order.residuals:
+        place = order.folder / "residuals"
+        place.mkdir(parents=True, exist_ok=True)
+        _written(residual_writer(solved, order.kind, lambda rows: None), place / f"{d:05d}.{order.kind}")
+    return assessed._replace(resident=largest_resident())
 
 
 def _written(write: Writer, path: Path) -> None:

@@ -18,9 +18,9 @@ from mor.project.file.nodes import Document
 
 PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
-OF_RAY = 340
-"""Bytes of an image point on one machine, all in memory."""
-OF_RAY_IN_DOMAIN = 1400
+OF_RAY, OF_RAY_ON_PAGE = 700, 1200
+"""Bytes of an image point on one machine, all in memory; and on the page."""
+OF_RAY_IN_DOMAIN = 2100
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
@@ -71,9 +71,14 @@ def rays_of(project: Project, document: Document, folder: Path) -> int:
     return total
 
 
-def need_of_all(rays: int) -> float:
-    """Bytes that a project takes on one machine, all of it in memory."""
-    return PROGRAM + OF_RAY * rays
+def need_of_all(rays: int, html: bool | None = None) -> float:
+    """Bytes that a project takes on one machine, all of it in memory; with a page where wanted, or by its size."""
+    page = html if html is not None else 2 * rays <= _MOST_ON_PAGE
+    return PROGRAM + (OF_RAY + OF_RAY_ON_PAGE * page) * rays
+
+
+_MOST_ON_PAGE = 2_000_000
+"""Observations up to which there is a page where nothing else is asked for."""
 
 
 def rays_of_domain(rays: int, memory: float, workers: int = 1) -> int:

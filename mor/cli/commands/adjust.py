@@ -169,7 +169,7 @@ def command(
         replaces = force or is_repeated(folder, project, options)
         place = held.enter_context(reserve(folder, replaces)) if writes else None
         how = Results(table_format, tables in (None, "all"), strict, quiet, words, options)
-        limits = Wanted(memory, workers, cluster, scratch, as_json, snoop, bool(html), full)
+        limits = Wanted(memory, workers, cluster, scratch, as_json, snoop, html, full)
         if needs_domains(document, project.parent, limits):
             return adjust_in_domains(document, project.parent, limits, place, how, say, files)
         with named_in_full(place):
