@@ -20,7 +20,7 @@ PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
 OF_RAY, OF_RAY_ON_PAGE = 700, 1200
 """Bytes of an image point on one machine, all in memory; and on the page."""
-OF_RAY_IN_DOMAIN = 2100
+OF_RAY_IN_DOMAIN = 2700
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
