@@ -15,7 +15,6 @@ from mor.cli import run
 from mor.geometry.rotations import rotation_from_angles
 
 
-
 class Ended(NamedTuple):
     """How a command ended."""
 

@@ -133,8 +133,7 @@ def command(
     \b
     Examples:
       mor adjust project.yaml
-      mor adjust project.yaml -o results --force
-      mor adjust project.yaml --snoop
+      mor adjust project.yaml -o results --force --snoop
       mor adjust project.yaml --lang de --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
