@@ -137,8 +137,7 @@ def command(
       mor adjust project.yaml --lang de --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
-      mor adjust network.dat --from starnet
-      mor adjust project.yaml --memory 4GB
+      mor adjust network.dat --from starnet --memory 4GB
 
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
