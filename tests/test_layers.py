@@ -25,7 +25,7 @@ LAYERS = (
     ("quality",),
     ("report", "formats"),
     ("pipeline",),
-    ("planning",),
+    ("planning", "domains"),
     ("api",),
     ("cli",),
 )

@@ -19,6 +19,8 @@ The derivation, and what was tried, is in docs/convergence.md.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from mor.adjustment.linearise import linearise, rotation_tangents
@@ -44,6 +46,14 @@ _STANDING = 5
 _STANDS = 1e-3
 """Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
 _EPS = float(np.finfo(float).eps)
+
+
+class Iterated(Protocol):
+    """What has been iterated so far."""
+
+    @property
+    def iterations(self) -> tuple[Iteration, ...]:
+        """The steps that were taken."""
 
 
 def is_over(state: Adjustment, change: float, weak: FloatArray) -> bool:
@@ -82,7 +92,7 @@ def stands_still(iterations: tuple[Iteration, ...]) -> bool:
     return now > 0.5 * before and (rate >= 1.0 or now * rate / (1.0 - rate) > 1.0)
 
 
-def left_after(state: Adjustment, change: float) -> float:
+def left_after(state: Iterated, change: float) -> float:
     """What is left to do after a whole step of size ``change``, in units of σ; infinite where no rate is known."""
     if change <= ACCURACY:
         return change

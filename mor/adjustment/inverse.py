@@ -27,6 +27,7 @@ from mor.parameters.index import Values
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.cholesky import Factor, factorise
 from mor.sparse.selected_inverse import selected_inverse
+from mor.sparse.symbolic_factorisation import Elimination
 
 NULL = 1e-17
 """‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""
@@ -99,8 +100,8 @@ def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> I
     """Factorise with the given anchors (k,) and split what they hold into null and weak directions."""
     scale = _unit_diagonal(normals)
     matrix = normals.matrix.scaled(scale)
-    factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
-    Y = factor.solve(_unit_vectors(matrix, anchors))
+    factor = factorise(with_diagonal(matrix, anchors, 1.0), plan.elimination)
+    Y = factor.solve(unit_vectors(matrix, anchors))
     if len(anchors) == 0:
         none = np.zeros((plan.problem.index.count, 0))
         return Inverse(plan, values, factor, scale, none, none)
@@ -117,8 +118,8 @@ def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray
     """Factorise where the anchors are known to hold null vectors and nothing else, as they did near by."""
     scale = _unit_diagonal(normals)
     matrix = normals.matrix.scaled(scale)
-    factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
-    held = scale[:, None] * factor.solve(_unit_vectors(matrix, anchors))
+    factor = factorise(with_diagonal(matrix, anchors, 1.0), plan.elimination)
+    held = scale[:, None] * factor.solve(unit_vectors(matrix, anchors))
     return Inverse(
         plan,
         values,
@@ -131,12 +132,15 @@ def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray
 
 def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
     """Unknowns to anchor: vanishing pivots first, then whatever inverse iteration still finds hardly determined."""
-    scale = _unit_diagonal(normals)
-    matrix = normals.matrix.scaled(scale)
+    return anchors_of(normals.matrix.scaled(_unit_diagonal(normals)), plan.elimination)
+
+
+def anchors_of(matrix: BlockMatrix, elimination: Elimination) -> IntArray:
+    """Unknowns to anchor of a matrix whose columns are scaled: see :func:`find_anchors`."""
     anchors = np.zeros(0, dtype=np.int64)
     for _ in range(matrix.structure.unknowns):
-        factor = factorise(_with_diagonal(matrix, anchors, 1.0), plan.elimination)
-        directions = factor.solve(_unit_vectors(matrix, anchors))
+        factor = factorise(with_diagonal(matrix, anchors, 1.0), elimination)
+        directions = factor.solve(unit_vectors(matrix, anchors))
         loose = (
             _released(matrix, factor)
             if len(factor.set_aside)
@@ -198,7 +202,7 @@ def _hardly_determined(unknowns: int, factor: Factor) -> FloatArray:
 
 def _released(matrix: BlockMatrix, factor: Factor) -> FloatArray:
     """One direction (u, k) for each set-aside unknown: itself 1, all else as the factor answers."""
-    units = _unit_vectors(matrix, factor.set_aside)
+    units = unit_vectors(matrix, factor.set_aside)
     answer = factor.solve(matrix.multiply(units))
     answer[factor.set_aside] = 0.0
     return units - answer
@@ -219,13 +223,15 @@ def _unit_diagonal(normals: Normals) -> FloatArray:
     return scale
 
 
-def _unit_vectors(matrix: BlockMatrix, unknowns: IntArray) -> FloatArray:
+def unit_vectors(matrix: BlockMatrix, unknowns: IntArray) -> FloatArray:
+    """(n, k) the unit vectors of some unknowns (k,)."""
     units = np.zeros((matrix.structure.unknowns, len(unknowns)))
     units[unknowns, np.arange(len(unknowns))] = 1.0
     return units
 
 
-def _with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> BlockMatrix:
+def with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> BlockMatrix:
+    """The matrix with an amount added to the diagonal at some unknowns (k,)."""
     if len(unknowns) == 0:
         return matrix
     structure = matrix.structure

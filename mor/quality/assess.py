@@ -20,6 +20,7 @@ from mor.quality.reliability.observation_quality import ObservationQuality, redu
 from mor.quality.reliability.redundancy import observation_quality
 from mor.quality.tests.levels import noncentrality, sidak
 from mor.quality.tests.test_statistics import GlobalTest, critical_value, global_test, normalised_residuals
+from mor.sparse.block_matrix import BlockMatrix
 
 
 @dataclass(frozen=True)
@@ -93,25 +94,53 @@ def assess(
     problem = adjustment.problem
     cofactors = adjustment.inverse.selected(of_operations(done) if done is not None else None)
     datum = datum_transformation(adjustment)
-    groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
     if levels.familywise is not None:
         levels = replace(levels, snooping=sidak(levels.familywise, problem.observations))
-    ncp = noncentrality(levels.snooping, levels.power)
     redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
-    omega = adjustment.normals.objective
-    sigma0 = float(np.sqrt(omega / redundancy)) if redundancy > 0 else 1.0
+    whole = Whole(redundancy, adjustment.normals.objective, levels, aposteriori)
+    return assessed(adjustment, cofactors, datum, whole, done)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Of a network as a whole, where only a part of it may be at hand."""
+
+    redundancy: int
+    omega: float
+    """vᵀPv."""
+    levels: Levels
+    """With the level of single observations that follows from the one of all together."""
+    aposteriori: bool
+
+    @property
+    def sigma0(self) -> float:
+        """A-posteriori standard deviation of unit weight; 1 without redundancy."""
+        return float(np.sqrt(self.omega / self.redundancy)) if self.redundancy > 0 else 1.0
+
+
+def assessed(
+    adjustment: Adjustment,
+    cofactors: BlockMatrix,
+    datum: STransformation,
+    whole: Whole,
+    done: Done | None = None,
+) -> Quality:
+    """Quality of an adjustment, or of a part of one, from the cofactors of its reduced unknowns."""
+    problem, levels, sigma0 = adjustment.problem, whole.levels, whole.sigma0
+    groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
+    ncp = noncentrality(levels.snooping, levels.power)
     blocks = {
         kind: parameter_cofactors(adjustment, cofactors, of_eliminated, datum, kind)
         for kind in problem.index.columns
     }
     return Quality(
         adjustment=adjustment,
-        redundancy=redundancy,
+        redundancy=whole.redundancy,
         redundancy_sum=float(sum(redundancy_of(group) for group in groups)),
         sigma0=sigma0,
-        sigma_factor=sigma0 if aposteriori else 1.0,
+        sigma_factor=sigma0 if whole.aposteriori else 1.0,
         levels=levels,
-        global_test=global_test(omega, redundancy, levels.overall),
+        global_test=global_test(whole.omega, whole.redundancy, levels.overall),
         critical=critical_value(levels.snooping),
         noncentrality=ncp,
         groups=groups,

@@ -25,5 +25,10 @@ def threads_for(order: int) -> AbstractContextManager[object]:
     """Return a context in which matrices of this order are worked on: one thread unless they are large."""
     if order >= WORTH_THREADS:
         return nullcontext()
+    return one_thread()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra has one thread: sums come out the same, wherever they are made."""
     limit: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return limit

@@ -62,18 +62,37 @@ class Factor:
         columns = right_hand_side[:, None] if right_hand_side.ndim == 1 else right_hand_side
         x = np.ascontiguousarray(columns[plan.permutation], dtype=np.float64)
         with threads_for(plan.largest_front):
-            self._forward(x)
-            self._backward(x)
+            self._forward(x, plan.fronts)
+            self._backward(x, plan.fronts)
         solution = np.empty_like(x)
         solution[plan.permutation] = x
         return solution.reshape(right_hand_side.shape)
 
-    def _forward(self, x: FloatArray) -> None:
-        """Replace x (permuted) by the solution of L y = x."""
+    def reduce(self, right_hand_side: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of a factor without its last front: y of L y = b (n, k), and what is left of b for the last front (p, k)."""
+        plan = self.elimination
+        x = np.ascontiguousarray(right_hand_side[plan.permutation], dtype=np.float64)
+        with threads_for(plan.largest_front):
+            self._forward(x, plan.fronts - 1)
+        return x, x[plan.pivot_pointers[-2] :].copy()
+
+    def follow(self, y: FloatArray, last: FloatArray) -> FloatArray:
+        """Of a factor without its last front: x (n, k) of Lᵀ x = y, the unknowns of the last front given (p, k)."""
+        plan = self.elimination
+        x = y.copy()
+        x[plan.pivot_pointers[-2] :] = last
+        with threads_for(plan.largest_front):
+            self._backward(x, plan.fronts - 1)
+        solution = np.empty_like(x)
+        solution[plan.permutation] = x
+        return solution
+
+    def _forward(self, x: FloatArray, fronts: int) -> None:
+        """Replace x (permuted) by the solution of L y = x, in the first fronts."""
         plan = self.elimination
         vanished = np.zeros(x.shape[0], dtype=bool)
         vanished[self.set_aside_places] = True
-        for f in range(plan.fronts):
+        for f in range(fronts):
             first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
             x[first:end][vanished[first:end]] = 0.0
             # A row-major slice is its own transpose in column-major order: yᵀ = xᵀ L11⁻ᵀ, in place.
@@ -82,10 +101,10 @@ class Factor:
             if self.below[f].size:
                 x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]] -= self.below[f] @ y
 
-    def _backward(self, x: FloatArray) -> None:
-        """Replace x (permuted) by the solution of Lᵀ z = x."""
+    def _backward(self, x: FloatArray, fronts: int) -> None:
+        """Replace x (permuted) by the solution of Lᵀ z = x, in the first fronts."""
         plan = self.elimination
-        for f in range(plan.fronts - 1, -1, -1):
+        for f in range(fronts - 1, -1, -1):
             first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
             y = x[first:end]
             if self.below[f].size:
@@ -104,10 +123,29 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
     Raises:
         NotFiniteError: the matrix contains infinities or not-a-numbers.
     """
+    _refuse_not_finite(matrix)
+    return _eliminated(matrix, elimination, tolerance, elimination.fronts)
+
+
+def eliminate_inner(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:
+    """Return the factor of all fronts but the last, in which the matrix of its pivots is left, lower triangle.
+
+    That is the Schur complement of what was eliminated: for who hands it on to be put together with others. Raises as
+    :func:`factorise` does.
+    """
+    _refuse_not_finite(matrix)
+    return _eliminated(matrix, elimination, tolerance, elimination.fronts - 1)
+
+
+def _refuse_not_finite(matrix: BlockMatrix) -> None:
     if not np.isfinite(
         matrix.values.sum()
     ):  # whatever is not finite shows in the sum, and it is five times as fast
         raise NotFiniteError("the normal matrix contains values that are not finite")
+
+
+def _eliminated(matrix: BlockMatrix, elimination: Elimination, tolerance: float, fronts: int) -> Factor:
+    """The factor of the first ``fronts`` fronts; those after them are assembled only."""
     updates: dict[int, list[tuple[FloatArray, IntArray]]] = {}
     pivots, below = _room_for(elimination)
     move = moves()
@@ -116,6 +154,8 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
         for f in range(elimination.fronts):
             children = updates.pop(f, [])
             front = _assembled_front(move, matrix.values, elimination, f, pivots[f], below[f], children)
+            if f >= fronts:
+                continue
             factor, vanished = _factor_in_place(front[0], tolerance), _NONE
             if factor is None:  # the assembled pivots are gone, and are needed once more
                 front[0][...], front[1][...] = 0.0, 0.0

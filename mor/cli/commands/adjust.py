@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
+from mor.cli._domains import Amount, Results, Wanted, adjust_in_domains, needs_domains
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell
 from mor.cli._output import quiet_option
@@ -74,6 +75,31 @@ if TYPE_CHECKING:
     help="Format of the tables.",
 )
 @click.option(
+    "--memory",
+    metavar="SIZE",
+    type=Amount(),
+    show_default="what there is",
+    help="Memory a process may take, e.g. 4GB; what does not fit is adjusted in domains, one after the other.",
+)
+@click.option(
+    "--workers",
+    metavar="N",
+    type=click.IntRange(1, 1024),
+    help="Adjust in domains by so many processes of this machine (needs mor-adjustment[dask]).",
+)
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Adjust in domains by the workers of a Dask scheduler, e.g. tcp://host:8786.",
+)
+@click.option(
+    "--scratch",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    show_default="beside the results",
+    help="Folder for the state of the domains, which all workers see under the same name.",
+)
+@click.option(
     "--events",
     metavar="FILE",
     type=click.File("w", encoding="utf-8"),
@@ -94,6 +120,10 @@ def command(
     html: bool | None,
     tables: Literal["none", "worst", "all"] | None,
     table_format: Literal["csv", "parquet"],
+    memory: float | None,
+    workers: int | None,
+    cluster: str | None,
+    scratch: Path | None,
     events: TextIO | None,
     quiet: bool,
     verbose: bool,
@@ -103,13 +133,11 @@ def command(
     \b
     Examples:
       mor adjust project.yaml
-      mor adjust project.yaml -o results --force
-      mor adjust project.yaml --snoop
-      mor adjust project.yaml --lang de
-      mor adjust project.yaml --tables all --table-format parquet
+      mor adjust project.yaml -o results --force --snoop
+      mor adjust project.yaml --lang de --tables all --table-format parquet
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
-      mor adjust network.dat --from starnet
+      mor adjust network.dat --from starnet --memory 4GB
 
     PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
 
@@ -138,6 +166,10 @@ def command(
         options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
         replaces = force or is_repeated(folder, project, options)
         place = held.enter_context(reserve(folder, replaces)) if writes else None
+        how = Results(table_format, tables in (None, "all"), strict, quiet, words, options)
+        limits = Wanted(memory, workers, cluster, scratch, as_json, snoop, html, full)
+        if needs_domains(document, project.parent, limits):
+            return adjust_in_domains(document, project.parent, limits, place, how, say, files)
         with named_in_full(place):
             solved = adjusted(document, project.parent, snoop, say)
         of = Identity(tuple(files.values()), project.parent, options)
@@ -152,9 +184,9 @@ def command(
     if as_json:
         click.echo(results_text(solved, of), nl=False)
     if said:
-        click.echo(said, err=True)
-        if writes:
-            click.echo(words("results in {place}", place=folder), err=True)
+        click.echo(
+            "\n".join([said, *([words("results in {place}", place=folder)] if writes else [])]), err=True
+        )
     return code
 
 

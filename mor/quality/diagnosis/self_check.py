@@ -34,17 +34,21 @@ _TOLD = 1000
 def checked(quality: Quality) -> Adjustment:
     """The adjustment of an assessed solution, with the outcome it deserves."""
     adjustment = quality.adjustment
-    useless = _beyond_use(quality)
+    useless = beyond_use(quality)
     if useless:
         defect = replace(adjustment.defect, undetermined=tuple(useless))
         return replace(adjustment, outcome=Outcome.SINGULAR, reason=BEYOND_USE, defect=defect)
-    missing = abs(quality.redundancy_sum - quality.redundancy)
-    if not missing <= max(_SUM, 1e-6 * quality.redundancy):
+    if not is_complete(quality.redundancy_sum, quality.redundancy):
         return replace(adjustment, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
     return adjustment
 
 
-def _beyond_use(quality: Quality) -> list[Undetermined]:
+def is_complete(redundancy_sum: float, redundancy: int) -> bool:
+    """True where Σ r is the redundancy, but for round-off of exact cofactors."""
+    return abs(redundancy_sum - redundancy) <= max(_SUM, 1e-6 * redundancy)
+
+
+def beyond_use(quality: Quality) -> list[Undetermined]:
     """Blocks with unknowns whose σ (σ0 = 1) is larger than the scale they live on; those first that are worst."""
     problem, found = quality.adjustment.problem, []
     size = network_size(quality.adjustment)

@@ -22,6 +22,10 @@ RESULT_FILES = (
         for name in ("residuals", "residuals_worst", "points", "images")
         for kind in ("csv", "parquet")
     ),
+    "domains.json",
+    "points",
+    "images",
+    "residuals",
     "undetermined.csv",
     "reference.csv",
     "adjusted.yaml",

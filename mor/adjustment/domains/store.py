@@ -1,0 +1,106 @@
+"""Where domains keep what they know between two calls: in memory, or in files that all processes see."""
+
+from __future__ import annotations
+
+import pickle
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from mor.observations import (
+    FOLLOWER_TYPES,
+    IMAGE_TYPES,
+    OBSERVED_DIFFERENCES,
+    OBSERVED_PARAMETERS,
+    PLAIN_TYPES,
+    PROJECTION_CENTRE_TYPES,
+    ObservationType,
+)
+
+_TYPES = {
+    "image": IMAGE_TYPES,
+    "follower": FOLLOWER_TYPES,
+    "plain": PLAIN_TYPES,
+    "projection centre": PROJECTION_CENTRE_TYPES,
+    "parameter": OBSERVED_PARAMETERS,
+    "difference": OBSERVED_DIFFERENCES,
+}
+"""Observation types by catalogue and key: they hold equations, which files do not."""
+
+
+class Store(Protocol):
+    """Objects by name. What is saved again under the same name is the same object: whoever computes it anew may."""
+
+    def save(self, name: str, thing: Any) -> None:
+        """Keep an object."""
+
+    def load(self, name: str) -> Any:
+        """An object that was kept."""
+
+    def drop(self, name: str) -> None:
+        """Forget an object, if there is one."""
+
+
+@dataclass(frozen=True)
+class MemoryStore:
+    """Objects as they are, in this process."""
+
+    things: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, name: str, thing: Any) -> None:
+        """Keep an object."""
+        self.things[name] = thing
+
+    def load(self, name: str) -> Any:
+        """An object that was kept."""
+        return self.things[name]
+
+    def drop(self, name: str) -> None:
+        """Forget an object, if there is one."""
+        self.things.pop(name, None)
+
+
+class _Pickler(pickle.Pickler):
+    """Observation types go into a file by their names: one that comes back is the same one."""
+
+    def reducer_override(self, thing: Any) -> Any:
+        if not isinstance(thing, ObservationType):
+            return NotImplemented
+        for catalogue, types in _TYPES.items():
+            for key, one in types.items():
+                if one is thing:
+                    return _type_of, (catalogue, key)
+        return NotImplemented
+
+
+def _type_of(catalogue: str, key: str) -> ObservationType:
+    return _TYPES[catalogue][key]
+
+
+@dataclass(frozen=True)
+class FileStore:
+    """One file for each object in a folder; a file is there as a whole or not at all."""
+
+    folder: Path
+
+    def save(self, name: str, thing: Any) -> None:
+        """Write an object, beside its place first."""
+        path = self._path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+        with beside.open("wb") as file:
+            _Pickler(file, protocol=pickle.HIGHEST_PROTOCOL).dump(thing)
+        beside.replace(path)
+
+    def load(self, name: str) -> Any:
+        """Read an object."""
+        with self._path(name).open("rb") as file:
+            return pickle.load(file)
+
+    def drop(self, name: str) -> None:
+        """Delete the file of an object, if there is one."""
+        self._path(name).unlink(missing_ok=True)
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.pickle"

@@ -1,0 +1,228 @@
+"""``mor adjust`` in domains: larger than memory, or by several workers."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import click
+
+from mor.errors import InputError
+from mor.errors import Problem as Mistake
+
+if TYPE_CHECKING:
+    from mor.adjustment.domains.tree import Engine
+    from mor.cli._progress import Progress
+    from mor.domains.story import Outcomes
+    from mor.input_files import ReadFile
+    from mor.project.file.nodes import Document
+    from mor.report.results.reservation import Reservation
+    from mor.report.words.language import Words
+
+
+class Amount(click.ParamType):  # type: ignore[type-arg]
+    """An amount of memory: 4GB, 800MB."""
+
+    name = "size"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Bytes."""
+        from mor.domains.room import size_of
+
+        if isinstance(value, float):
+            return value
+        try:
+            return size_of(str(value))
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+class Wanted(NamedTuple):
+    """What was asked for."""
+
+    memory: float | None
+    workers: int | None
+    cluster: str | None
+    scratch: Path | None
+    as_json: bool = False
+    snoop: bool = False
+    html: bool | None = None
+    full: bool = False
+
+    @property
+    def shared_out(self) -> bool:
+        """True where workers are to do it."""
+        return self.workers is not None or self.cluster is not None
+
+
+class Results(NamedTuple):
+    """How results are written, and told."""
+
+    kind: Literal["csv", "parquet"]
+    residuals: bool
+    strict: bool
+    quiet: bool
+    words: Words
+    options: tuple[str, ...]
+
+
+_SMALL = 100e6
+"""Bytes of tables that fit into any memory: nobody looks any closer."""
+
+
+def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
+    """True where workers are asked for, or a project does not fit in the memory it may take.
+
+    What nobody asked for is not done where something else was that domains do not do. Raises :class:`InputError`.
+    """
+    if wanted.workers is not None and wanted.cluster is not None:
+        raise InputError([Mistake("--workers and --cluster together; give either of them")])
+    if wanted.shared_out:
+        _refuse(wanted)
+        return True
+    if wanted.memory is None and _bytes_of_tables(document, folder) < _SMALL:
+        return False
+    from mor.domains.room import need_of_all, rays_of
+    from mor.memory import available
+    from mor.project.domains.refusals import refuse_unsupported
+    from mor.project.file.validation import validate
+
+    memory = wanted.memory if wanted.memory is not None else available()
+    project = validate(document)
+    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html) <= memory:
+        return False
+    try:
+        _refuse(wanted)
+        refuse_unsupported(project, document)
+    except InputError:
+        if wanted.memory is not None:
+            raise
+        return False
+    return True
+
+
+def _bytes_of_tables(document: Document, folder: Path) -> int:
+    paths = [folder / name for name in document.table_files()]
+    return sum(path.stat().st_size for path in paths if path.is_file())
+
+
+def _refuse(wanted: Wanted) -> None:
+    """Options that domains do not do."""
+    asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--html": wanted.html, "--full": wanted.full}
+    problems = [
+        Mistake(
+            f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
+        )
+        for name, given in asked.items()
+        if given
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def adjust_in_domains(
+    document: Document,
+    folder: Path,
+    wanted: Wanted,
+    place: Reservation | None,
+    how: Results,
+    say: Progress,
+    files: Mapping[Path, ReadFile],
+) -> int:
+    """Adjust a project in domains, write and tell its results. Returns the exit code."""
+    from mor.domains.results import exit_code, write
+    from mor.domains.room import check_scratch, rays_of, rays_of_domain
+    from mor.memory import available
+    from mor.project.file.validation import validate
+    from mor.report.domains.summary import verdict
+    from mor.report.identity import Identity, identity_of
+
+    assert place is not None  # --json, which may do without a folder, is refused
+    rays = rays_of(validate(document), document, folder)
+    memory = wanted.memory or available() or 4e9
+    size = rays_of_domain(rays, memory, wanted.workers or 1)
+    with _scratch(wanted, place) as scratch:
+        check_scratch(rays, scratch)
+        with _engine(wanted, scratch, 2 * rays) as engine:
+            found = _adjusted(engine, document, folder, scratch, size, memory, how, say)
+        say.phase("writing")
+        of = Identity(tuple(files.values()), folder, how.options)
+        identity = identity_of(found.prepared.project, of)
+        told = write(found, scratch / "parts", place, how.kind, how.residuals, identity, how.words)
+    code = exit_code(told, how.strict)
+    say.event("done", outcome=told.outcome, exit_code=int(code), folder=str(place.folder))
+    if not how.quiet or told.solution is None:
+        click.echo(verdict(told, how.words), err=True)
+        click.echo(how.words("results in {place}", place=place.folder), err=True)
+    return code
+
+
+def _adjusted(
+    engine: Engine,
+    document: Document,
+    folder: Path,
+    scratch: Path,
+    size: int,
+    memory: float,
+    how: Results,
+    say: Progress,
+) -> Outcomes:
+    """Divide, prepare, adjust and assess."""
+    import numpy as np
+
+    from mor.compilation import chosen_by_size
+    from mor.domains.room import check_boundaries
+    from mor.domains.story import divided, prepared, solved
+    from mor.sparse.blas_threads import one_thread
+
+    say.phase("dividing")
+    found = divided(document, folder, scratch, size)
+    with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
+        say.phase("reading")
+        ready = prepared(engine, found)
+        say.notes(ready.notes)
+        most = max(found.parts.rays)
+        say.notes([Mistake(f"adjusted in {found.parts.count} domains of up to {most} image points")])
+        check_boundaries(
+            [len(numbers) for numbers in ready.boundaries.numbers], ready.boundaries.widest, memory
+        )
+        say.phase("adjusting")
+        parts = scratch / "parts"
+        assessing = partial(say.phase, "precision and reliability")
+        return solved(engine, ready, parts, how.kind, how.residuals, say.iteration, assessing)
+
+
+@contextmanager
+def _scratch(wanted: Wanted, place: Reservation) -> Iterator[Path]:
+    """A folder for the state of the domains: where it is wanted, or beside the results; it goes at the end."""
+    above = wanted.scratch or place.work
+    if not above.is_dir():
+        raise InputError(
+            [Mistake("this is no folder, expected one for the state of the domains", str(above))]
+        )
+    folder = Path(tempfile.mkdtemp(prefix="mor-domains-", dir=above.resolve()))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _engine(wanted: Wanted, scratch: Path, observations: int) -> Iterator[Engine]:
+    """Who does the tasks."""
+    from mor.adjustment.domains.store import FileStore
+    from mor.adjustment.domains.tree import Here
+
+    store = FileStore(scratch / "state")
+    if wanted.workers is None and wanted.cluster is None:
+        yield Here(store)
+        return
+    from mor.domains.workers import working
+
+    with working(store, observations, wanted.workers, wanted.cluster, wanted.memory) as engine:
+        yield engine

@@ -1,0 +1,137 @@
+"""The quality of a domain once the whole is solved, and its part of the tables."""
+
+from __future__ import annotations
+
+import gc
+import secrets
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from mor.adjustment.datum.defect import Defect
+from mor.adjustment.datum.s_transformation import STransformation
+from mor.adjustment.domains.domain import Stage, cofactors_of, inverse_of
+from mor.adjustment.domains.store import Store
+from mor.adjustment.domains.tasks import Role, role
+from mor.adjustment.state import Adjustment, Outcome, Stride
+from mor.arrays import FloatArray
+from mor.memory import largest_resident
+from mor.project.domains.part_network import PartNetwork
+from mor.quality.assess import Whole, assessed
+from mor.quality.diagnosis.self_check import beyond_use
+from mor.quality.solved import Solved
+from mor.report.results.folder import Writer
+from mor.report.tables.control import sums_of_control
+from mor.report.tables.estimates import group_table, image_table, interior_rows, point_table
+from mor.report.tables.files import residual_writer, table_writer
+from mor.report.tables.shared import forget
+from mor.report.tables.worst import worst_residuals
+
+Kind = Literal["csv", "parquet"]
+WORST = 10_000
+
+
+class Order(NamedTuple):
+    """What is wanted of every domain."""
+
+    stage: str
+    values: str
+    """Stage of the values of the solution."""
+    whole: Whole
+    binding: FloatArray
+    """(d, d) H = (BᵀG)⁻¹."""
+    core: FloatArray
+    """(d, d) BᵀQB."""
+    movements: tuple[str, ...]
+    folder: Path
+    """Where the parts of the tables are written."""
+    kind: Kind
+    residuals: bool
+    """True for the table of all residuals, false for the worst."""
+
+
+class Assessed(NamedTuple):
+    """What a domain adds to the summary."""
+
+    redundancy: float
+    """Σ r."""
+    flagged: int
+    groups: pl.DataFrame
+    cameras: list[dict[str, object]]
+    worst: pl.DataFrame
+    shared: dict[str, pl.DataFrame]
+    """Sums over the observations of points and images that several domains have, by ``points``, ``images``."""
+    useless: tuple[tuple[str, str, int], ...]
+    """Unknowns whose σ is larger than the domain they live in."""
+    resident: float
+    """Largest resident size of the process so far."""
+
+
+def assess_domain(store: Store, d: int, order: Order) -> Assessed:
+    """Quality of a domain, cofactors of its outer unknowns being in the store; its parts of the tables are written."""
+    gc.collect()  # what is left of the domain before goes first
+    mine, part = role(store, d), store.load(f"network/{d}")
+    solved = _solved(store, d, order, mine, part, store.load(f"outer/{d}"))
+    quality = solved.quality
+    assert quality is not None
+    own = {"points": part.foreign["point"], "images": part.foreign["image"]}
+    tables = {"points": point_table(solved), "images": image_table(solved)}
+    for name, frame in tables.items():
+        place = order.folder / name
+        place.mkdir(parents=True, exist_ok=True)
+        foreign = pl.Series("id", sorted(own[name]), dtype=pl.String)
+        mine_only = frame.filter(~pl.col("id").is_in(foreign.implode()))
+        _written(table_writer(mine_only, "parquet"), place / f"{d:05d}.parquet")
+    shared = {"points": part.shared["point"], "images": part.shared["image"]}
+    assessed = Assessed(
+        quality.redundancy_sum,
+        int(sum(int(np.count_nonzero(flags)) for flags in quality.flagged)),
+        group_table(solved),
+        interior_rows(solved) if part.first else [],
+        worst_residuals(solved, WORST),
+        {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
+        tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
+        0.0,
+    )
+    forget(solved)  # the long table has the room of all others
+    if order.residuals:
+        place = order.folder / "residuals"
+        place.mkdir(parents=True, exist_ok=True)
+        _written(residual_writer(solved, order.kind, lambda rows: None), place / f"{d:05d}.{order.kind}")
+    return assessed._replace(resident=largest_resident())
+
+
+def _written(write: Writer, path: Path) -> None:
+    """Write a file beside its place first: it is there as a whole, whoever else writes it."""
+    beside = path.with_name(f".{secrets.token_hex(4)}.part")
+    write(beside)
+    beside.replace(path)
+
+
+def _solved(store: Store, d: int, order: Order, mine: Role, part: PartNetwork, outer: FloatArray) -> Solved:
+    """The domain as if it were a network of its own, what it cannot know by itself given."""
+    domain = mine.domain
+    at: Stage = store.load(f"stage/{order.stage}/{d}")
+    null, bound = store.load(f"datum/{d}")
+    inverse = inverse_of(domain, at, null)
+    values = store.load(f"values/{order.values}/{d}")
+    adjustment = Adjustment(
+        problem=domain.problem,
+        plan=domain.plan,
+        outcome=Outcome.CONVERGED,
+        reason="",
+        start=values,
+        values=values,
+        normals=at.normals.spent()._replace(objective=order.whole.omega),
+        anchors=np.zeros(0, dtype=np.int64),
+        inverse=inverse,
+        defect=Defect(order.movements, null, ()),
+        constraint=bound,
+        iterations=(),
+        stride=Stride(np.zeros(0)),
+    )
+    datum = STransformation(null, order.binding, store.load(f"through/{d}"), order.core)
+    quality = assessed(adjustment, cofactors_of(at, outer), datum, order.whole)
+    return Solved(part.network, adjustment, quality)

@@ -1,0 +1,192 @@
+"""Domains by the processes of a Dask cluster, on this machine or on many.
+
+A task is done anew where the worker that had it is lost. Everything longer than a boundary is in files that all
+processes see, written beside their place first, so that a task may be done twice and leaves the same bytes.
+"""
+
+from __future__ import annotations
+
+import platform
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mor import __version__
+from mor.adjustment.domains.store import FileStore
+from mor.compilation import chosen_by_size
+from mor.errors import InputError
+from mor.errors import Problem as Mistake
+from mor.memory import available
+from mor.sparse.blas_threads import one_thread
+
+_PATIENCE = 30.0
+"""Seconds to wait for a scheduler, and for its first worker."""
+_LOOK = 5.0
+"""Seconds after which it is looked whether there still are workers."""
+_DEATHS = 100
+"""Workers a task may lose before it is taken for what kills them."""
+_SAME = ("numpy", "scipy", "polars")
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Tasks done by the workers of a cluster."""
+
+    store: FileStore
+    client: Any
+    observations: int
+    """Of the whole project: what decides whether kernels are compiled."""
+    renew: Callable[[], None]
+    """Begins workers anew where none is left; of a cluster of others it does nothing."""
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
+        """Have a worker do the task."""
+        return self.client.submit(_done, task, self.store, self.observations, *arguments, pure=False)
+
+    def result(self, submitted: Any) -> Any:
+        """What the task has returned; it is waited for. Raises :class:`InputError` where it kills its workers."""
+        from distributed.scheduler import KilledWorker
+
+        alone_since = None
+        try:
+            while True:
+                try:
+                    return submitted.result(timeout=_LOOK)
+                except TimeoutError:
+                    alone_since = None if self.client.nthreads() else alone_since or time.monotonic()
+                if alone_since is not None and time.monotonic() - alone_since > _PATIENCE:
+                    raise InputError([Mistake("all workers are lost, and no new ones come")])
+                if alone_since is not None:
+                    self.renew()
+        except KilledWorker as error:
+            words = (
+                "workers died one after the other at the same task; have they less memory than they were told"
+            )
+            raise InputError([Mistake(f"{words}? {str(error).splitlines()[0]}")]) from None
+
+
+def _done(task: Callable[..., Any], store: FileStore, observations: int, *arguments: Any) -> Any:
+    with chosen_by_size(observations), one_thread(), np.errstate(all="ignore"):
+        return task(store, *arguments)
+
+
+@contextmanager
+def working(
+    store: FileStore, observations: int, workers: int | None, address: str | None, memory: float | None
+) -> Iterator[Workers]:
+    """The workers of the cluster at an address, or so many of this machine; those end with the work.
+
+    Raises :class:`InputError` where they cannot do it: another version, files they do not see, too little memory.
+    """
+    _check_installed()
+    with _client(workers, address, memory) as (client, renew):
+        _check(client, store.folder, memory)
+        yield Workers(store, client, observations, renew)
+
+
+def _check_installed() -> None:
+    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
+    if missing:
+        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
+        raise InputError([Mistake(f"--workers and --cluster need Dask, {words}")])
+
+
+@contextmanager
+def _client(
+    workers: int | None, address: str | None, memory: float | None
+) -> Iterator[tuple[Any, Callable[[], None]]]:
+    import dask
+    from distributed import Client, LocalCluster
+
+    if address is not None:
+        try:
+            client = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            raise InputError(
+                [Mistake(f"no scheduler answers there: {str(error).splitlines()[0]}", address)]
+            ) from None
+        with client:
+            yield client, lambda: None
+        return
+    count = workers or 1
+    each = memory if memory is not None else (available() or 4e9 * count) / count
+    settings = {
+        "distributed.scheduler.allowed-failures": _DEATHS,
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
+        "distributed.worker.memory.terminate": False,
+    }
+    with (
+        dask.config.set(settings),
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count,
+            threads_per_worker=1,
+            memory_limit=int(each),
+            dashboard_address=None,
+            silence_logs=50,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+    ):
+
+        def renew() -> None:
+            cluster.scale(0)
+            cluster.scale(count)
+
+        yield client, renew
+
+
+def _check(client: Any, folder: Path, memory: float | None) -> None:
+    """Raise :class:`InputError` with all that keeps the workers from doing it."""
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        raise InputError([Mistake(f"the scheduler has no workers ({_PATIENCE:.0f} s waited)")]) from None
+    folder.mkdir(parents=True, exist_ok=True)
+    word = secrets.token_hex(8)
+    token = folder / f"seen-by-{word}"
+    token.write_text(word, encoding="ascii")
+    here, problems = versions(), []
+    for worker, found in sorted(client.run(_what_is_there, str(token)).items()):
+        other = [f"{name} {found['versions'].get(name)} there, {mine} here" for name, mine in here.items()
+                 if found["versions"].get(name) != mine]  # fmt: skip
+        if other:
+            problems.append(Mistake(f"another version: {'; '.join(other)}", worker))
+        if found["word"] != word:
+            words = f"does not see {folder}: --scratch names a folder of a file system that all machines have in common"
+            problems.append(Mistake(words, worker))
+        if memory is not None and found["memory"] is not None and found["memory"] < memory:
+            words = (
+                f"has {found['memory'] / 1e9:.2f} GB of memory, and --memory counts on {memory / 1e9:.2f} GB"
+            )
+            problems.append(Mistake(words, worker))
+    token.unlink()
+    if problems:
+        raise InputError(problems)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what makes the numbers."""
+    return {
+        "mor": __version__,
+        "Python": platform.python_version(),
+        **{name: version(name) for name in _SAME},
+    }
+
+
+def _what_is_there(token: str) -> dict[str, Any]:
+    """Versions, memory and whether a file is seen, where a worker is."""
+    path = Path(token)
+    try:
+        word = path.read_text(encoding="ascii")
+    except OSError:
+        word = ""
+    return {"versions": versions(), "word": word, "memory": available()}

@@ -1,0 +1,251 @@
+"""The rows of a project's tables, each where its domain is: files in a folder that all processes see.
+
+Rays go where their point goes, points where most of their rays come from, images wherever they have rays. All that is
+not image coordinates in a file stays together: the *ground*, a domain of its own, which has the points and images that
+it names, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import polars as pl
+
+from mor.errors import InputError, Problem
+from mor.project.domains.division import Halves, halved, without_empty
+from mor.project.domains.refusals import is_divided
+from mor.project.domains.tables import pieces
+from mor.project.file.model import Project
+from mor.project.file.nodes import Document
+from mor.project.tables.columns import Place
+
+Rows: TypeAlias = Callable[[str, int], Iterator[pl.DataFrame]]
+"""What reads a table, by its section and number, a part at a time."""
+Section = tuple[str, int]
+"""Section of the project file and number of the table in it."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """How a project was divided."""
+
+    folder: Path
+    tree: Halves
+    count: int
+    """Number of domains."""
+    ground: int
+    """The domain with all that is not divided; −1 where there is nothing of it."""
+    rays: tuple[int, ...]
+    """Image points of each domain."""
+
+    def files(self, section: Section, domain: int) -> list[Path]:
+        """Files with the rows of a table in a domain, in their order."""
+        return sorted((self.folder / f"{section[0]}-{section[1]}").glob(f"{domain:05d}-*.parquet"))
+
+
+def divide(project: Project, document: Document, source: Path, folder: Path, rays_of_domain: int) -> Parts:
+    """Divide the tables of a project, found from ``source``, into files in a folder. Raises :class:`InputError`."""
+
+    def rows(section: str, number: int) -> Iterator[pl.DataFrame]:
+        table = getattr(project, section)[number]
+        return pieces(table, Place(document, (section, number), source))
+
+    divided = [k for k, entry in enumerate(project.observations) if is_divided(entry)]
+    work = _counted(rows("observations", k) for k in divided)
+    images = _images(project, document, rows).join(work, left_on="id", right_on="image", how="left")
+    amount = images["rays"].fill_null(0).to_numpy().astype(float)
+    count = max(-(-int(amount.sum()) // rays_of_domain), 1)
+    domain, tree = halved(
+        images.select("x", "y", "z").to_numpy(), np.maximum(amount, 1e-3), min(count, images.height)
+    )
+    of_images = images.select("id").with_columns(domain=pl.Series(domain, dtype=pl.Int32))
+    of_points = _points(rows, divided, of_images)
+    used = np.bincount(of_points["domain"].to_numpy(), minlength=int(domain.max()) + 1) > 0
+    tree, number = without_empty(tree, used)
+    count = int(number.max()) + 1
+    of_images, of_points = (
+        frame.with_columns(pl.Series(number, dtype=pl.Int32).gather(frame["domain"]).alias("domain"))
+        for frame in (of_images, of_points)
+    )
+    ground = count if _has_ground(project, divided) else -1
+    if ground >= 0:
+        tree, count = (tree, ground), count + 1
+    names = _texts(document, rows, project, divided) if ground >= 0 else pl.Series("id", [], dtype=pl.String)
+    totals, seen = np.zeros(count, dtype=np.int64), []
+    for k in divided:
+        for piece, frame in enumerate(rows("observations", k)):
+            placed = frame.join(of_points, left_on="point", right_on="id", how="left", maintain_order="left")
+            placed = placed.with_columns(pl.col("domain").fill_null(0))
+            seen.append(placed.group_by("image", "domain").len())
+            totals += np.bincount(placed["domain"].to_numpy(), minlength=count)
+            _write(folder, ("observations", k), piece, placed)
+    lone = ground if ground >= 0 else 0
+    _divide_images(folder, project, rows, pl.concat(seen), of_images, names, ground)
+    _divide_points(folder, project, rows, of_points, names, ground, lone)
+    return Parts(folder, tree, count, ground, tuple(totals.tolist()))
+
+
+def _counted(tables: Iterable[Iterable[pl.DataFrame]]) -> pl.DataFrame:
+    """Number of rays of each image."""
+    parts = [frame.group_by("image").agg(rays=pl.len()) for table in tables for frame in table]
+    return pl.concat(parts).group_by("image").agg(pl.col("rays").sum())
+
+
+def _images(project: Project, document: Document, rows: Rows) -> pl.DataFrame:
+    """Names and places of all images; a start value goes before a value."""
+    found, problems = [], []
+    for k in range(len(project.images)):
+        place = Place(document, ("images", k), Path())
+        for frame in rows("images", k):
+            tied = [name for name in ("position", "leader", "pair") if name in frame.columns]
+            if any(frame[name].cast(pl.String).fill_null("").ne("").any() for name in tied):
+                problems.append(
+                    place.problem("domains do not do images that share a position, or follow another one")
+                )
+            axes = [[name for name in (f"start_{axis}", axis) if name in frame.columns] for axis in "xyz"]
+            if "id" not in frame.columns or not all(axes):
+                problems.append(place.problem("to be divided by place, images need columns id, x, y and z"))
+                continue
+            values = (
+                pl.coalesce(
+                    [pl.col(name).cast(pl.Float64, strict=False).fill_nan(None) for name in names]
+                ).alias(axis)
+                for axis, names in zip("xyz", axes, strict=True)
+            )
+            found.append(frame.select(pl.col("id"), *values))
+            if found[-1].null_count().sum_horizontal().item():
+                words = "to be divided by place, images need start values as plain numbers (mor approximate)"
+                problems.append(place.problem(words))
+    if problems or not found:
+        raise InputError(problems or [Problem("there are no images to divide", document.file)])
+    return pl.concat(found)
+
+
+def _points(rows: Rows, divided: list[int], of_images: pl.DataFrame) -> pl.DataFrame:
+    """Domain of each point: that of most of its rays, the first one of several."""
+    parts = [
+        frame.select("image", "point")
+        .join(of_images, left_on="image", right_on="id", how="left")
+        .group_by("point", "domain")
+        .len()
+        for k in divided
+        for frame in rows("observations", k)
+    ]
+    counts = pl.concat(parts).group_by("point", "domain").agg(pl.col("len").sum())
+    order = counts.sort("point", "len", "domain", descending=[False, True, False])
+    return order.unique("point", keep="first").select(
+        pl.col("point").alias("id"), pl.col("domain").fill_null(0)
+    )
+
+
+def _has_ground(project: Project, divided: list[int]) -> bool:
+    others = [k for k in range(len(project.observations)) if k not in divided]
+    return bool(others or project.features or project.stations or project.systems)
+
+
+def _texts(document: Document, rows: Rows, project: Project, divided: list[int]) -> pl.Series:
+    """Every text in all that is not divided: whatever it names is among them."""
+    found: set[str] = set()
+
+    def collect(node: object) -> None:
+        if isinstance(node, dict):
+            for value in node.values():
+                collect(value)
+        elif isinstance(node, list):
+            for value in node:
+                collect(value)
+        elif isinstance(node, str):
+            found.update((node, node.partition(":")[2]))
+
+    for section in ("features", "stations", "systems"):
+        collect(document.data.get(section))
+    entries = document.data.get("observations") or []
+    collect([entry for k, entry in enumerate(entries) if k not in divided])
+    tables = [("observations", k) for k in range(len(project.observations)) if k not in divided]
+    tables += [
+        (section, k) for section in ("stations", "systems") for k in range(len(getattr(project, section)))
+    ]
+    for section, k in tables:
+        if getattr(project, section)[k].file is None:
+            continue
+        for frame in rows(section, k):
+            for column in frame.iter_columns():
+                if column.dtype == pl.String or column.dtype.is_integer():
+                    names = column.cast(pl.String).str.strip_chars().unique().drop_nulls().to_list()
+                    found.update(names)
+                    found.update(name.partition(":")[2] for name in names)
+    return pl.Series("id", sorted(found), dtype=pl.String)
+
+
+def _divide_images(
+    folder: Path,
+    project: Project,
+    rows: Rows,
+    seen: pl.DataFrame,
+    of_images: pl.DataFrame,
+    names: pl.Series,
+    ground: int,
+) -> None:
+    """Images go to every domain they have rays in, and to the ground; the first of these owns them."""
+    placed = seen.select(pl.col("image").alias("id"), pl.col("domain").cast(pl.Int32)).unique()
+    lost = of_images.join(placed, on="id", how="anti")
+    both = pl.concat([placed, lost])
+    if ground >= 0:
+        both = pl.concat([both, _in_ground(of_images, names, ground)])
+    _write_several(folder, "images", len(project.images), rows, both)
+
+
+def _divide_points(
+    folder: Path,
+    project: Project,
+    rows: Rows,
+    of_points: pl.DataFrame,
+    names: pl.Series,
+    ground: int,
+    lone: int,
+) -> None:
+    """Points go to their domain, and to the ground where it names them; those without rays stay with it."""
+    for k in range(len(project.points)):
+        for piece, frame in enumerate(rows("points", k)):
+            ids = frame.select("id").unique()
+            placed = ids.join(of_points.with_columns(pl.col("domain").cast(pl.Int32)), on="id", how="left")
+            both = placed.with_columns(pl.col("domain").fill_null(lone))
+            if ground >= 0:
+                both = pl.concat([both, _in_ground(ids, names, ground)]).unique()
+            _write_owned(folder, ("points", k), piece, frame, both)
+
+
+def _in_ground(ids: pl.DataFrame, names: pl.Series, ground: int) -> pl.DataFrame:
+    chosen = ids.select("id").filter(pl.col("id").is_in(names.implode()))
+    return chosen.with_columns(domain=pl.lit(ground, dtype=pl.Int32))
+
+
+def _write_several(folder: Path, section: str, count: int, rows: Rows, both: pl.DataFrame) -> None:
+    for k in range(count):
+        for piece, frame in enumerate(rows(section, k)):
+            _write_owned(folder, (section, k), piece, frame, both.unique())
+
+
+OWNED = "mor:owned"
+SHARED = "mor:shared"
+"""Columns that say whether this domain is the first to have a thing, and whether another one has it, too."""
+
+
+def _write_owned(folder: Path, section: Section, piece: int, frame: pl.DataFrame, both: pl.DataFrame) -> None:
+    marked = both.with_columns(
+        (pl.col("domain") == pl.col("domain").min().over("id")).alias(OWNED),
+        (pl.len().over("id") > 1).alias(SHARED),
+    )
+    _write(folder, section, piece, frame.join(marked, on="id", how="inner", maintain_order="left"))
+
+
+def _write(folder: Path, section: Section, piece: int, frame: pl.DataFrame) -> None:
+    """One file for every domain that has rows of a piece of a table."""
+    place = folder / f"{section[0]}-{section[1]}"
+    place.mkdir(parents=True, exist_ok=True)
+    for (domain,), part in frame.partition_by("domain", as_dict=True, maintain_order=True).items():
+        part.drop("domain").write_parquet(place / f"{domain:05d}-{piece:06d}.parquet", compression="lz4")

@@ -1,0 +1,124 @@
+"""``mor adjust --memory``: when domains are taken, what they refuse, what they leave behind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+from domains_blocks import Ended, Kind, command, write_block
+
+from mor.domains import room
+
+
+def adjust(project: Path, *options: str) -> Ended:
+    return command("adjust", project, *options)
+
+
+@pytest.fixture
+def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "rays_of_domain", lambda rays, memory, workers=1: 700)
+    monkeypatch.setattr(room, "PROGRAM", 0.0)
+    monkeypatch.setattr(room, "OF_OUTER", 0)
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_results_in_parts_and_nothing_else_left(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind(control=6))
+    done = adjust(project, "--memory", "1MB", "--table-format", "parquet", "-o", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    told = json.loads((tmp_path / "out" / "domains.json").read_text(encoding="utf-8"))
+    assert told["outcome"] == "converged"
+    assert told["redundancy_sum"] == pytest.approx(told["redundancy"], abs=1e-6)
+    assert len(told["domains"]) > 2
+    rays = pl.read_parquet(tmp_path / "block" / "rays.parquet").height
+    residuals = pl.read_parquet(tmp_path / "out" / "residuals" / "*.parquet")
+    assert residuals.filter(pl.col("type") == "image").height == 2 * rays
+    images = pl.read_parquet(tmp_path / "out" / "images" / "*.parquet")
+    assert images["id"].is_unique().all()
+    assert images["points"].sum() == rays
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["block", "out"]
+    assert "sum of redundancy numbers" in (tmp_path / "out" / "report.txt").read_text(encoding="utf-8")
+
+
+def test_what_fits_is_adjusted_as_ever(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    assert adjust(project, "--memory", "4GB", "-o", str(tmp_path / "out")).exit_code == 0
+    assert (tmp_path / "out" / "results.json").is_file()
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_german(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    adjust(project, "--memory", "1MB", "--lang", "de", "-o", str(tmp_path / "out"))
+    text = (tmp_path / "out" / "report.txt").read_text(encoding="utf-8")
+    assert "Teilgebiet" in text
+    assert "domain" not in text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("datum: fixed", "datum: fixed\nsettings: {snooping: true}", "data snooping"),
+        ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
+        ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
+        (
+            "{type: image, file: rays.parquet,",
+            "{type: image, ppm: 2, file: rays.parquet,",
+            "σ that depend on distances",
+        ),
+    ],
+)
+def test_what_domains_do_not_do_is_said_before_the_work(
+    tmp_path: Path, before: str, after: str, words: str
+) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    project.write_text(project.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+    done = adjust(project, "--memory", "1MB", "-o", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("option", ["--json", "--snoop", "--html", "--full"])
+def test_options_domains_do_not_have(tmp_path: Path, option: str) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    done = adjust(project, "--memory", "1MB", option)
+    assert done.exit_code == 2
+    assert f"domains do not do {option}" in done.stderr
+
+
+def test_too_little_memory_to_divide(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    done = adjust(project, "--memory", "1MB")
+    assert done.exit_code == 5
+    assert "are allowed (--memory)" in done.stderr
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_bad_start_values_are_damped_as_on_one_machine(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    points = pl.read_parquet(tmp_path / "block" / "points.parquet")
+    points.with_columns(pl.col("z") + 500.0 * (pl.int_range(pl.len()) % 2)).write_parquet(
+        tmp_path / "block" / "points.parquet"
+    )
+    adjust(project, "-o", str(tmp_path / "one"))
+    adjust(project, "--memory", "1MB", "-o", str(tmp_path / "several"))
+    one = json.loads((tmp_path / "one" / "results.json").read_text(encoding="utf-8"))
+    several = json.loads((tmp_path / "several" / "domains.json").read_text(encoding="utf-8"))
+    assert several["outcome"] == "converged"
+    assert several["sigma0"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("4GB", 4e9), ("800 mb", 8e8), ("1.5GiB", 1.5 * 2**30), ("12", 12.0)]
+)
+def test_amounts(text: str, size: float) -> None:
+    assert room.size_of(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "GB", "4 parsec", "-1GB", "nan", "1e400"])
+def test_no_amounts(text: str) -> None:
+    with pytest.raises(ValueError, match="expected an amount of memory"):
+        room.size_of(text)
