@@ -117,9 +117,20 @@ def _gains(
         m, free = len(jacobian), columns >= 0
         q = jacobian[:, free] @ answer[_places(system, columns[free]), at : at + m]
         at += m
-        own = h[w][p]
-        gains.append(float(own @ np.linalg.solve(np.eye(m) + 0.5 * (q + q.T), own)))
+        gains.append(_gain(h[w][p], 0.5 * (q + q.T)))
     return gains
+
+
+def _gain(own: FloatArray, q: FloatArray) -> float:
+    """hᵀ (I + q)⁻¹ h of one candidate (m,), (m, m); nothing where its cofactors cannot be computed.
+
+    By eigenvalues, none below 0: the cofactors of what hardly anything determines are large, and of less than full rank
+    to their last digit.
+    """
+    if not np.isfinite(q).all():
+        return 0.0
+    large, axes = np.linalg.eigh(q)
+    return float(np.sum((axes.T @ own) ** 2 / (1.0 + np.maximum(large, 0.0))))
 
 
 def _places(system: LocalSystem, columns: IntArray) -> IntArray:
