@@ -30,6 +30,7 @@ from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
 from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
+from mor.observations.moving_image import MOVING_TYPES
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.observations.projection_centre import takes_positions, to_projection_centres
 from mor.observations.spatial_angle import SPATIAL_ANGLE
@@ -66,6 +67,7 @@ ALL_TYPES = {
     for kind in (
         *IMAGE_TYPES.values(),
         *FOLLOWER_TYPES.values(),
+        *MOVING_TYPES.values(),
         *PLAIN_TYPES.values(),
         *PROJECTION_CENTRE_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
@@ -79,6 +81,7 @@ __all__ = [
     "FOLLOWER_TYPES",
     "FREE_TURNS",
     "IMAGE_TYPES",
+    "MOVING_TYPES",
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
     "PERFECT_SET_UP",

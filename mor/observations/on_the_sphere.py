@@ -24,6 +24,7 @@ from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.observations._contract import ObservationType
 from mor.observations.image import FOLLOWER_SLOTS, image_coordinates
+from mor.observations.moving_image import MOVING, moving_image_coordinates
 from mor.units import NUMBER, Component
 
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
@@ -38,7 +39,10 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     if key not in CAMERA_MODELS:
         return None
     model = replace(CAMERA_MODELS[key], project=_arcs, constants=RAY)
-    found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
+    if form == MOVING:
+        found = moving_image_coordinates(model)
+    else:
+        found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
     return replace(found, key=_KEY + type_.key)
 
 

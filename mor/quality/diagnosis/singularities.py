@@ -28,6 +28,9 @@ _CURES = {
     "scale": "fix the scale, or give the system points of known distance",
     "eccentricity": "fix the component, or turn the frame about its rotation centre",
     "base": "fix the base, or measure a distance",
+    "readout": "fix or observe the readout time, or observe the motion of an image: measurements tell only their product",
+    "velocity": "fix or observe the velocity, or the readout time if that is unknown too",
+    "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
 }
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""

@@ -54,7 +54,8 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     used: BoolArray = np.asarray(whole & np.isfinite(scale) & (scale > 0.0))
     type_ = on_the_sphere(group.type)
     assert type_ is not None
-    constants = np.concatenate([measured, rays], axis=1)
+    own = 2 + len(model.constants)
+    constants = np.concatenate([measured, rays, group.constants[:, own:]], axis=1)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
     return replace(group, type=type_, observed=observed, constants=constants), factor

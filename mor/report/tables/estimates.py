@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations import is_image_point
 from mor.observations.names import places_of
-from mor.parameters.kinds import INTERIORS
+from mor.parameters.kinds import INTERIORS, ROTATION_RATE, VELOCITY
 from mor.project.edge import split
 from mor.project.file.model import Axes
 from mor.project.network.features import feature_label
@@ -24,7 +25,7 @@ from mor.report.edge import Estimate, angle_unit, plain, points, rotations
 from mor.report.tables.control import control_of_images, control_of_points
 from mor.report.tables.ellipses import ellipse_columns
 from mor.report.tables.shared import once
-from mor.units import ANGLE_UNITS, IMAGE
+from mor.units import ANGLE_UNITS, IMAGE, Component
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
@@ -81,8 +82,25 @@ def image_table(solved: Solved) -> pl.DataFrame:
             **_pose(solved, things.parts["position"], things.parts["rotation"]),
             **_image_residuals(solved),
             **control_of_images(solved),
+            **_motions(solved),
         }
     )
+
+
+def _motions(solved: Solved) -> dict[str, FloatArray]:
+    """Velocities and rates of rotation of the images that are read out row by row, with σ; nothing where none is."""
+    parts, columns = solved.network.things["image"].parts, dict[str, FloatArray]()
+    for kind in (VELOCITY, ROTATION_RATE):
+        here = np.flatnonzero(parts[kind.key] >= 0)
+        if not len(here):
+            continue
+        estimate = plain(solved, kind.key, parts[kind.key][here])
+        free = solved.network.blocks[kind.key].free[parts[kind.key][here]]
+        for k, (name, factor) in enumerate(zip(kind.names, factors_of(solved, kind.components), strict=True)):
+            columns[name], columns[f"s{name}"] = (np.full(len(parts["camera"]), np.nan) for _ in range(2))
+            columns[name][here] = estimate.values[:, k] / factor
+            columns[f"s{name}"][here] = np.where(free[:, k], estimate.sigma[:, k] / factor, 0.0)
+    return columns
 
 
 def station_table(solved: Solved) -> pl.DataFrame:
@@ -181,15 +199,22 @@ def component_rows(solved: Solved, kind: str, number: int, components: Any) -> d
     """Components of a block by name: value, σ, status, and how significant those are that are unknowns."""
     estimate = plain(solved, kind, np.array([number]))
     blocks = solved.network.blocks[kind]
+    factors = factors_of(solved, components)
     return {
         component.name: {
-            "value": float(estimate.values[0, k]),
-            "sigma": _number(estimate.sigma[0, k]) if blocks.free[number, k] else None,
+            "value": float(estimate.values[0, k] / factors[k]),
+            "sigma": _number(estimate.sigma[0, k] / factors[k]) if blocks.free[number, k] else None,
             "status": "free" if blocks.free[number, k] else "fixed",
             **({"t": _significance(estimate, k, component.default)} if blocks.free[number, k] else {}),
         }
         for k, component in enumerate(components)
     }
+
+
+def factors_of(solved: Solved, components: Sequence[Component]) -> list[float]:
+    """Internal units per unit of the report, of components of plain blocks."""
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    return [unit**component.quantity.angle for component in components]
 
 
 def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
@@ -219,6 +244,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
         "gnss frame",
         "height",
         "eccentricity",
+        "readout",
         *(k.key for k in INTERIORS.values()),
     ):
         blocks = solved.network.blocks.get(kind)

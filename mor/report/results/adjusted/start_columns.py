@@ -13,7 +13,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations.earth import DEFLECTIONS, GEOID
 from mor.parameters.index import Values
-from mor.parameters.kinds import POINT, ROTATION, BlockKind
+from mor.parameters.kinds import KINDS, POINT, ROTATION, BlockKind
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
 from mor.units import ANGLE, ANGLE_UNITS
@@ -113,7 +113,10 @@ def plain_columns(
     placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]
 ) -> dict[str, FloatArray]:
     """Components that no axes turn."""
-    return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
+    turned = {component.quantity.angle for component in KINDS[kind].components}
+    per_unit = ANGLE_UNITS[angle_unit(placed)] if turned == {1} else 1.0
+    values = placed.values[kind][numbers] / per_unit
+    return _component_columns(placed, kind, numbers, names, values, per_unit)
 
 
 def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray) -> dict[str, Any]:
