@@ -36,7 +36,8 @@ def moved(lever: FloatArray, velocity: FloatArray, rate: FloatArray, time: Float
 
 def by_time(found: Moved, velocity: FloatArray, rate: FloatArray) -> FloatArray:
     """∂X*/∂t (n, 3) = −ω × X*(t) − exp(−[ω t]×) v, eccentricity left out of X*."""
-    return -np.cross(rate, found.star) - np.einsum("nij,nj->ni", found.turn, velocity)
+    passed: FloatArray = -np.cross(rate, found.star) - np.einsum("nij,nj->ni", found.turn, velocity)
+    return passed
 
 
 def right_jacobian(vector: FloatArray) -> FloatArray:

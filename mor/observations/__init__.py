@@ -30,10 +30,10 @@ from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
 from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
-from mor.observations.moving_image import MOVING_TYPES
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.observations.projection_centre import takes_positions, to_projection_centres
 from mor.observations.spatial_angle import SPATIAL_ANGLE
+from mor.observations.time.rolling_shutter import MOVING_TYPES
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {

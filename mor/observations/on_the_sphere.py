@@ -24,7 +24,7 @@ from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.observations._contract import ObservationType
 from mor.observations.image import FOLLOWER_SLOTS, image_coordinates
-from mor.observations.moving_image import MOVING, moving_image_coordinates
+from mor.observations.time.rolling_shutter import MOVING, moving_image_coordinates
 from mor.units import NUMBER, Component
 
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")

@@ -16,6 +16,7 @@ SCENES = (
     "image_variant",
     "bridge",
     "dam",
+    "drone_block",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotate, rotation_from_angles
+from mor.geometry.rotations import exponential, rotate, rotation_from_angles
 from mor.observations import ALL_TYPES, wrap
+from mor.observations.time.rolling_shutter import phases
 from mor.parameters.kinds import KINDS
 
 EPSILON = np.finfo(float).eps
@@ -50,7 +51,9 @@ PLACES = {
     "near the station": Place(distance=2e-3),
     "far away": Place(distance=5e3),
 }
-ONLY_IN_FRONT = ("image", "follower")
+ONLY_IN_FRONT = ("image", "follower", "moving")
+IN_HUNDREDTHS = {"velocity": 1e3, "rotation rate": 1e2, "readout": 1e-1}
+"""Steps in the second, while images are read out in hundredths of one."""
 ROWS = 4
 
 
@@ -72,7 +75,7 @@ def _block(kind, place, random):
         return rotation_from_angles(angles)
     if kind.key.startswith("interior/"):
         return _interior(kind, random)
-    near = {"height": (0.5, 2.0), "scale": (0.8, 1.2), "refraction": (-0.8, 0.9)}
+    near = {"height": (0.5, 2.0), "scale": (0.8, 1.2), "refraction": (-0.8, 0.9), "readout": (0.02, 0.08)}
     if kind.key in near:
         return random.uniform(*near[kind.key], (ROWS, kind.size))
     if kind.key == "distance meter":
@@ -90,7 +93,7 @@ def _admissible(type_key, place):
 CASES = [(key, name) for key in ALL_TYPES for name, place in PLACES.items() if _admissible(key, place)]
 
 
-def _put_target(kind, blocks, sight):
+def _put_target(kind, blocks, sight, constants=None):
     """Move all positions but the first so that the last is seen at ``sight`` in the axes of the (last) frame."""
     part = {(slot.of, slot.part): block for slot, block in zip(kind.slots, blocks, strict=True)}
     if kind.key.startswith(("observed/", "difference/", "level")):
@@ -106,6 +109,10 @@ def _put_target(kind, blocks, sight):
             vector = np.einsum("nji,nj->ni", part[owner, "relative rotation"], vector) + part[owner, "base"]
         if (owner, "eccentricity") in part:
             vector = vector - part[owner, "eccentricity"]
+        if (owner, "velocity") in part:
+            time = part[owner, "readout"] * phases(constants)[:, None]
+            turn = exponential(part[owner, "rotation rate"] * time)
+            vector = np.einsum("nij,nj->ni", turn, vector) + part[owner, "velocity"] * time
         if (owner, "rotation") in part:
             vector = np.einsum("nji,nj->ni", part[owner, "rotation"], vector)
         vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]
@@ -130,6 +137,7 @@ def _put_at_centres(kind, blocks, sight):
 
 def _constants(kind, place, random):
     known = {"face": place.face, "earth radius": place.radius, "r0": 5.0}
+    known |= {"phase by x": 0.05, "phase by y": -0.04, "phase at 0": 0.1}
     columns = [
         np.full(ROWS, known[c.name]) if c.name in known else random.uniform(-6.0, 6.0, ROWS)
         for c in kind.constants
@@ -145,6 +153,8 @@ def _step(slot, component, block, place):
         )  # eccentricities and bases are the levers
     if slot.kind in ("point", "height", "eccentricity", "base"):
         return np.full(ROWS, small * place.distance)
+    if slot.kind in IN_HUNDREDTHS:
+        return np.full(ROWS, small * min(1.0, 0.1 * place.distance) * IN_HUNDREDTHS[slot.kind])
     return 1e-3 * np.abs(block[:, component])
 
 
@@ -172,8 +182,8 @@ def test_jacobian_against_differences(type_key, place):
     kind, where = ALL_TYPES[type_key], PLACES[place]
     random = np.random.default_rng(list(PLACES).index(place))
     blocks = [_block(KINDS[slot.kind], where, random) for slot in kind.slots]
-    _put_target(kind, blocks, where.distance * np.array(where.direction))
     constants = _constants(kind, where, random)
+    _put_target(kind, blocks, where.distance * np.array(where.direction), constants)
     computed = kind.equation(blocks, constants)
     assert computed.values.shape == (ROWS, len(kind.components))
     assert len(computed.jacobians) == len(kind.slots)

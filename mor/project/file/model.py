@@ -119,7 +119,8 @@ class Camera(Strict):
         "0 (the default) is a global shutter",
     )
     readout_direction: Literal["down", "up", "right", "left"] = Field(
-        default="down", description="Where the readout goes in the image: down is from the top row to the bottom"
+        default="down",
+        description="Where the readout goes in the image: down is from the top row to the bottom",
     )
     image_variant: list[Text] | dict[str, Measure | None] = Field(
         default_factory=list,
@@ -147,9 +148,7 @@ _SET_UP = Literal["height", "rx", "ry", "rz", "vx", "vy", "vz", "rate_x", "rate_
 class Images(Table):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[_POSE | _SET_UP] = Field(
-        default_factory=list, description="Components held as they are"
-    )
+    fixed: list[_POSE | _SET_UP] = Field(default_factory=list, description="Components held as they are")
     free: list[_SET_UP] = Field(
         default_factory=list,
         description="Height, eccentricity and motion, constants without a σ, that are unknowns in this table",

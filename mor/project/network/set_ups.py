@@ -1,4 +1,4 @@
-"""Constants of a set-up: heights, eccentricities, offsets, motions. Fixed unless something else is said; shared by name."""
+"""Constants of a set-up: heights, eccentricities, offsets, motions. Fixed if nothing else is said; shared by name."""
 
 from __future__ import annotations
 

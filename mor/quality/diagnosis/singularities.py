@@ -28,7 +28,7 @@ _CURES = {
     "scale": "fix the scale, or give the system points of known distance",
     "eccentricity": "fix the component, or turn the frame about its rotation centre",
     "base": "fix the base, or measure a distance",
-    "readout": "fix or observe the readout time, or observe the motion of an image: measurements tell only their product",
+    "readout": "fix or observe the readout time, or the motion of an image: points tell only their product",
     "velocity": "fix or observe the velocity, or the readout time if that is unknown too",
     "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
 }

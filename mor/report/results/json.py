@@ -17,11 +17,9 @@ from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.ellipses import chosen_pairs, relative_rows
 from mor.report.tables.estimates import (
-    component_rows,
     group_table,
     image_table,
     interior_rows,
-    other_rows,
     pair_table,
     point_table,
     station_table,
@@ -32,6 +30,7 @@ from mor.report.tables.features import feature_table
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import observation_table
+from mor.report.tables.parameters import component_rows, other_rows
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
