@@ -19,14 +19,16 @@ READOUT = 0.030
 """Seconds."""
 FLYING_HEIGHT, SPEED = 62.0, 9.0
 BASE, STRIP_DISTANCE = 12.0, 24.0
-SIGMA = 0.0010
+SIGMA = 0.00096
 """mm in the image, 0.4 pixels."""
 GNSS_SIGMA = np.array([0.02, 0.02, 0.03])
 CONTROL_SIGMA = np.array([0.01, 0.01, 0.015])
-SPEED_SIGMA, RATE_SIGMA = 0.3, 4.0
-"""m/s of the velocities of the flight log, and degrees per second that a gimbal may turn."""
+SPEED_SIGMA, RATE_SIGMA = 0.3, 0.3
+"""m/s of the velocities of the flight log, and degrees per second of the gyroscopes of the gimbal."""
 GUST = 0.5
 """m/s by which the drone is faster or slower than planned, and drifts."""
+SWAY = 4.0
+"""Degrees per second at which the gimbal turns."""
 
 CONTROL = {
     "C1": (-16.0, -14.0),
@@ -44,7 +46,7 @@ def simulate(seed: int = 1703) -> dict[str, str]:
     control = {name: _ground(*place) for name, place in CONTROL.items()}
     check = {name: _ground(*place) for name, place in CHECK.items()}
     points = {**control, **check, **_tie_points(np.random.RandomState(88))}
-    flights = _flights(np.random.RandomState(89), random)
+    flights = _flights(np.random.RandomState(89))
     rays = with_enough_rays(_measured(flights, points, random), 3)
     seen = seen_points(rays, points)
     tie = {name: xyz for name, xyz in seen.items() if name.startswith("T")}
@@ -83,7 +85,7 @@ def _tie_points(random: np.random.RandomState) -> dict[str, Array]:
     return result
 
 
-def _flights(random: np.random.RandomState, gimbal: np.random.RandomState) -> dict[str, Flight]:
+def _flights(random: np.random.RandomState) -> dict[str, Flight]:
     """Three strips to and fro, and one across; the top of the image points in flight direction."""
     places = [
         (
@@ -103,8 +105,7 @@ def _flights(random: np.random.RandomState, gimbal: np.random.RandomState) -> di
             0.0, 0.8, 3
         )
         velocity = np.array([0.0, SPEED, 0.0]) + GUST * random.standard_normal(3)
-        # about 0 is all that is known of them: with other errors they are others
-        rate = RATE_SIGMA * DEGREE * gimbal.standard_normal(3)
+        rate = SWAY * DEGREE * random.standard_normal(3)
         result[f"{strip}_{number:02d}"] = Flight(Frame(centre, rotation(*(wobble * DEGREE))), velocity, rate)
     return result
 
@@ -117,9 +118,7 @@ def _measured(
     found = np.random.RandomState(90)
     result = []
     for image, flight in flights.items():
-        missed = found.uniform(size=len(names)) < np.array(
-            [0.1 if n.startswith("T") else 0.0 for n in names]
-        )
+        missed = found.uniform(size=len(names)) < np.array([0.1 if n.startswith("T") else 0.0 for n in names])
         visible = inside(CAMERA, in_axes(flight.frame, coordinates), border=60.0) & ~missed
         for k in np.flatnonzero(visible):
             xy = seen_by_row(CAMERA, flight, coordinates[k], READOUT) + SIGMA * random.standard_normal(2)
@@ -133,14 +132,15 @@ def _pixels(ray: ImagePoint) -> list[str]:
 
 
 def _image_rows(flights: Mapping[str, Flight], random: np.random.RandomState) -> list[list[str]]:
-    """Positions by GNSS, velocities of the flight log turned into the image; angles to whole degrees."""
+    """Positions by GNSS, velocities and rates of the flight log turned into the image; angles to whole degrees."""
     rows = []
     for name, flight in flights.items():
         place = flight.frame.position + GNSS_SIGMA * random.standard_normal(3)
         velocity = flight.velocity + SPEED_SIGMA * random.standard_normal(3)
+        rate = flight.rate / DEGREE + RATE_SIGMA * random.standard_normal(3)
         turn = angles(flight.frame.D) / DEGREE
         rows.append(
-            [name, "drone", *numbers(place, 3), *numbers(turn, 0), *numbers(velocity, 2), "0", "0", "0"]
+            [name, "drone", *numbers(place, 3), *numbers(turn, 0), *numbers(velocity, 2), *numbers(rate, 2)]
         )
     return rows
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import exponential, rotate, rotation_from_angles
 from mor.observations import ALL_TYPES, wrap
 from mor.observations.time.rolling_shutter import phases
@@ -52,7 +53,7 @@ PLACES = {
     "far away": Place(distance=5e3),
 }
 ONLY_IN_FRONT = ("image", "follower", "moving")
-IN_HUNDREDTHS = {"velocity": 1e3, "rotation rate": 1e2, "readout": 1e-1}
+IN_HUNDREDTHS = {"velocity": 1e2, "rotation rate": 2e1, "readout": 1e-1}
 """Steps in the second, while images are read out in hundredths of one."""
 ROWS = 4
 
@@ -75,16 +76,23 @@ def _block(kind, place, random):
         return rotation_from_angles(angles)
     if kind.key.startswith("interior/"):
         return _interior(kind, random)
-    near = {"height": (0.5, 2.0), "scale": (0.8, 1.2), "refraction": (-0.8, 0.9), "readout": (0.02, 0.08)}
+    near = {"height": (0.5, 2.0), "scale": (0.8, 1.2), "refraction": (-0.8, 0.9), "readout": (0.005, 0.02)}
     if kind.key in near:
         return random.uniform(*near[kind.key], (ROWS, kind.size))
+    if kind.key == "velocity":
+        return random.uniform(-3.0, 3.0, (ROWS, 3)) * min(1.0, place.distance / 6.0)
     if kind.key == "distance meter":
         return np.stack([random.uniform(0.9, 1.1, ROWS), random.uniform(-0.4, 0.4, ROWS)], axis=1)
     return random.uniform(-3.0, 3.0, (ROWS, kind.size))
 
 
 def _admissible(type_key, place):
-    """A camera sees only what is in front; three angles have no derivatives at φ = 100 gon (tested close by)."""
+    """A camera sees only what is in front; three angles have no derivatives at φ = 100 gon (tested close by).
+
+    What moves on by much more than the distance while it is read out does not meet the shutter once.
+    """
+    if type_key.startswith("moving") and place.distance < 0.1:
+        return False
     if type_key in ("observed/rotation", "difference/rotation"):
         return place.phi is None
     return not type_key.startswith(ONLY_IN_FRONT) or place.direction[2] < -0.2
@@ -110,7 +118,10 @@ def _put_target(kind, blocks, sight, constants=None):
         if (owner, "eccentricity") in part:
             vector = vector - part[owner, "eccentricity"]
         if (owner, "velocity") in part:
-            time = part[owner, "readout"] * phases(constants)[:, None]
+            time = (
+                part[owner, "readout"]
+                * phases(_imaged(kind, part, sight, constants), constants[:, -3:])[:, None]
+            )
             turn = exponential(part[owner, "rotation rate"] * time)
             vector = np.einsum("nij,nj->ni", turn, vector) + part[owner, "velocity"] * time
         if (owner, "rotation") in part:
@@ -118,6 +129,13 @@ def _put_target(kind, blocks, sight, constants=None):
         vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]
         vector[:, 2] -= part.get((end, "height"), np.zeros((ROWS, 1)))[:, 0]
         part[end, "position"][:] = part[owner, "position"] + vector
+
+
+def _imaged(kind, part, sight, constants):
+    """Where a camera sees a target: the row says when."""
+    star = np.broadcast_to(sight, (ROWS, 3))
+    model = CAMERA_MODELS[kind.key.partition("/")[2]]
+    return model.project(star, part["image", "interior"], constants[:, 2:-3], constants[:, :2]).xy
 
 
 def _put_at_centres(kind, blocks, sight):

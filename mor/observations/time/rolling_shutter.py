@@ -5,21 +5,24 @@ that of the middle row; a point in row ρ of H is seen at the time
 
     t = T · (ρ/H − 1/2)        and        X*(t) = exp(−[ω t]×) (D (X − X0) − v t) + r0*
 
-with the readout time T from the first row to the last. ρ is the *observed* row: that is the row in which the point was
-exposed, distortion and residual included, so t is known before anything is computed. Columns likewise, where the
-shutter runs across. At T = 0 this is the frame image, digit by digit.
+with the readout time T from the first row to the last. ρ is the row in which the shutter and the moving point meet, that
+is the row that is computed: it is found by Newton's method from the observed row, some hundredths of a row beside it.
+(With the observed row itself in its place the residuals come out too small, by the drift during the readout over the
+height of the image, and T with a bias.) Columns likewise, where the shutter runs across. At T = 0 this is the frame
+image, digit by digit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS, CameraModel
+from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.geometry.frames import by_rotation, into_frame
-from mor.geometry.motion import by_time, moved, right_jacobian
+from mor.geometry.motion import Moved, by_time, moved, right_jacobian
 from mor.observations._contract import Computed, ObservationType, Slot
 from mor.observations.image import COMPONENTS, FRAME_SLOTS, MEASURED, POINT_SLOT, REFERENCES, WRITTEN
 from mor.parameters.kinds import interior_key
@@ -35,7 +38,7 @@ PHASE = (
     Component("phase by y", NUMBER),
     Component("phase at 0", NUMBER),
 )
-"""Last constants of a row: what of the readout has passed at measured x, y, from −1/2 at its begin to 1/2."""
+"""Last constants of a row: what of the readout has passed at x, y, from −1/2 at its begin to 1/2."""
 
 
 def moving_image_coordinates(model: CameraModel) -> ObservationType:
@@ -46,29 +49,42 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         position, rotation, height, eccentricity, velocity, rate, readout, interior, point = blocks
-        measured, phase = constants[:, :2], phases(constants)
-        time = readout[:, 0] * phase
+        measured, own, clock = constants[:, :2], constants[:, 2:-3], constants[:, -3:]
         frame = into_frame(position, rotation, height, point)
-        found = moved(frame.lever, velocity, rate, time)
-        projection = model.project(found.star + eccentricity, interior, constants[:, 2:-3], measured)
+
+        def at(xy: FloatArray) -> _Seen:
+            """What is seen in the moment in which the shutter passes xy."""
+            phase = phases(xy, clock)
+            found = moved(frame.lever, velocity, rate, readout[:, 0] * phase)
+            projection = model.project(found.star + eccentricity, interior, own, measured)
+            drift = np.einsum("nij,nj->ni", projection.by_star, by_time(found, velocity, rate))
+            slip = 1.0 - readout[:, 0] * np.einsum("nj,nj->n", clock[:, :2], drift)
+            return _Seen(phase, found, projection, drift, slip)
+
+        xy, seen = measured, at(measured)
+        for _ in range(_ROUNDS):
+            step = _met(seen, clock, readout, seen.projection.xy - xy)
+            if not np.abs(step).max(initial=0.0) > _STILL * np.abs(xy).max(initial=0.0):
+                break
+            xy = xy + step
+            seen = at(xy)
+        phase, found, projection = seen.phase, seen.found, seen.projection
+        time = readout[:, 0] * phase
         by_shifted = projection.by_star @ found.turn
         by_position = -by_shifted @ rotation
         turned = right_jacobian(-rate * time[:, None]) * time[:, None, None]
-        passed = phase[:, None] * by_time(found, velocity, rate)
-        return Computed(
-            projection.xy,
-            (
-                by_position,
-                by_rotation(by_shifted, frame.lever),
-                by_position[:, :, 2:],
-                projection.by_star,
-                -time[:, None, None] * by_shifted,
-                by_rotation(by_shifted, found.shifted) @ turned,
-                np.einsum("nij,nj->ni", projection.by_star, passed)[:, :, None],
-                projection.by_interior,
-                -by_position,
-            ),
+        jacobians = (
+            by_position,
+            by_rotation(by_shifted, frame.lever),
+            by_position[:, :, 2:],
+            projection.by_star,
+            -time[:, None, None] * by_shifted,
+            by_rotation(by_shifted, found.shifted) @ turned,
+            (phase[:, None] * seen.drift)[:, :, None],
+            projection.by_interior,
+            -by_position,
         )
+        return Computed(projection.xy, tuple(_met(seen, clock, readout, one) for one in jacobians))
 
     return ObservationType(
         key=f"{MOVING}/{model.key}",
@@ -81,13 +97,40 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
     )
 
 
-def phases(constants: FloatArray) -> FloatArray:
-    """(n,) part of the readout that has passed at the measured coordinates, less 1/2."""
-    by_x, by_y, at_zero = constants[:, -3:].T
-    passed: FloatArray = by_x * constants[:, 0] + by_y * constants[:, 1] + at_zero
+class _Seen(NamedTuple):
+    """Points as they are seen at one time each."""
+
+    phase: FloatArray
+    """(n,) part of the readout that has passed, less 1/2."""
+    found: Moved
+    projection: Projection
+    drift: FloatArray
+    """(n, 2) velocity in the image."""
+    slip: FloatArray
+    """(n,) 1 − T ∂ρ/∂t: how fast the shutter and the point meet; 1 where nothing moves along the readout."""
+
+
+def _met(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
+    """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again.
+
+    A change δ of the point moves its row; the time becomes another one by τ = T g·δ / slip, and the point drifts by
+    that much more.
+    """
+    passed: FloatArray = np.einsum("nj,nj...->n...", clock[:, :2], change)
+    further = readout.reshape(-1, *(1,) * (passed.ndim - 1)) * passed
+    further = further / seen.slip.reshape(-1, *(1,) * (passed.ndim - 1))
+    return change + seen.drift.reshape(*seen.drift.shape, *(1,) * (passed.ndim - 1)) * further[:, None]
+
+
+def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:
+    """(n,) part of the readout that has passed at image coordinates (n, 2), less 1/2; ``clock`` (n, 3)."""
+    passed: FloatArray = clock[:, 0] * xy[:, 0] + clock[:, 1] * xy[:, 1] + clock[:, 2]
     return passed
 
 
+_ROUNDS = 20
+_STILL = 1e-13
+"""Part of the image coordinates by which a point may still move when it has met the shutter."""
 MOVING = "moving"
 """What the keys of these types begin with."""
 MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_MODELS.values()}

@@ -19,7 +19,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
-    units = {name: camera.unit for name, camera in solved.network.project.cameras.items()}
+    units = {name: scale.coordinate_unit for name, scale in solved.network.scales.items()}
     positions, attitudes = [], []
     for row in frame.to_dicts():
         sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
