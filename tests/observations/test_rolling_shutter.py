@@ -1,4 +1,4 @@
-"""Rolling shutters: against a simulation that shares no code, against frame images, and what a row has to do with time."""
+"""Rolling shutters: against a simulation that shares no code, against frame images; what a row has to do with time."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ that of the middle row; a point in row ρ of H is seen at the time
 
     t = T · (ρ/H − 1/2)        and        X*(t) = exp(−[ω t]×) (D (X − X0) − v t) + r0*
 
-with the readout time T from the first row to the last. ρ is the row in which the shutter and the moving point meet, that
+with the readout time T from the first row to the last. ρ is the row in which shutter and moving point meet, which
 is the row that is computed: it is found by Newton's method from the observed row, some hundredths of a row beside it.
 (With the observed row itself in its place the residuals come out too small, by the drift during the readout over the
 height of the image, and T with a bias.) Columns likewise, where the shutter runs across. At T = 0 this is the frame
@@ -84,7 +84,8 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
             projection.by_interior,
             -by_position,
         )
-        return Computed(projection.xy, tuple(_met(seen, clock, readout, one) for one in jacobians))
+        values = projection.xy + _further(seen, clock, readout, projection.xy - xy)
+        return Computed(values, tuple(_met(seen, clock, readout, one) for one in jacobians))
 
     return ObservationType(
         key=f"{MOVING}/{model.key}",
@@ -111,15 +112,17 @@ class _Seen(NamedTuple):
 
 
 def _met(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
-    """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again.
+    """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again."""
+    return change + _further(seen, clock, readout, change)
 
-    A change δ of the point moves its row; the time becomes another one by τ = T g·δ / slip, and the point drifts by
-    that much more.
-    """
-    passed: FloatArray = np.einsum("nj,nj...->n...", clock[:, :2], change)
-    further = readout.reshape(-1, *(1,) * (passed.ndim - 1)) * passed
-    further = further / seen.slip.reshape(-1, *(1,) * (passed.ndim - 1))
-    return change + seen.drift.reshape(*seen.drift.shape, *(1,) * (passed.ndim - 1)) * further[:, None]
+
+def _further(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
+    """How much further the point drifts: a change δ moves its row, and the time by τ = T g·δ / slip; 0 at T = 0."""
+    one = (1,) * (change.ndim - 2)
+    passed = np.einsum("nj,nj...->n...", clock[:, :2], change)
+    time = readout.reshape(-1, *one) * passed / seen.slip.reshape(-1, *one)
+    further: FloatArray = seen.drift.reshape(-1, 2, *one) * time[:, None]
+    return further
 
 
 def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:

@@ -146,6 +146,7 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
     if np.isnan(scale.pixel) or camera.image is None:
         words = "readout needs image: {width, height, pixel}: the row of a point is its time"
         reading.problems.append(at.problem(words, "readout"))
+        return -1
     return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
 
 

@@ -168,7 +168,7 @@ class Image(Posed):
     largest_w: Number = Field(description="Largest |w| of its image coordinates")
     vx: Number = Field(
         default=None,
-        description="Velocity while it is read out, axes of the image, unit of lengths per second; of cameras with a readout time",
+        description="Velocity while it is read out, axes of the image, unit of lengths per second",
     )
     vy: Number = Field(default=None, description="The same along y")
     vz: Number = Field(default=None, description="The same along z")
