@@ -19,7 +19,9 @@ from mor.pipeline import read_document, read_network
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_projects" / "drone_block"
 PROJECT = (SAMPLE / "project.yaml").read_text(encoding="utf-8")
 READOUT = "    readout: {free: 20 ms}\n"
-SIGMAS = "sigma_vx: 0.3, sigma_vy: 0.3, sigma_vz: 0.3, sigma_rate_x: 0.3, sigma_rate_y: 0.3, sigma_rate_z: 0.3"
+SIGMAS = (
+    "sigma_vx: 0.3, sigma_vy: 0.3, sigma_vz: 0.3, sigma_rate_x: 0.3, sigma_rate_y: 0.3, sigma_rate_z: 0.3"
+)
 
 
 def drone(folder: Path, *changes: tuple[str, str], strips: str = "24") -> Path:
@@ -60,11 +62,11 @@ def results(project: Path, folder: Path) -> dict[str, object]:
 
 
 def test_a_readout_time_of_0_is_a_frame_image_to_the_last_digit(tmp_path: Path) -> None:
-    for name, more in (("none", ""), ("zero", "    readout: 0\n    readout_direction: up\n")):
+    for name, more in (("none", ""), ("zero", r"    readout: 0\n    readout_direction: up\n")):
         folder = tmp_path / name
         shutil.copytree(SAMPLE.parent / "facade", folder)
         text = (folder / "project.yaml").read_text(encoding="utf-8")
-        changed, count = re.subn(r"(?m)^cameras:\n  \S+:\n", lambda found: found[0] + more, text)
+        changed, count = re.subn(r"(?m)^cameras:\n  \S+:\n", rf"\g<0>{more}", text)
         assert count == 1
         (folder / "project.yaml").write_text(changed, encoding="utf-8")
         results(folder / "project.yaml", folder / "out")
@@ -75,8 +77,12 @@ def test_a_readout_time_of_0_is_a_frame_image_to_the_last_digit(tmp_path: Path) 
 
 @pytest.mark.parametrize("direction", ["down", "up", "right", "left"])
 @pytest.mark.parametrize("model", ["mor", "opencv"])
-def test_time_runs_from_one_edge_of_the_image_to_the_other(tmp_path: Path, direction: str, model: str) -> None:
-    interior = ("model: mor", "c: {free: 8.8}") if model == "mor" else ("model: opencv", "fx: 8.8\n      fy: 8.8")
+def test_time_runs_from_one_edge_of_the_image_to_the_other(
+    tmp_path: Path, direction: str, model: str
+) -> None:
+    interior = (
+        ("model: mor", "c: {free: 8.8}") if model == "mor" else ("model: opencv", "fx: 8.8\n      fy: 8.8")
+    )
     body = PROJECT[PROJECT.index("    interior:") : PROJECT.index("images:")]
     project = drone(
         tmp_path,
