@@ -12,6 +12,7 @@ from mor.parameters.kinds import INTERIORS
 from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
 from mor.report.notes import note_rows
+from mor.report.parameters import component_rows, other_rows
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
@@ -30,7 +31,6 @@ from mor.report.tables.features import feature_table
 from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import observation_table
-from mor.report.tables.parameters import component_rows, other_rows
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows

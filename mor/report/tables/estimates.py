@@ -20,9 +20,9 @@ from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import omega_of, redundancy_of
 from mor.quality.solved import Solved
 from mor.report.edge import Estimate, angle_unit, plain, points, rotations
+from mor.report.parameters import component_rows, motion_columns, number_or_none
 from mor.report.tables.control import control_of_images, control_of_points
 from mor.report.tables.ellipses import ellipse_columns
-from mor.report.tables.parameters import component_rows, motion_columns, number_or_none
 from mor.report.tables.shared import once
 from mor.units import ANGLE_UNITS, IMAGE
 
