@@ -40,29 +40,32 @@ ANGLE_UNITS = {
 
 NUMBER_UNITS = {"1": 1.0, "ppm": 1e-6, "%": 1e-2}
 
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "h": 3600.0}
+"""Seconds per unit."""
+
 PIXEL = "px"
+SECOND = "s"
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Physical dimension as exponents of object length, angle and image length."""
+    """Physical dimension as exponents of object length, angle, image length and time."""
 
     length: int = 0
     angle: int = 0
     image: int = 0
+    time: int = 0
 
     def unit(self, length: str, angle: str, image: str) -> str:
-        """Unit of this quantity in words, for headers: ``"mm"``, ``"gon"``, ``"1/mm^2"``, ``"1"``."""
-        above = [
-            _power(u, e)
-            for u, e in ((length, self.length), (angle, self.angle), (image, self.image))
-            if e > 0
-        ]
-        below = [
-            _power(u, -e)
-            for u, e in ((length, self.length), (angle, self.angle), (image, self.image))
-            if e < 0
-        ]
+        """Unit of this quantity in words, for headers: ``"mm"``, ``"gon"``, ``"1/mm^2"``, ``"m/s"``, ``"1"``."""
+        powers = (
+            (length, self.length),
+            (angle, self.angle),
+            (image, self.image),
+            (SECOND, self.time),
+        )
+        above = [_power(u, e) for u, e in powers if e > 0]
+        below = [_power(u, -e) for u, e in powers if e < 0]
         if below:
             return f"{' '.join(above) or '1'}/{' '.join(below)}"
         return " ".join(above) or "1"
@@ -76,6 +79,9 @@ NUMBER = Quantity()
 LENGTH = Quantity(length=1)
 ANGLE = Quantity(angle=1)
 IMAGE = Quantity(image=1)
+TIME = Quantity(time=1)
+SPEED = Quantity(length=1, time=-1)
+TURN_RATE = Quantity(angle=1, time=-1)
 
 
 @dataclass(frozen=True)

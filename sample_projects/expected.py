@@ -102,7 +102,15 @@ def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:
 def parameter_results(solved: Solved) -> dict[tuple[str, str, str], tuple[float, float]]:
     """Value and σ of the free components of distance meters, eccentricities and bases, by kind, block, component."""
     result = {}
-    for kind in ("distance meter", "eccentricity", "base", "refraction"):
+    for kind in (
+        "distance meter",
+        "eccentricity",
+        "base",
+        "refraction",
+        "readout",
+        "image velocity",
+        "rotation rate",
+    ):
         blocks = solved.network.blocks.get(kind)
         if blocks is None:
             continue

@@ -33,6 +33,7 @@ from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.observations.projection_centre import takes_positions, to_projection_centres
 from mor.observations.spatial_angle import SPATIAL_ANGLE
+from mor.observations.time.rolling_shutter import MOVING_TYPES
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
@@ -66,6 +67,7 @@ ALL_TYPES = {
     for kind in (
         *IMAGE_TYPES.values(),
         *FOLLOWER_TYPES.values(),
+        *MOVING_TYPES.values(),
         *PLAIN_TYPES.values(),
         *PROJECTION_CENTRE_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
@@ -79,6 +81,7 @@ __all__ = [
     "FOLLOWER_TYPES",
     "FREE_TURNS",
     "IMAGE_TYPES",
+    "MOVING_TYPES",
     "OBSERVED_DIFFERENCES",
     "OBSERVED_PARAMETERS",
     "PERFECT_SET_UP",

@@ -57,8 +57,8 @@ def at_infinity(type_: ObservationType) -> ObservationType:
     )
 
 
-_LENGTHS = {"height": 1, "eccentricity": 3, "base": 3}
-"""Kinds of blocks that are nothing beside an infinite distance, and their sizes."""
+_LENGTHS = {"height": 1, "eccentricity": 3, "base": 3, "image velocity": 3}
+"""Kinds of blocks that are nothing beside an infinite distance, also per second, and their sizes."""
 
 
 def target_slot(type_: ObservationType) -> int:

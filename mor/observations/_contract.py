@@ -10,7 +10,7 @@ import numpy as np
 
 from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.observations.names import Names
-from mor.units import Component
+from mor.units import ANGLE, Component
 
 
 class Computed(NamedTuple):
@@ -84,7 +84,7 @@ class ObservationType:
     @property
     def wraps(self) -> BoolArray:
         """(m,) true for angular components: their residuals wrap at the full circle."""
-        return np.array([component.quantity.angle == 1 for component in self.components])
+        return np.array([component.quantity == ANGLE for component in self.components])
 
 
 @dataclass(frozen=True)

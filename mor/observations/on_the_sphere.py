@@ -23,7 +23,8 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.observations._contract import ObservationType
-from mor.observations.image import FOLLOWER_SLOTS, image_coordinates
+from mor.observations.image import FOLLOWER_SLOTS, IMAGE_TYPES, image_coordinates
+from mor.observations.time.rolling_shutter import MOVING
 from mor.units import NUMBER, Component
 
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
@@ -35,11 +36,13 @@ _KEY = "on the sphere "
 def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     """The type with the same slots and directions in place of image coordinates.
 
-    ``None`` of points that are at infinity, or move.
+    ``None`` of points that are at infinity, or move. What is read out row by row is taken for a frame.
     """
     form, _, key = type_.key.partition("/")
     if key not in CAMERA_MODELS or type_.still is not None:
         return None
+    if form == MOVING:
+        return on_the_sphere(IMAGE_TYPES[key])
     model = replace(CAMERA_MODELS[key], project=_arcs, constants=RAY)
     found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
     return replace(found, key=_KEY + type_.key)

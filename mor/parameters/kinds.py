@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mor.geometry.cameras import CAMERA_MODELS
-from mor.units import ANGLE, LENGTH, NUMBER, Component
+from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,11 @@ ECCENTRICITY = BlockKind(
 )
 BASE = BlockKind("base", (Component("bx", LENGTH), Component("by", LENGTH), Component("bz", LENGTH)))
 HEIGHT = BlockKind("height", (Component("height", LENGTH),))
+READOUT = BlockKind("readout", (Component("readout", TIME),))
+"""Time from the first to the last row (or column) of an image."""
+IMAGE_VELOCITY = BlockKind("image velocity", tuple(Component(f"v{axis}", SPEED) for axis in "xyz"))
+ROTATION_RATE = BlockKind("rotation rate", tuple(Component(f"rate_{axis}", TURN_RATE) for axis in "xyz"))
+"""How an image moves while it is read out, in its own axes."""
 SCALE = BlockKind("scale", (Component("scale", NUMBER, default=1.0),))
 DISTANCE_METER = BlockKind(
     "distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH))
@@ -84,8 +89,11 @@ KINDS = {
         DISTANCE_METER,
         REFRACTION,
         GNSS_FRAME,
+        READOUT,
         SCALE,
         HEIGHT,
+        IMAGE_VELOCITY,
+        ROTATION_RATE,
         ECCENTRICITY,
         BASE,
         *MOTIONS,

@@ -13,7 +13,17 @@ import numpy as np
 
 from mor.arrays import LARGEST, FloatArray
 from mor.project.file.model import Axes, Camera, Units
-from mor.units import ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, Quantity, parse_dms
+from mor.units import (
+    ANGLE,
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    NUMBER_UNITS,
+    PIXEL,
+    SECOND,
+    TIME_UNITS,
+    Quantity,
+    parse_dms,
+)
 
 _NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?$")
 _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
@@ -144,6 +154,8 @@ class Edge:
 
     def factor(self, quantity: Quantity, unit: str, image: ImageScale | None = None) -> float:
         """Internal units per given unit (``""``: the project's). Raises :class:`UnitError` where it does not fit."""
+        if quantity.time:
+            return self._of_time(quantity, unit or self.default_unit(quantity))
         if quantity.length == 1 and not quantity.image:
             return self._length(unit or self.units.length)
         if quantity.angle == 1:
@@ -160,7 +172,7 @@ class Edge:
 
     def number(self, text: str, quantity: Quantity, unit: str = "", image: ImageScale | None = None) -> float:
         """Internal value of a text; a unit in the text goes before ``unit``. Raises :class:`UnitError`."""
-        if quantity.angle == 1 and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text.strip()):
+        if quantity == ANGLE and (unit or self.units.angle) == "dms" and _SEXAGESIMAL.match(text.strip()):
             try:
                 return parse_dms(text) * ANGLE_UNITS["dms"]
             except ValueError as error:
@@ -172,6 +184,22 @@ class Edge:
         if unit not in LENGTH_UNITS:
             raise UnitError(f"unit {unit!r} does not fit a length (known: {', '.join(LENGTH_UNITS)})")
         return LENGTH_UNITS[unit] / LENGTH_UNITS[self.units.length]
+
+    def _of_time(self, quantity: Quantity, unit: str) -> float:
+        """Internal units per given unit of a time, or of a length or an angle per time: ``ms``, ``km/h``, ``deg/s``."""
+        above, _, below = unit.partition("/")
+        time = above if quantity.time > 0 else below
+        expected = self.default_unit(quantity)
+        if time not in TIME_UNITS or (quantity.time > 0 and below):
+            kind = "time" if quantity.time > 0 else "rate"
+            raise UnitError(f"unit {unit!r} does not fit a {kind}, expected as in {expected}")
+        if quantity.time > 0:
+            return TIME_UNITS[time] / TIME_UNITS[SECOND]
+        whole = Quantity(quantity.length, quantity.angle)
+        try:
+            return self.factor(whole, above) / TIME_UNITS[time]
+        except UnitError:
+            raise UnitError(f"unit {unit!r} does not fit, expected as in {expected}") from None
 
     @property
     def metres(self) -> float:

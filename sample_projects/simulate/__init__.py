@@ -18,6 +18,7 @@ SCENES = (
     "dam",
     "dam_epochs",
     "panorama",
+    "drone_block",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

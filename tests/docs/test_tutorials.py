@@ -47,6 +47,7 @@ def test_there_is_one_for_each_kind_of_job() -> None:
         "facade",
         "machine-part",
         "planning",
+        "rolling-shutter",
         "theodolite-network",
     }
 

@@ -7,6 +7,7 @@ import pytest
 
 from mor.observations import ALL_TYPES, wrap
 from mor.parameters.kinds import KINDS
+from mor.units import ANGLE
 
 TYPES = pytest.mark.parametrize("kind", ALL_TYPES.values(), ids=ALL_TYPES.keys())
 NAMESPACES = {"point", "station", "image", "system", *KINDS}
@@ -69,7 +70,7 @@ def test_no_rows_at_all_are_served(kind):
 
 @TYPES
 def test_angles_wrap_and_nothing_else(kind):
-    assert kind.wraps.tolist() == [component.quantity.angle == 1 for component in kind.components]
+    assert kind.wraps.tolist() == [component.quantity == ANGLE for component in kind.components]
 
 
 def test_wrap_folds_into_half_a_circle_either_way():

@@ -20,6 +20,7 @@ from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.rays.linearised import Rays
+from mor.adjustment.rays.moving import compiled_model, computed_moving
 from mor.adjustment.rays.plan import Chunk, RayPlan, pieces
 from mor.adjustment.rays.point_elimination import (
     accumulate,
@@ -220,6 +221,9 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
 
 def _computed(place: _Place, group: GroupFrames, rows: SmallIntArray) -> Computed:
     observations = place.problem.groups[group.group]
+    model = compiled_model(observations) if compilation.wanted() else -1
+    if model >= 0:
+        return computed_moving(observations, model, place.values, rows)
     blocks = [
         place.values[slot.kind][number[rows]]
         for slot, number in zip(observations.type.slots, observations.blocks, strict=True)

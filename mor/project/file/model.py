@@ -115,6 +115,15 @@ class Camera(Strict):
         default_factory=dict,
         description="rx, ry, rz from the projection centre to the rotation centre, image axes",
     )
+    readout: Setting | None = Field(
+        default=None,
+        description="Time from the first row to the last of a rolling shutter, e.g. 30 ms; a plain number is fixed, "
+        "0 (the default) is a global shutter",
+    )
+    readout_direction: Literal["down", "up", "right", "left"] = Field(
+        default="down",
+        description="Where the readout goes in the image: down is from the top row to the bottom",
+    )
     image_variant: list[Text] | dict[str, Measure | None] = Field(
         default_factory=list,
         description="Components that every image has of its own, with the σ of their difference from the camera's",
@@ -135,15 +144,16 @@ class Points(Table):
 _POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
 
 
+_SET_UP = Literal["height", "rx", "ry", "rz", "vx", "vy", "vz", "rate_x", "rate_y", "rate_z"]
+
+
 class Images(Table):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[_POSE | Literal["height", "rx", "ry", "rz"]] = Field(
-        default_factory=list, description="Components held as they are"
-    )
-    free: list[Literal["height", "rx", "ry", "rz"]] = Field(
+    fixed: list[_POSE | _SET_UP] = Field(default_factory=list, description="Components held as they are")
+    free: list[_SET_UP] = Field(
         default_factory=list,
-        description="Height and eccentricity, constants without a σ, that are unknowns in this table",
+        description="Height, eccentricity and motion, constants without a σ, that are unknowns in this table",
     )
 
 

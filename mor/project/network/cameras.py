@@ -6,7 +6,7 @@ import numpy as np
 
 from mor.arrays import IntArray
 from mor.geometry.cameras import CAMERA_MODELS
-from mor.parameters.kinds import ECCENTRICITY, INTERIORS
+from mor.parameters.kinds import ECCENTRICITY, INTERIORS, READOUT
 from mor.project.edge import ImageScale, UnitError, image_scale, split
 from mor.project.file.model import Camera, Setting, Value
 from mor.project.file.nodes import Path
@@ -24,7 +24,7 @@ GUESSED_CONSTANT = 1.0
 
 def read_cameras(reading: Reading) -> None:
     """Interior orientations, and how image coordinates come in."""
-    ids, blocks, eccentricities, models = [], [], [], []
+    ids, blocks, eccentricities, models, readouts = [], [], [], [], []
     for name, camera in reading.project.cameras.items():
         at = reading.at("cameras", name)
         reading.shop.begin(f"camera {name}")
@@ -40,12 +40,14 @@ def read_cameras(reading: Reading) -> None:
         ids.append(name)
         models.append(list(CAMERA_MODELS).index(camera.model))
         eccentricities.append(_eccentricity(reading, name, camera))
+        readouts.append(_readout(reading, name, camera, scale))
     reading.shop.things["camera"] = entities(
         ids,
         {
             "interior": np.array(blocks, dtype=np.int64),
             "model": np.array(models, dtype=np.int64),
             "eccentricity": np.array(eccentricities, dtype=np.int64),
+            "readout": np.array(readouts, dtype=np.int64),
         },
     )
 
@@ -123,6 +125,42 @@ def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
         reading.problems,
     )
     return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
+
+
+def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
+    """Block of the readout time, −1 where all rows are exposed at once: none given, or exactly 0."""
+    if camera.readout is None:
+        return -1
+    at, path = reading.at("cameras", name), ("cameras", name)
+    before = len(reading.problems)
+    given = {READOUT.key: camera.readout}
+    statuses = settings(given, READOUT.components, reading.edge, at, path, reading.problems)
+    if len(reading.problems) > before:
+        return -1
+    value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
+    if value < 0.0:
+        words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
+        reading.problems.append(at.problem(words, "readout"))
+    if value == 0.0 and not free:
+        return -1
+    if np.isnan(scale.pixel) or camera.image is None:
+        words = "readout needs image: {width, height, pixel}: the row of a point is its time"
+        reading.problems.append(at.problem(words, "readout"))
+        return -1
+    return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
+
+
+def phase_constants(camera: Camera, scale: ImageScale) -> tuple[float, float, float]:
+    """What of the readout passes per image unit in x and in y, and what has passed at 0, 0, less 1/2."""
+    assert camera.image is not None
+    width, height = (split(text)[0] * scale.pixel for text in (camera.image.width, camera.image.height))
+    along = {"down": (0.0, -1.0 / height), "up": (0.0, 1.0 / height)}
+    along |= {"right": (1.0 / width, 0.0), "left": (-1.0 / width, 0.0)}
+    by_x, by_y = along[camera.readout_direction]
+    x, y = 0.0, 0.0  # the middle of the image, from the origin inside
+    if scale.corner:
+        x, y = 0.5 * width - scale.centre[0] * scale.pixel, scale.centre[1] * scale.pixel - 0.5 * height
+    return by_x, by_y, -by_x * x - by_y * y
 
 
 def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, float]:

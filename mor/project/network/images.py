@@ -6,14 +6,15 @@ import numpy as np
 
 from mor.arrays import IntArray
 from mor.errors import Problem
-from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION
+from mor.parameters.kinds import ECCENTRICITY, HEIGHT, IMAGE_VELOCITY, POINT, ROTATION, ROTATION_RATE
 from mor.project.file.model import Images
 from mor.project.motion.epochs import EPOCH, remember_epochs
 from mor.project.network.cameras import interiors, variant_columns
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.poses import Seen, check_unique, positions, rotations
 from mor.project.network.reading import Reading
-from mor.project.network.set_ups import eccentricities, heights, set_up_columns, shared_column
+from mor.project.network.set_ups import eccentricities, heights, motions, set_up_columns, shared_column
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import component_columns
 from mor.project.tables.tables import Column, Place, Rows, read_table
 
@@ -35,8 +36,16 @@ def read_images(reading: Reading) -> None:
     _follow(reading, leaders)
 
 
-_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names)
-_SHARED = ("position", shared_column(HEIGHT), shared_column(ECCENTRICITY))
+_MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
+_POSE = (
+    *POINT.names,
+    *ROTATION.names,
+    *HEIGHT.names,
+    *ECCENTRICITY.names,
+    *IMAGE_VELOCITY.names,
+    *ROTATION_RATE.names,
+)
+_SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
 _IMAGE_PARTS = (
     "position",
     "rotation",
@@ -47,6 +56,9 @@ _IMAGE_PARTS = (
     "camera",
     "relative rotation",
     "base",
+    "velocity",
+    "rotation rate",
+    "readout",
 )
 
 
@@ -68,6 +80,7 @@ def _read_images_table(
         *component_columns((*POINT.components, *ROTATION.components), edge),
         *set_up_columns(reading, HEIGHT),
         *set_up_columns(reading, ECCENTRICITY),
+        *(column for kind in _MOTION for column in set_up_columns(reading, kind)),
         *variant_columns(reading),
     ]
     rows = read_table(table, columns, place, reading.problems)
@@ -89,6 +102,7 @@ def _read_images_table(
     own = camera.parts["eccentricity"][cameras]
     position, rotation, height, eccentricity = _own_poses(reading, rows, names, table, own)
     none = np.full(len(names), -1, dtype=np.int64)
+    velocity, rate = _motions(reading, rows, names, table, camera.parts["readout"][cameras])
     found = {
         "position": position,
         "rotation": rotation,
@@ -99,6 +113,9 @@ def _read_images_table(
         "camera": cameras,
         "relative rotation": none,
         "base": none.copy(),
+        "velocity": velocity,
+        "rotation rate": rate,
+        "readout": camera.parts["readout"][cameras],
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
         if leader or pair:
@@ -133,6 +150,24 @@ def _own_poses(
         height[~follows] = heights(reading, own, labels, fixed, free)
         eccentricity[~follows] = eccentricities(reading, own, labels, fixed, free, eccentricity[~follows])
     return position, rotation, height, eccentricity
+
+
+def _motions(
+    reading: Reading, rows: Rows, names: list[str], table: Images, readout: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Velocity and rotation rate of images whose cameras have a readout time (n,); a motion without one is noted."""
+    labels = [f"image {name}" for name in names]
+    follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    moving = (readout >= 0) & ~follows
+    words = "image {0!r} follows another one; a stereo follower with a readout time is not provided for"
+    tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
+    still = np.flatnonzero(readout < 0)
+    given = [c for kind in _MOTION for c in kind.names if np.isfinite(rows.number(c)[still]).any()]
+    if given or (len(still) and any(c in table.free for kind in _MOTION for c in kind.names)):
+        camera = rows.text("camera")[int(still[0])]
+        said = f"camera {camera} has no readout time: the motion of its images has no effect and is left out"
+        reading.notes.append(Problem(said, rows.file, int(rows.lines[int(still[0])])))
+    return motions(reading, rows, labels, table.fixed, table.free, moving)
 
 
 def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:

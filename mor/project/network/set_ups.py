@@ -1,4 +1,4 @@
-"""Constants of a set-up: heights, eccentricities, offsets. Fixed unless something else is said; shared by name."""
+"""Constants of a set-up: heights, eccentricities, offsets, motions. Fixed if nothing else is said; shared by name."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.parameters.kinds import ECCENTRICITY, HEIGHT, BlockKind
+from mor.parameters.kinds import ECCENTRICITY, HEIGHT, IMAGE_VELOCITY, ROTATION_RATE, BlockKind
 from mor.project.network.entities import entities
 from mor.project.network.reading import Reading
 from mor.project.tables.columns import tell_rows
@@ -23,7 +23,7 @@ def set_up_columns(reading: Reading, kind: BlockKind, shared: bool = True) -> li
 
 def shared_column(kind: BlockKind) -> str:
     """Column that names a constant several frames share."""
-    return f"shared_{kind.key}"
+    return f"shared_{kind.key.replace(' ', '_')}"
 
 
 def heights(
@@ -43,6 +43,28 @@ def eccentricities(
 ) -> IntArray:
     """Block of eccentricity or local offset of every row: its own, one that it shares, or another (n,)."""
     return _set_ups(reading, ECCENTRICITY, rows, labels, fixed, free, otherwise)
+
+
+def motions(
+    reading: Reading,
+    rows: Rows,
+    labels: list[str],
+    fixed: Collection[str],
+    free: Collection[str],
+    moving: BoolArray,
+) -> tuple[IntArray, IntArray]:
+    """Blocks of velocity and rate of rotation of every row, −1 where it does not count: not ``moving`` (n,)."""
+    found = []
+    for kind in (IMAGE_VELOCITY, ROTATION_RATE):
+        result = np.full(rows.count, -1, dtype=np.int64)
+        here = np.flatnonzero(moving)
+        if len(here):
+            own = rows.take(here)
+            still = np.full(len(here), reading.shop.neutral(kind.key), dtype=np.int64)
+            names = [labels[i] for i in here]
+            result[here] = _set_ups(reading, kind, own, names, fixed, free, still)
+        found.append(result)
+    return found[0], found[1]
 
 
 def _set_ups(

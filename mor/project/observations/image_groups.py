@@ -9,15 +9,17 @@ import numpy as np
 
 from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.names import Names
 from mor.project.axes import external_image
 from mor.project.edge import ImageScale, UnitError, beyond, split
-from mor.project.file.model import Observations
+from mor.project.file.model import Camera, Observations
 from mor.project.motion.epochs import row_epochs
+from mor.project.network.cameras import phase_constants
 from mor.project.network.reading import Reading
 from mor.project.observations.names import named_things
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Column, Place, Rows
 from mor.units import IMAGE
 
@@ -88,7 +90,8 @@ def _image_group(
     camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image.numbers[0]]]
     camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
     follows = bool(images.parts["relative rotation"][image.numbers[0]] >= 0)
-    type_ = (FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
+    moves = bool(images.parts["readout"][image.numbers[0]] >= 0) and not follows
+    type_ = (MOVING_TYPES if moves else FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
     except UnitError as error:
@@ -109,7 +112,7 @@ def _image_group(
         blocks=blocks,
         observed=observed,
         sigma=_once(sigma * entry.factor),
-        constants=_constants(CAMERA_MODELS[camera.model], observed, r0),
+        constants=_constants(CAMERA_MODELS[camera.model], observed, r0, camera if moves else None, scale),
         references=(image, point),
         external=external_image(scale),
         image_unit=scale.unit,
@@ -118,11 +121,24 @@ def _image_group(
     )
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
+    if moves:
+        timeless = np.zeros(rows.count, dtype=bool)
+        timeless[chosen] = np.isnan(observed[:, int(camera.readout_direction in ("down", "up"))])
+        words = "no row (or column) was measured along the readout of the camera: the point has no time"
+        tell_rows(reading.problems, timeless, rows, words)
     return Group(group, number, chosen, np.eye(2), factors)
 
 
-def _constants(model: CameraModel, observed: FloatArray, r0: float) -> FloatArray:
-    """Constants (n, q) of image coordinates: the measured ones where the model looks at them, and its own."""
+def _constants(
+    model: CameraModel, observed: FloatArray, r0: float, moving: Camera | None, scale: ImageScale
+) -> FloatArray:
+    """Constants (n, q) of image coordinates: the measured ones where they are looked at, and those of the model.
+
+    Of a ``moving`` camera also what makes times of them.
+    """
+    if moving is not None:
+        known = np.array([*(r0 for _ in model.constants), *phase_constants(moving, scale)])
+        return np.concatenate([np.nan_to_num(observed), np.tile(known, (len(observed), 1))], axis=1)
     if model.corrects_measured:
         own = np.full((len(observed), len(model.constants)), r0)
         return np.concatenate([observed, own], axis=1)

@@ -22,8 +22,8 @@ from mor.project.observations.planned_rows import without_required
 from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
-    "camera": ("interior", "eccentricity"),
-    "image": ("position", "rotation", "height", "interior", "eccentricity"),
+    "camera": ("interior", "eccentricity", "readout"),
+    "image": ("position", "rotation", "height", "interior", "eccentricity", "velocity", "rotation rate"),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
@@ -160,12 +160,16 @@ def _find(reading: Reading, name: str, component: str) -> _Place:
         known += kind.names
         if component in kind.names:
             block, k = things.part(bare, part), kind.names.index(component)
-            if block == 0 and kind.key in _WITH_NEUTRAL:
+            if block < 0 or (block == 0 and kind.key in _WITH_NEUTRAL) or _is_neutral(reading, kind, block):
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _Place(kind.key, block, *_internal(reading, space, kind, k), scale)
     words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
     raise ValueError(words)
+
+
+def _is_neutral(reading: Reading, kind: BlockKind, block: int) -> bool:
+    return reading.shop.neutral_blocks.get(kind.key) == block
 
 
 def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:

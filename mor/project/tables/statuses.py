@@ -14,7 +14,7 @@ from mor.project.file.model import Value
 from mor.project.file.nodes import Path
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Column, Place, Rows
-from mor.units import Component, Quantity
+from mor.units import ANGLE, Component, Quantity
 
 
 class Statuses(NamedTuple):
@@ -38,7 +38,7 @@ def number_column(
         name,
         parse=lambda text, unit: edge.number(text, quantity, unit, image),
         factor=None
-        if quantity.angle == 1 and edge.units.angle == "dms"
+        if quantity == ANGLE and edge.units.angle == "dms"
         else lambda unit: edge.factor(quantity, unit, image),
         required=required,
     )

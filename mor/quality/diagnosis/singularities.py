@@ -12,6 +12,7 @@ from mor.project.network.entities import thing_of
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.connected_components import Part, connected_parts
 from mor.quality.diagnosis.loose_frames import held_by_an_angle, why_loose
+from mor.quality.diagnosis.readout import OF_READOUT, readout_sentences
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 from mor.quality.diagnosis.weak_directions import weak_directions
 from mor.quality.solved import Solved
@@ -31,6 +32,9 @@ _CURES = {
     "velocity": "observe the point in a second epoch, hold points that do not move, or fix or observe the velocity",
     "sine": "observe the point at other times of the year, or fix or observe the oscillation",
     "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
+    "readout": "fix or observe the readout time, or the motion of an image: points tell only their product",
+    "image velocity": "fix or observe the velocity, or the readout time if that is unknown too",
+    "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
 }
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
@@ -47,6 +51,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
         parts = connected_parts(solved.network, adjustment.problem.groups)
         tied = [part for part in parts if part.size > 1]
         return [
+            *readout_sentences(solved, say),
             *(
                 say(
                     "No observation refers to {names}; observe it, or leave it out.", names=_things(part, say)
@@ -173,7 +178,7 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
     }
     single: dict[tuple[str, str], list[Undetermined]] = {}
     lines = []
-    for direction in solved.adjustment.defect.undetermined:
+    for direction in _unexplained(solved):
         blocks = list(dict.fromkeys((kind, block) for kind, block, _ in direction.unknowns))
         if len(blocks) == 1:
             single.setdefault(blocks[0], []).append(direction)
@@ -187,12 +192,20 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
     return [*told, *lines, *_geometry(solved, alone, say)]
 
 
+def _unexplained(solved: Solved) -> list[Undetermined]:
+    """Directions inside the network that no sentence about a readout time explains already."""
+    told = OF_READOUT if readout_sentences(solved) else frozenset[str]()
+    return [
+        direction
+        for direction in solved.adjustment.defect.undetermined
+        if not {kind for kind, _, _ in direction.unknowns} <= told
+    ]
+
+
 def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
     """Images and stations among what is loose that see too few points, or all on one line."""
     frames = dict.fromkeys(
-        thing_of(kind, block)
-        for direction in solved.adjustment.defect.undetermined
-        for kind, block, _ in direction.unknowns
+        thing_of(kind, block) for direction in _unexplained(solved) for kind, block, _ in direction.unknowns
     )
     return [
         line

@@ -12,14 +12,18 @@ from mor.arrays import BoolArray, FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.observations import ObservationGroup, is_image_point
 from mor.observations.on_the_sphere import image_scale, on_the_sphere, stereographic
+from mor.observations.time.rolling_shutter import MOTION_SLOTS
 from mor.parameters.index import Values, index_unknowns
 from mor.quality.gross_errors.exclusion import reweighted
 
 _INTERIOR = "interior/"
+_MOTIONS = frozenset(slot.kind for slot in MOTION_SLOTS)
 
 
 def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
-    """The problem with its image rays as directions, interior orientations held; ``None`` where there are no images.
+    """The problem with its image rays as directions; ``None`` where there are no images.
+
+    Interior orientations are held, and how images move while they are read out.
 
     What one coordinate only was measured of takes no part.
     """
@@ -31,7 +35,9 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
         return None
     scaled = reweighted(problem, factors)
     blocks = {
-        kind: replace(own, free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) else own
+        kind: replace(own, free=np.zeros_like(own.free))
+        if kind.startswith(_INTERIOR) or kind in _MOTIONS
+        else own
         for kind, own in problem.index.blocks.items()
     }
     pairs = zip(groups, scaled.groups, strict=True)
@@ -55,6 +61,8 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     type_ = on_the_sphere(group.type)
     assert type_ is not None
     constants = np.concatenate([stereographic(rays), rays], axis=1)
+    pairs = zip(group.type.slots, group.blocks, strict=True)
+    blocks = tuple(numbers for slot, numbers in pairs if slot in type_.slots)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
-    return replace(group, type=type_, observed=observed, constants=constants), factor
+    return replace(group, type=type_, blocks=blocks, observed=observed, constants=constants), factor

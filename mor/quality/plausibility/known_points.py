@@ -77,7 +77,7 @@ def _misclosures(network: Network, group: ObservationGroup, sigma: FloatArray) -
         np.zeros(0, dtype=np.int64), *(np.zeros((0, group.observed.shape[1])) for _ in range(2))
     )
     if not group.count or group.type.key.startswith(
-        ("observed/", "difference/", "image/", "follower/", "level")
+        ("observed/", "difference/", "image/", "follower/", "moving/", "level")
     ):
         return nothing
     turning = _turning_slot(group)

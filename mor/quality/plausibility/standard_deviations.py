@@ -17,6 +17,7 @@ from mor.errors import Problem
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
 from mor.quality.plausibility.places import line_of, sigmas
+from mor.units import ANGLE
 
 _SMALLEST = {"angle": 1e-9, "length": 1e-9, "image": 1e-7}
 _LARGEST = {"angle": 0.1, "length": 1.0, "image": 0.1}
@@ -67,7 +68,7 @@ def _kind(group: ObservationGroup, component: int) -> str:
     quantity = group.type.components[component].quantity
     if quantity.image == 1:
         return "image"
-    if quantity.angle == 1:
+    if quantity == ANGLE:
         return "angle"
     return "length" if quantity.length == 1 and group.type.distances and not group.type.between_marks else ""
 

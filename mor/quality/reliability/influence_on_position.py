@@ -29,10 +29,12 @@ from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_solutions import point_of_ray
 from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES
 from mor.quality.reliability import ray_kernels as compiled_rays
 
-OF_IMAGES = frozenset(kind.key for kind in (*IMAGE_TYPES.values(), *FOLLOWER_TYPES.values()))
+OF_IMAGES = frozenset(
+    kind.key for kinds in (IMAGE_TYPES, FOLLOWER_TYPES, MOVING_TYPES) for kind in kinds.values()
+)
 """Keys of the observation types that are image coordinates of a point, their last block."""
 
 

@@ -17,7 +17,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import angles_from_rotation
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 
@@ -26,8 +26,8 @@ _CORRECTING = {
     for types in (IMAGE_TYPES, FOLLOWER_TYPES)
     for key, model in CAMERA_MODELS.items()
     if model.corrects_measured and key in types
-}
-"""Image coordinates of camera models whose distortion is taken at the measured coordinates."""
+} | {kind.key for kind in MOVING_TYPES.values()}
+"""Image coordinates whose distortion, or time, is taken at the measured coordinates."""
 _ROUNDS = 60
 
 

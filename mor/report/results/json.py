@@ -13,16 +13,15 @@ from mor.quality.solved import Solved
 from mor.report.identity import Identity, identity_of
 from mor.report.motions.table import epoch_rows, motion_table
 from mor.report.notes import note_rows
+from mor.report.parameters import component_rows, other_rows
 from mor.report.results.failure import failure
 from mor.report.results.summary import summary
 from mor.report.tables.checks import check_rows
 from mor.report.tables.ellipses import chosen_pairs, relative_rows
 from mor.report.tables.estimates import (
-    component_rows,
     group_table,
     image_table,
     interior_rows,
-    other_rows,
     pair_table,
     point_table,
     station_table,

@@ -166,6 +166,21 @@ class Image(Posed):
     rms: Number = Field(description="Root mean square of its residuals, in the unit they were measured in")
     mean_r: Number = Field(description="Mean redundancy number of its image coordinates")
     largest_w: Number = Field(description="Largest |w| of its image coordinates")
+    vx: Number = Field(
+        default=None,
+        description="Velocity while it is read out, axes of the image, unit of lengths per second",
+    )
+    vy: Number = Field(default=None, description="The same along y")
+    vz: Number = Field(default=None, description="The same along z")
+    svx: Number = Field(default=None, description="σ of vx, 0 where it is fixed")
+    svy: Number = Field(default=None, description="σ of vy")
+    svz: Number = Field(default=None, description="σ of vz")
+    rate_x: Number = Field(default=None, description="Rate of rotation about x, unit of angles per second")
+    rate_y: Number = Field(default=None, description="The same about y")
+    rate_z: Number = Field(default=None, description="The same about z")
+    srate_x: Number = Field(default=None, description="σ of rate_x, 0 where it is fixed")
+    srate_y: Number = Field(default=None, description="σ of rate_y")
+    srate_z: Number = Field(default=None, description="σ of rate_z")
     interior: dict[str, Component] | None = Field(
         default=None, description="Components of the interior orientation that the image has of its own"
     )

@@ -15,7 +15,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point
 from mor.parameters.index import Values
-from mor.parameters.kinds import INTERIORS, KINDS
+from mor.parameters.kinds import INTERIORS, KINDS, READOUT
 from mor.project.edge import UnitError
 from mor.project.file.model import Observations
 from mor.project.file.nodes import Document
@@ -235,6 +235,9 @@ def _with_observed(network: Network, space: str, name: str, given: dict[str, Any
         for key, (of, block) in places.items():
             if result.get(key):
                 result[key] = _settings(network, of, int(block), result[key])
+        if parts[READOUT.key][number] >= 0:
+            readout = {READOUT.key: result["readout"]}
+            result |= _settings(network, READOUT.key, int(parts[READOUT.key][number]), readout)
         return result
     for kind in ("distance meter", "refraction"):
         result = _settings(network, kind, int(parts[kind][number]), result)

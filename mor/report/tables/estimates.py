@@ -15,12 +15,12 @@ from mor.observations.names import places_of
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
 from mor.project.file.model import Axes
-from mor.project.network.features import feature_label
 from mor.quality.in_chunks import ROWS_AT_A_TIME, in_pieces
 from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import omega_of, redundancy_of
 from mor.quality.solved import Solved
 from mor.report.edge import Estimate, angle_unit, plain, points, rotations
+from mor.report.parameters import component_rows, motion_columns, number_or_none
 from mor.report.tables.control import control_of_images, control_of_points
 from mor.report.tables.ellipses import ellipse_columns
 from mor.report.tables.shared import once
@@ -81,6 +81,7 @@ def image_table(solved: Solved) -> pl.DataFrame:
             **_pose(solved, things.parts["position"], things.parts["rotation"]),
             **_image_residuals(solved),
             **control_of_images(solved),
+            **motion_columns(solved),
         }
     )
 
@@ -177,27 +178,6 @@ def _format(solved: Solved, name: str) -> dict[str, Any] | None:
     return {"width": width, "height": height, "pixel": scale.pixel, "origin": camera.coordinates}
 
 
-def component_rows(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
-    """Components of a block by name: value, σ, status, and how significant those are that are unknowns."""
-    estimate = plain(solved, kind, np.array([number]))
-    blocks = solved.network.blocks[kind]
-    return {
-        component.name: {
-            "value": float(estimate.values[0, k]),
-            "sigma": _number(estimate.sigma[0, k]) if blocks.free[number, k] else None,
-            "status": "free" if blocks.free[number, k] else "fixed",
-            **({"t": _significance(estimate, k, component.default)} if blocks.free[number, k] else {}),
-        }
-        for k, component in enumerate(components)
-    }
-
-
-def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
-    """How many σ a component differs from its neutral value: what says whether it is needed."""
-    sigma = float(estimate.sigma[0, k])
-    return float((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
-
-
 def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
     free = np.flatnonzero(solved.network.blocks[kind].free[number])
     covariance = plain(solved, kind, np.array([number])).covariance
@@ -207,30 +187,6 @@ def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
     part = covariance[0][np.ix_(free, free)]
     sigma = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
     return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
-
-
-def other_rows(solved: Solved) -> list[dict[str, Any]]:
-    """Blocks with unknowns that belong to no table: instruments, heights, eccentricities, image-variant interiors."""
-    rows = []
-    features = {feature_label(feature) for feature in solved.network.project.features}
-    for kind in (
-        "distance meter",
-        "refraction",
-        "gnss frame",
-        "height",
-        "eccentricity",
-        *(k.key for k in INTERIORS.values()),
-    ):
-        blocks = solved.network.blocks.get(kind)
-        if blocks is None:
-            continue
-        shown = set(solved.network.things["camera"].ids) if kind.startswith("interior/") else features
-        for number in np.flatnonzero(blocks.free.any(axis=1)):
-            if blocks.ids[number] not in shown:
-                components = component_rows(solved, kind, int(number), blocks.kind.components)
-                own = {n: c for n, c in components.items() if c["status"] == "free"}
-                rows.append({"kind": kind, "id": blocks.ids[number], "components": own})
-    return rows
 
 
 @once
@@ -281,8 +237,10 @@ def _component(solved: Solved, number: int) -> dict[str, Any]:
         return {}
     estimated = treatment.components
     return {
-        "sigma_factor": _number(estimated.factors[number]) if np.isfinite(estimated.sigma[number]) else None,
-        "sigma_of_factor": _number(estimated.sigma[number]),
+        "sigma_factor": number_or_none(estimated.factors[number])
+        if np.isfinite(estimated.sigma[number])
+        else None,
+        "sigma_of_factor": number_or_none(estimated.sigma[number]),
     }
 
 
@@ -391,7 +349,3 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
 
 def _has_nan(column: object) -> bool:
     return isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any())
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import polars as pl
+
+from mor.parameters.kinds import IMAGE_VELOCITY, ROTATION_RATE
 from mor.quality.solved import Solved
 from mor.report.edge import angle_unit
 from mor.report.layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
@@ -16,7 +19,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
-    units = {name: camera.unit for name, camera in solved.network.project.cameras.items()}
+    units = {name: scale.coordinate_unit for name, scale in solved.network.scales.items()}
     positions, attitudes = [], []
     for row in frame.to_dicts():
         sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
@@ -47,5 +50,27 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
             "",
             table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
+            *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
         ]
     )
+
+
+def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
+    """Velocities and rates of rotation of the images that are read out row by row; nothing where none is."""
+    names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
+    if names[0] not in frame.columns:
+        return ""
+    said = [(name, unit if name in IMAGE_VELOCITY.names else angle) for name in names]
+    rows = [
+        [row["id"], *(text for name in names for text in (fixed(row[name], 3), fixed(row[f"s{name}"], 3)))]
+        for row in frame.filter(pl.col(names[0]).is_not_null()).to_dicts()
+    ]
+    tables = [
+        table(
+            ["image", *(text for name, of in some for text in (f"{name} [{of}/s]", f"s{name}"))],
+            [[row[0], *row[1 + 2 * first : 7 + 2 * first]] for row in rows],
+            words=words,
+        )
+        for first, some in ((0, said[:3]), (3, said[3:]))
+    ]
+    return "\n\n".join(tables)

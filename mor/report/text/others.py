@@ -6,7 +6,7 @@ from mor.parameters.kinds import KINDS
 from mor.quality.solved import Solved
 from mor.report.edge import angle_unit
 from mor.report.layout import heading, short, table
-from mor.report.tables.estimates import other_rows
+from mor.report.parameters import other_rows
 from mor.report.words.language import ENGLISH, Words
 
 

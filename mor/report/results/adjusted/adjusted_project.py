@@ -18,7 +18,7 @@ import polars as pl
 from mor.arrays import FloatArray
 from mor.errors import Undeterminable
 from mor.observations.earth import DEFLECTIONS
-from mor.parameters.kinds import GNSS_FRAME, INTERIORS, ROTATION
+from mor.parameters.kinds import GNSS_FRAME, INTERIORS, READOUT, ROTATION
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
@@ -115,6 +115,11 @@ def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]
     if eccentricity:
         row = placed.values["eccentricity"][eccentricity]
         camera["eccentricity"] = _settings(camera["eccentricity"], ("rx", "ry", "rz"), row)
+    readout = placed.network.things["camera"].part(name, READOUT.key)
+    if readout >= 0:
+        camera |= _settings(
+            {READOUT.key: camera["readout"]}, READOUT.names, placed.values[READOUT.key][readout]
+        )
     return camera
 
 

@@ -113,7 +113,10 @@ def plain_columns(
     placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]
 ) -> dict[str, FloatArray]:
     """Components that no axes turn."""
-    return _component_columns(placed, kind, numbers, names, placed.values[kind][numbers])
+    turned = {component.quantity.angle for component in KINDS[kind].components}
+    per_unit = ANGLE_UNITS[angle_unit(placed)] if turned == {1} else 1.0
+    values = placed.values[kind][numbers] / per_unit
+    return _component_columns(placed, kind, numbers, names, values, per_unit)
 
 
 def motion_columns(placed: Placed, kind: BlockKind, numbers: IntArray) -> dict[str, FloatArray]:

@@ -9,7 +9,17 @@ import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
-from mor.parameters.kinds import BASE, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, SCALE
+from mor.parameters.kinds import (
+    BASE,
+    ECCENTRICITY,
+    HEIGHT,
+    IMAGE_VELOCITY,
+    INTERIORS,
+    POINT,
+    ROTATION,
+    ROTATION_RATE,
+    SCALE,
+)
 from mor.project.network.set_ups import shared_column
 from mor.report.results.adjusted.start_columns import (
     Placed,
@@ -93,6 +103,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **pose_columns(placed, parts["position"], parts["rotation"], "position"),
         **constant_columns(placed, HEIGHT, parts["height"], raised),
         **constant_columns(placed, ECCENTRICITY, parts["eccentricity"], apart),
+        **_motions(placed),
     }
     for key, column in columns.items():
         if isinstance(column, np.ndarray):
@@ -101,8 +112,28 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
             columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
     heights = unknown_constants(placed, HEIGHT, parts["height"], raised & ~follows)
     eccentricities = unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
-    unknown = [(*a, *b) for a, b in zip(heights, eccentricities, strict=True)]
+    moving = [
+        unknown_constants(placed, kind, parts[kind.key], parts[kind.key] >= 0)
+        for kind in (IMAGE_VELOCITY, ROTATION_RATE)
+        if kind.key in placed.network.blocks
+    ]
+    unknown = [
+        tuple(name for part in own for name in part)
+        for own in zip(heights, eccentricities, *moving, strict=True)
+    ]
     return _by_table(placed, "image", columns | _image_variant(placed), unknown)
+
+
+def _motions(placed: Placed) -> dict[str, Any]:
+    """Velocities and rates of rotation of the images that have one, and the names they share."""
+    columns: dict[str, Any] = {}
+    for kind in (IMAGE_VELOCITY, ROTATION_RATE):
+        numbers = placed.network.things["image"].parts[kind.key]
+        if kind.key in placed.network.blocks:
+            ids = placed.network.blocks[kind.key].ids
+            own = np.array([number >= 0 and ids[number] != "none" for number in numbers])
+            columns |= constant_columns(placed, kind, numbers, own)
+    return columns
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:

@@ -1,0 +1,1 @@
+"""Images and measurements whose pose is a function of time."""

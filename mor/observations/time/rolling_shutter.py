@@ -1,0 +1,139 @@
+"""Image coordinates of an image that is read out row by row while the camera moves: a rolling shutter.
+
+Each image has one motion: a steady velocity v and a steady rate of rotation ω, both in its own axes. Its pose X0, D is
+that of the middle row; a point in row ρ of H is seen at the time
+
+    t = T · (ρ/H − 1/2)        and        X*(t) = exp(−[ω t]×) (D (X − X0) − v t) + r0*
+
+with the readout time T from the first row to the last. ρ is the row in which shutter and moving point meet, which
+is the row that is computed: it is found by Newton's method from the observed row, some hundredths of a row beside it.
+(With the observed row itself in its place the residuals come out too small, by the drift during the readout over the
+height of the image, and T with a bias.) Columns likewise, where the shutter runs across. At T = 0 this is the frame
+image, digit by digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import FloatArray
+from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
+from mor.geometry.frames import by_rotation, into_frame
+from mor.geometry.motion import Moved, by_time, moved, right_jacobian
+from mor.observations._contract import Computed, ObservationType, Slot
+from mor.observations.image import COMPONENTS, FRAME_SLOTS, MEASURED, POINT_SLOT, REFERENCES, WRITTEN
+from mor.parameters.kinds import interior_key
+from mor.units import NUMBER, Component
+
+MOTION_SLOTS = (
+    Slot("image velocity", "image", "velocity"),
+    Slot("rotation rate", "image", "rotation rate"),
+    Slot("readout", "image", "readout"),
+)
+PHASE = (
+    Component("phase by x", NUMBER),
+    Component("phase by y", NUMBER),
+    Component("phase at 0", NUMBER),
+)
+"""Last constants of a row: what of the readout has passed at x, y, from −1/2 at its begin to 1/2."""
+
+
+def moving_image_coordinates(model: CameraModel) -> ObservationType:
+    """x, y of a point in an image taken with a camera of this model and a rolling shutter.
+
+    Slots: position, rotation, height, eccentricity, velocity, rotation rate, readout time, interior orientation, point.
+    """
+
+    def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+        position, rotation, height, eccentricity, velocity, rate, readout, interior, point = blocks
+        measured, own, clock = constants[:, :2], constants[:, 2:-3], constants[:, -3:]
+        frame = into_frame(position, rotation, height, point)
+
+        def at(xy: FloatArray) -> _Seen:
+            """What is seen in the moment in which the shutter passes xy."""
+            phase = phases(xy, clock)
+            found = moved(frame.lever, velocity, rate, readout[:, 0] * phase)
+            projection = model.project(found.star + eccentricity, interior, own, measured)
+            drift = np.einsum("nij,nj->ni", projection.by_star, by_time(found, velocity, rate))
+            slip = 1.0 - readout[:, 0] * np.einsum("nj,nj->n", clock[:, :2], drift)
+            return _Seen(phase, found, projection, drift, slip)
+
+        xy, seen = measured, at(measured)
+        for _ in range(_ROUNDS):
+            step = _met(seen, clock, readout, seen.projection.xy - xy)
+            if not np.abs(step).max(initial=0.0) > _STILL * np.abs(xy).max(initial=0.0):
+                break
+            xy = xy + step
+            seen = at(xy)
+        phase, found, projection = seen.phase, seen.found, seen.projection
+        time = readout[:, 0] * phase
+        by_shifted = projection.by_star @ found.turn
+        by_position = -by_shifted @ rotation
+        turned = right_jacobian(-rate * time[:, None]) * time[:, None, None]
+        jacobians = (
+            by_position,
+            by_rotation(by_shifted, frame.lever),
+            by_position[:, :, 2:],
+            projection.by_star,
+            -time[:, None, None] * by_shifted,
+            by_rotation(by_shifted, found.shifted) @ turned,
+            (phase[:, None] * seen.drift)[:, :, None],
+            projection.by_interior,
+            -by_position,
+        )
+        values = projection.xy + _further(seen, clock, readout, projection.xy - xy)
+        return Computed(values, tuple(_met(seen, clock, readout, one) for one in jacobians))
+
+    return ObservationType(
+        key=f"{MOVING}/{model.key}",
+        written=WRITTEN,
+        components=COMPONENTS,
+        references=REFERENCES,
+        slots=(*FRAME_SLOTS, *MOTION_SLOTS, Slot(interior_key(model.key), "image", "interior"), POINT_SLOT),
+        equation=equation,
+        constants=(*MEASURED, *model.constants, *PHASE),
+    )
+
+
+class _Seen(NamedTuple):
+    """Points as they are seen at one time each."""
+
+    phase: FloatArray
+    """(n,) part of the readout that has passed, less 1/2."""
+    found: Moved
+    projection: Projection
+    drift: FloatArray
+    """(n, 2) velocity in the image."""
+    slip: FloatArray
+    """(n,) 1 − T ∂ρ/∂t: how fast the shutter and the point meet; 1 where nothing moves along the readout."""
+
+
+def _met(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
+    """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again."""
+    return change + _further(seen, clock, readout, change)
+
+
+def _further(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
+    """How much further the point drifts: a change δ moves its row, and the time by τ = T g·δ / slip; 0 at T = 0."""
+    one = (1,) * (change.ndim - 2)
+    passed = np.einsum("nj,nj...->n...", clock[:, :2], change)
+    time = readout.reshape(-1, *one) * passed / seen.slip.reshape(-1, *one)
+    further: FloatArray = seen.drift.reshape(-1, 2, *one) * time[:, None]
+    return further
+
+
+def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:
+    """(n,) part of the readout that has passed at image coordinates (n, 2), less 1/2; ``clock`` (n, 3)."""
+    passed: FloatArray = clock[:, 0] * xy[:, 0] + clock[:, 1] * xy[:, 1] + clock[:, 2]
+    return passed
+
+
+_ROUNDS = 20
+_STILL = 1e-13
+"""Part of the image coordinates by which a point may still move when it has met the shutter."""
+MOVING = "moving"
+"""What the keys of these types begin with."""
+MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_MODELS.values()}
