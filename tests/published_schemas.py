@@ -10,7 +10,7 @@ import jsonschema
 import yaml
 
 from mor.project.file.schema import project_schema
-from mor.report.results.model import results_schema
+from mor.report.results.models.model import results_schema
 
 
 @cache

@@ -15,6 +15,7 @@ import numpy as np
 
 from mor.arrays import FloatArray
 from mor.observations._contract import Computed, ObservationType, Slot
+from mor.parameters.kinds import KINDS
 from mor.units import LENGTH
 
 FREE_TURNS = (True, True, False)
@@ -38,14 +39,15 @@ def at_infinity(type_: ObservationType) -> ObservationType:
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         D = blocks[-1]
-        near = dict(zip(kept, blocks[:-1], strict=True))
+        near = {k: _without_lengths(type_.slots[k], b) for k, b in zip(kept, blocks[:-1], strict=True)}
         near[target] = D[:, 2, :]
         nothing = [np.zeros((len(D), _LENGTHS.get(slot.kind, 3))) for slot in type_.slots]
         filled = [near.get(k, zero) for k, zero in enumerate(nothing)]
         computed = type_.equation(filled, constants)
         by_point = computed.jacobians[target]
         by_turn = by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS
-        return Computed(computed.values, (*(computed.jacobians[k] for k in kept), by_turn))
+        by_kept = (_without_lengths(type_.slots[k], computed.jacobians[k]) for k in kept)
+        return Computed(computed.values, (*by_kept, by_turn))
 
     return replace(
         type_,
@@ -59,6 +61,14 @@ def at_infinity(type_: ObservationType) -> ObservationType:
 
 _LENGTHS = {"height": 1, "eccentricity": 3, "base": 3, "image velocity": 3}
 """Kinds of blocks that are nothing beside an infinite distance, also per second, and their sizes."""
+
+
+def _without_lengths(slot: Slot, array: FloatArray) -> FloatArray:
+    """A block (n, size), or the derivatives (n, m, size) by it, with the components that are lengths at 0."""
+    if not slot.kind.startswith("interior/"):
+        return array
+    lengths = [component.quantity == LENGTH for component in KINDS[slot.kind].components]
+    return np.where(lengths, 0.0, array) if any(lengths) else array
 
 
 def target_slot(type_: ObservationType) -> int:

@@ -119,13 +119,13 @@ def _put_target(kind, blocks, sight, constants=None):
             vector = np.einsum("nji,nj->ni", part[owner, "relative rotation"], vector) + part[owner, "base"]
         if (owner, "eccentricity") in part:
             vector = vector - part[owner, "eccentricity"]
-        if (owner, "velocity") in part:
+        if (owner, "image velocity") in part:
             time = (
                 part[owner, "readout"]
                 * phases(_imaged(kind, part, sight, constants), constants[:, -3:])[:, None]
             )
             turn = exponential(part[owner, "rotation rate"] * time)
-            vector = np.einsum("nij,nj->ni", turn, vector) + part[owner, "velocity"] * time
+            vector = np.einsum("nij,nj->ni", turn, vector) + part[owner, "image velocity"] * time
         if (owner, "rotation") in part:
             vector = np.einsum("nji,nj->ni", part[owner, "rotation"], vector)
         vector[:, 2] += part.get((owner, "height"), np.zeros((ROWS, 1)))[:, 0]

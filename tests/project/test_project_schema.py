@@ -14,7 +14,7 @@ from small_projects import BLOCK, LEVELLING, mor, write
 
 from mor.project.file.schema import project_schema
 from mor.project.file.yaml_text import yaml_text
-from mor.report.results.model import results_schema
+from mor.report.results.models.model import results_schema
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 GKF = """<?xml version="1.0"?>

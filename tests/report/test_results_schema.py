@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from mor.cli import run
-from mor.report.results.model import Results
+from mor.report.results.models.model import Results
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NAMES = sorted(path.parent.name for path in SAMPLES.glob("*/project.yaml"))

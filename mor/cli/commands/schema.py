@@ -21,6 +21,6 @@ def command(what: str) -> None:
     Exit codes: 0 done; 2 input.
     """
     from mor.project.file.schema import project_schema
-    from mor.report.results.model import results_schema
+    from mor.report.results.models.model import results_schema
 
     click.echo(results_schema() if what == "results" else project_schema(), nl=False)

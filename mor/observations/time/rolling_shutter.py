@@ -29,7 +29,7 @@ from mor.parameters.kinds import interior_key
 from mor.units import NUMBER, Component
 
 MOTION_SLOTS = (
-    Slot("image velocity", "image", "velocity"),
+    Slot("image velocity", "image", "image velocity"),
     Slot("rotation rate", "image", "rotation rate"),
     Slot("readout", "image", "readout"),
 )

@@ -56,7 +56,7 @@ _IMAGE_PARTS = (
     "camera",
     "relative rotation",
     "base",
-    "velocity",
+    "image velocity",
     "rotation rate",
     "readout",
 )
@@ -113,7 +113,7 @@ def _read_images_table(
         "camera": cameras,
         "relative rotation": none,
         "base": none.copy(),
-        "velocity": velocity,
+        "image velocity": velocity,
         "rotation rate": rate,
         "readout": camera.parts["readout"][cameras],
     }

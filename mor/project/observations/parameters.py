@@ -23,7 +23,15 @@ from mor.project.tables.tables import Column, Rows, read_table
 
 PARTS = {
     "camera": ("interior", "eccentricity", "readout"),
-    "image": ("position", "rotation", "height", "interior", "eccentricity", "velocity", "rotation rate"),
+    "image": (
+        "position",
+        "rotation",
+        "height",
+        "interior",
+        "eccentricity",
+        "image velocity",
+        "rotation rate",
+    ),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from mor.report.results.model_gross_errors import Place
-from mor.report.results.model_parts import Number, Part
+from mor.report.results.models.model_gross_errors import Place
+from mor.report.results.models.model_parts import Number, Part
 
 Kind = Literal["group", "image", "camera", "station", "set", "instrument", "system"]
 

@@ -10,21 +10,20 @@ from typing import Literal
 
 from pydantic import Field
 
-from mor.report.results.model_failure import Failure, Undeterminable
-from mor.report.results.model_gross_errors import GrossErrors, Hypothesis, Suspects
-from mor.report.results.model_parts import (
+from mor.report.results.models.model_failure import Failure, Undeterminable
+from mor.report.results.models.model_gross_errors import GrossErrors, Hypothesis, Suspects
+from mor.report.results.models.model_motions import Epoch, Motion
+from mor.report.results.models.model_parts import (
     Axes,
     Camera,
     Check,
     Direction,
-    Epoch,
     Feature,
     FixedPoint,
     GlobalTest,
     Group,
     Identity,
     Image,
-    Motion,
     Note,
     Number,
     Other,
@@ -40,7 +39,7 @@ from mor.report.results.model_parts import (
     Units,
     VarianceComponents,
 )
-from mor.report.results.model_verdict import ReliabilityMap, Verdict
+from mor.report.results.models.model_verdict import ReliabilityMap, Verdict
 
 
 class Results(Part):

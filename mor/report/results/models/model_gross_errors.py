@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field
 
-from mor.report.results.model_parts import Number, Part
+from mor.report.results.models.model_parts import Number, Part
 
 
 class Place(Part):

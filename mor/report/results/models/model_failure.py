@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from mor.report.results.model_parts import Number, Part, Residual
+from mor.report.results.models.model_parts import Number, Part, Residual
 
 
 class Undeterminable(Part):

@@ -377,35 +377,3 @@ class Residual(Part):
     flag: Literal["", "gross", "uncontrolled", "excluded", "check"] = Field(
         description="gross: beyond the limit; uncontrolled: r < settings.least_redundancy; excluded, check: kept out"
     )
-
-
-class Epoch(Part):
-    """A time at which something was measured."""
-
-    epoch: str = Field(description="As the project has it")
-    year: float = Field(description="The same in years")
-
-
-class Motion(Part):
-    """What moves a point; of an annual oscillation x … are of the sine."""
-
-    point: str = Field(description="Its name")
-    parameter: Literal["velocity", "annual oscillation", "step"] = Field(description="What it is")
-    time: str = Field(description="Of a step")
-    x: Number = Field(default=None, description="x, length unit; of velocities in a year")
-    sx: Number = Field(default=None, description="σ of x")
-    y: Number = Field(default=None, description="y, length unit; of velocities in a year")
-    sy: Number = Field(default=None, description="σ of y")
-    z: Number = Field(default=None, description="z, length unit; of velocities in a year")
-    sz: Number = Field(default=None, description="σ of z")
-    cos_x: Number = Field(default=None, description="cosine x, length unit; of velocities in a year")
-    scos_x: Number = Field(default=None, description="σ of cosine x")
-    cos_y: Number = Field(default=None, description="cosine y, length unit; of velocities in a year")
-    scos_y: Number = Field(default=None, description="σ of cosine y")
-    cos_z: Number = Field(default=None, description="cosine z, length unit; of velocities in a year")
-    scos_z: Number = Field(default=None, description="σ of cosine z")
-    freedom: int = Field(description="Degrees of freedom of the test")
-    test: Number = Field(description="Test value, mean square")
-    p: Number = Field(description="Its probability without any movement")
-    smallest: Number = Field(description="Smallest length that is found in every direction with the power β0")
-    moved: bool = Field(description="true: significant")

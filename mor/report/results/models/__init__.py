@@ -1,0 +1,1 @@
+"""``results.json`` as models, from which its schema is made."""
