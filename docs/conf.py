@@ -34,6 +34,7 @@ CHAPTERS = {
         "tutorials/theodolite-network",
         "tutorials/dam",
         "tutorials/dam-epochs",
+        "tutorials/rolling-shutter",
         "tutorials/planning",
     ),
     "Projects": (
@@ -41,6 +42,7 @@ CHAPTERS = {
         "observation-types",
         "earth",
         "epochs",
+        "time",
         "camera-models",
         "conventions",
         "start-values",

@@ -44,6 +44,7 @@ def test_there_is_one_for_each_kind_of_job() -> None:
         "aerial-strip",
         "calibration-field",
         "dam",
+        "dam-epochs",
         "facade",
         "machine-part",
         "planning",

@@ -29,7 +29,7 @@ SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
-_MANY = 10
+_MANY = 3
 """Degrees of freedom left for each that suspects take, from which the rest outvotes them beyond doubt."""
 _LEVEL = 1e-3
 """Of the question whether suspects are more than the largest residuals of a poor fit."""

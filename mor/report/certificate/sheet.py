@@ -10,7 +10,7 @@ from markupsafe import Markup
 from mor.report.certificate.content import Certificate
 from mor.report.certificate.drawing import curve_drawing
 from mor.report.columns import WIDTH, paragraphs
-from mor.report.html.page import MEANINGS, asset, environment, raised
+from mor.report.html.page import asset, environment, meaning, raised
 from mor.report.html.paper import running_heads
 from mor.report.layout import digits_worth, fixed, heading, short, table
 from mor.report.text.identity import LINE, persons
@@ -139,7 +139,7 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
     return [
         {
             "name": name,
-            "meaning": words(MEANINGS.get(name, MEANINGS.get(name.rstrip("0123456789"), ""))),
+            "meaning": words(meaning("", name)),
             "unit": raised(one.units[name]),
             "value": short(row["value"], digits_worth(row["value"], row["sigma"])),
             "sigma": short(row["sigma"], 3),

@@ -48,6 +48,20 @@ MEANINGS = {
     **dict.fromkeys(("C", "b", "alpha"), "affinity"),
 }
 """What the components of the interior orientations are, by their names without numbers."""
+OF_PANORAMA = {
+    "rate": "rate of rotation",
+    **dict.fromkeys(("ahead", "aside"), "eccentricity of the projection centre"),
+    **dict.fromkeys(("lean", "pitch"), "tilt of the line"),
+    "A": "distortion along the line",
+    **dict.fromkeys(("a", "b"), "uneven rotation"),
+}
+"""The same of panoramas, where it differs."""
+
+
+def meaning(model: str, name: str) -> str:
+    """What a component of an interior orientation is; nothing where nobody has said it."""
+    known = {**MEANINGS, **OF_PANORAMA} if model == "panorama" else MEANINGS
+    return known.get(name.rstrip("0123456789"), known.get(name, ""))
 
 
 def page(view: View, words: Words = ENGLISH) -> str:
@@ -173,7 +187,7 @@ def _camera(camera: dict[str, Any]) -> dict[str, Any]:
         rows.append(
             {
                 "name": name,
-                "meaning": MEANINGS.get(name.rstrip("0123456789"), MEANINGS.get(name, "")),
+                "meaning": meaning(camera["model"], name),
                 "unit": raised(quantities[name].unit("m", "rad", camera["unit"])),
                 **component,
                 "t": t,
