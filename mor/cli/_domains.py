@@ -187,7 +187,7 @@ def _adjusted(
         ready = prepared(engine, found)
         say.notes(ready.notes)
         most = max(found.parts.rays)
-        say.notes([Mistake(f"adjusted in {found.parts.count} domains of up to {most} image points")])
+        say.notes([Mistake(f"domains: {found.parts.count}, the largest with {most} image points")])
         check_boundaries(
             [len(numbers) for numbers in ready.boundaries.numbers], ready.boundaries.widest, memory
         )
