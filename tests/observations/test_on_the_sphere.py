@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from gross_error_scenes import disturbed, spoiled
 
+from mor.adjustment.normals import build_normals
+from mor.adjustment.plan import make_plan
+from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.arrays import FloatArray
+from mor.compilation import available, chosen_by_size
 from mor.observations import ALL_TYPES
 from mor.observations._contract import ObservationGroup
 from mor.observations.on_the_sphere import on_the_sphere
@@ -80,3 +84,20 @@ def test_directions_lead_from_where_coordinates_do_not(seed: int) -> None:
     expected = adjust(scene.problem, scene.truth)
     assert found.outcome is Outcome.CONVERGED
     assert found.normals.objective == pytest.approx(expected.normals.objective, rel=1e-9)
+
+
+@pytest.mark.skipif(not available, reason="nothing is compiled")
+@pytest.mark.parametrize("far", [0.0, 0.4])
+def test_the_kernel_has_the_directions_of_the_equation(far: float) -> None:
+    """Compiled from stereographic coordinates of the rays, in numpy from the rays themselves."""
+    scene = spoiled(2, "aerial", 0.0)
+    start = disturbed(scene, np.random.default_rng(5), far, far * 100.0 * GON)
+    sphere = problem_on_the_sphere(scene.problem, start)
+    assert sphere is not None
+    found = []
+    for observations in (10**7, 1):
+        with chosen_by_size(observations):
+            found.append(build_normals(make_plan(sphere, eliminable_rays(sphere, start)), start))
+    compiled, plain = found
+    assert compiled.objective == pytest.approx(plain.objective, rel=1e-10)
+    np.testing.assert_allclose(compiled.rhs, plain.rhs, rtol=0, atol=1e-9 * np.abs(plain.rhs).max())
