@@ -48,9 +48,11 @@ from mor.quality.gross_errors.suspects import (
 from mor.quality.hypotheses.hypothesis import Causes, Looking, ignore_looking
 from mor.quality.hypotheses.rejection import is_rejected
 from mor.quality.plausibility.looking import implausible
+from mor.quality.precision.image_poses import with_poses
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
+from mor.sparse.blas_threads import one_thread
 from mor.sparse.cholesky import NotFiniteError
 
 _SIGMA_ROUNDS = 4
@@ -93,7 +95,7 @@ def solve_network(
     ``looking`` is called likewise where something is rejected, with the iterations that trying hypotheses may take.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
-        return _solved(network, watch, assessing, looking)
+        return with_poses(_solved(network, watch, assessing, looking))
 
 
 def _solved(
@@ -105,7 +107,8 @@ def _solved(
     settings = network.project.settings
     rescued: list[tuple[Adjustment, Suspects]] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
-        network, start = _started(network, looking)
+        with one_thread():
+            network, start = _started(network, looking)
         whole = network
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
     suspects = next((left for found, left in rescued if found is adjustment), None)
@@ -117,12 +120,14 @@ def _solved(
             return Causes()
         from mor.quality.hypotheses.search import causes  # loaded where it is needed, which takes its time
 
-        return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing, looking)
+        with np.errstate(all="ignore"):  # what is tried may lead anywhere
+            return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing, looking)
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
-        ended = adjustment if known else with_fitting_reason(adjustment)
+        ended = adjustment if known else with_fitting_reason(adjustment, bool(network.untied))
+        network = replace(network, notes=(*network.notes, *network.untied))
         return Solved(network, ended, None, found=possible_causes(None))
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
@@ -243,6 +248,10 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     Points at infinity stay without coordinates. What nobody could start is left out where the project wants that;
     otherwise it raises :class:`NoStartValuesError`.
     """
+    if network.trajectories:
+        from mor.approximate.along_trajectories import along_trajectories
+
+        network = along_trajectories(network)
     if all_known(network.start):
         return network, network.start
     # Imported here: its libraries take as long to load as a small project to adjust.
@@ -259,9 +268,16 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
             "the one with the cameras above is taken"
         )
         for join in found.parts
-        if join.tie is not None and join.tie.alternatives
+        if join.tie is not None and join.tie.alternatives and not join.tie.open
     )
-    network = replace(network, notes=(*network.notes, *replaced, *ambiguous))
+    untied = tuple(
+        Mistake(
+            f"start values: the part that began with {join.began} ({len(join.points)} points) was put anywhere: "
+            "nothing was found that ties it to the rest"
+        )
+        for join in found.untied
+    )
+    network = replace(network, notes=(*network.notes, *replaced, *ambiguous), untied=untied)
     settings = network.project.settings
     start: Mapping[str, FloatArray]
     network, start = with_lines_turned(network, found.start)

@@ -42,6 +42,7 @@ from mor.adjustment.step_control import Taken, accept, accept_whole
 from mor.arrays import LARGEST, FloatArray
 from mor.memory import check_room
 from mor.parameters.index import Values, move
+from mor.sparse.blas_threads import threads_for
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,11 @@ def adjust(
     settings = settings or Settings()
     plan = make_plan(problem, eliminable_rays(problem, start))
     check_room(memory_of_adjustment(plan), "the adjustment", LESS)
+    with threads_for(plan.elimination.largest_front):
+        return _iterated(plan, start, settings, watch)
+
+
+def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | None) -> Adjustment:
     state = _begin(plan, start)
     while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
         state = _advance(state)
@@ -96,7 +102,7 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
 def _judge_defect(state: Adjustment) -> Adjustment:
     """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
     defect, datum = state.defect, state.problem.datum
-    if defect.undetermined:
+    if defect.inside:
         return replace(
             state, outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations"
         )

@@ -113,7 +113,7 @@ def _bytes_of_tables(document: Document, folder: Path) -> int:
 
 def _refuse(wanted: Wanted) -> None:
     """Options that domains do not do."""
-    asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--html": wanted.html, "--full": wanted.full}
+    asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--full": wanted.full}
     problems = [
         Mistake(
             f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
@@ -135,31 +135,63 @@ def adjust_in_domains(
     files: Mapping[Path, ReadFile],
 ) -> int:
     """Adjust a project in domains, write and tell its results. Returns the exit code."""
-    from mor.domains.results import exit_code, write
-    from mor.domains.room import check_scratch, rays_of, rays_of_domain
+    from mor.adjustment.domains.store import FileStore
+    from mor.domains.results import Told, exit_code, write
+    from mor.domains.room import check_scratch, has_page, rays_of, rays_of_domain
     from mor.memory import available
     from mor.project.file.validation import validate
     from mor.report.domains.summary import verdict
-    from mor.report.identity import Identity, identity_of
+    from mor.report.identity import Identity
 
     assert place is not None  # --json, which may do without a folder, is refused
     rays = rays_of(validate(document), document, folder)
     memory = wanted.memory or available() or 4e9
     size = rays_of_domain(rays, memory, wanted.workers or 1)
+    html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
+    say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
         check_scratch(rays, scratch)
         with _engine(wanted, scratch, 2 * rays) as engine:
             found = _adjusted(engine, document, folder, scratch, size, memory, how, say)
         say.phase("writing")
         of = Identity(tuple(files.values()), folder, how.options)
-        identity = identity_of(found.prepared.project, of)
-        told = write(found, scratch / "parts", place, how.kind, how.residuals, identity, how.words)
+        store = FileStore(scratch / "state")
+        told = write(
+            found, store, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of)
+        )
     code = exit_code(told, how.strict)
     say.event("done", outcome=told.outcome, exit_code=int(code), folder=str(place.folder))
     if not how.quiet or told.solution is None:
         click.echo(verdict(told, how.words), err=True)
         click.echo(how.words("results in {place}", place=place.folder), err=True)
     return code
+
+
+def has_library(say: Progress) -> bool:
+    """True where the chart library of the page is installed; says so where it is not."""
+    from mor.report.html.library import library_path
+
+    if library_path() is None:
+        say.notes([Mistake("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
+
+
+def _without_page(rays: int, memory: float, wanted: bool | None, html: bool) -> list[Mistake]:
+    """The word that there is no page. Raises :class:`OutOfMemoryError` where it was asked for and has no room."""
+    from mor.domains.room import MOST_ON_PAGE, need_of_page
+    from mor.errors import OutOfMemoryError
+
+    if html or wanted is False or (wanted is None and 2 * rays > MOST_ON_PAGE):
+        return []
+    need = need_of_page(rays)
+    if need <= memory:
+        return [Mistake("domains: a page (report.html) needs the table of all residuals: --tables all")]
+    words = f"the page (report.html) takes about {need / 1e9:.2f} GB in one process"
+    words = f"{words}, and {memory / 1e9:.2f} GB are allowed (--memory)"
+    if wanted:
+        raise OutOfMemoryError(words)
+    return [Mistake(f"domains: no page: {words}")]
 
 
 def _adjusted(
@@ -176,7 +208,7 @@ def _adjusted(
     import numpy as np
 
     from mor.compilation import chosen_by_size
-    from mor.domains.room import check_boundaries
+    from mor.domains.room import check_boundaries, wide_borders
     from mor.domains.story import divided, prepared, solved
     from mor.sparse.blas_threads import one_thread
 
@@ -187,10 +219,15 @@ def _adjusted(
         ready = prepared(engine, found)
         say.notes(ready.notes)
         most = max(found.parts.rays)
-        say.notes([Mistake(f"domains: {found.parts.count}, the largest with {most} image points")])
-        check_boundaries(
-            [len(numbers) for numbers in ready.boundaries.numbers], ready.boundaries.widest, memory
-        )
+        widest = ready.boundaries.widest
+        check_boundaries([len(numbers) for numbers in ready.boundaries.numbers], widest, memory)
+        borders = f"the widest border has {widest} unknowns"
+        say.notes([Mistake(f"domains: {found.parts.count}, the largest with {most} image points; {borders}")])
+        if wide_borders(widest, most):
+            words = "its dense matrices take more time and room than the image points of a domain"
+            say.notes(
+                [Mistake(f"domains: borders are wide: {words}; long ties across the network make them so")]
+            )
         say.phase("adjusting")
         parts = scratch / "parts"
         assessing = partial(say.phase, "precision and reliability")

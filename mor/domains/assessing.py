@@ -22,9 +22,14 @@ from mor.project.domains.part_network import PartNetwork
 from mor.quality.assess import Whole, assessed
 from mor.quality.diagnosis.self_check import beyond_use
 from mor.quality.solved import Solved
+from mor.quality.treatment import Treatment
+from mor.quality.variance_components.simplified import components
+from mor.report.domains.contribution import Contribution, contribution
+from mor.report.domains.starts import Start, place_of, start_parts
+from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer
 from mor.report.tables.control import sums_of_control
-from mor.report.tables.estimates import group_table, image_table, interior_rows, point_table
+from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import residual_writer, table_writer
 from mor.report.tables.shared import forget
 from mor.report.tables.worst import worst_residuals
@@ -50,6 +55,8 @@ class Order(NamedTuple):
     kind: Kind
     residuals: bool
     """True for the table of all residuals, false for the worst."""
+    images: int
+    """Number of images of the whole."""
 
 
 class Assessed(NamedTuple):
@@ -58,8 +65,10 @@ class Assessed(NamedTuple):
     redundancy: float
     """Σ r."""
     flagged: int
-    groups: pl.DataFrame
-    cameras: list[dict[str, object]]
+    added: Contribution
+    """To ``results.json``."""
+    starts: tuple[Start, ...]
+    """Tables of the adjusted project that it has written its part of."""
     worst: pl.DataFrame
     shared: dict[str, pl.DataFrame]
     """Sums over the observations of points and images that several domains have, by ``points``, ``images``."""
@@ -76,20 +85,24 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     solved = _solved(store, d, order, mine, part, store.load(f"outer/{d}"))
     quality = solved.quality
     assert quality is not None
-    own = {"points": part.foreign["point"], "images": part.foreign["image"]}
-    tables = {"points": point_table(solved), "images": image_table(solved)}
+    tables = {
+        "points": point_table(solved),
+        "images": image_table(solved),
+        "reference": reference_table(solved),
+    }
+    foreign = {"images": part.foreign["image"]}
     for name, frame in tables.items():
-        place = order.folder / name
-        place.mkdir(parents=True, exist_ok=True)
-        foreign = pl.Series("id", sorted(own[name]), dtype=pl.String)
-        mine_only = frame.filter(~pl.col("id").is_in(foreign.implode()))
-        _written(table_writer(mine_only, "parquet"), place / f"{d:05d}.parquet")
+        names = pl.Series("id", sorted(foreign.get(name, part.foreign["point"])), dtype=pl.String)
+        _write_part(order.folder / name, d, frame.filter(~pl.col("id").is_in(names.implode())))
+    starts = start_parts(Placed(part.network, solved.adjustment.values), part.tables, part.foreign)
+    for start, frame in starts:
+        _write_part(order.folder / place_of(start.section, start.table), d, frame)
     shared = {"points": part.shared["point"], "images": part.shared["image"]}
     assessed = Assessed(
         quality.redundancy_sum,
         int(sum(int(np.count_nonzero(flags)) for flags in quality.flagged)),
-        group_table(solved),
-        interior_rows(solved) if part.first else [],
+        contribution(solved, dict(part.shared), part.foreign["point"], d, order.images),
+        tuple(start for start, _ in starts),
         worst_residuals(solved, WORST),
         {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
         tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
@@ -101,6 +114,11 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
         place.mkdir(parents=True, exist_ok=True)
         _written(residual_writer(solved, order.kind, lambda rows: None), place / f"{d:05d}.{order.kind}")
     return assessed._replace(resident=largest_resident())
+
+
+def _write_part(folder: Path, d: int, frame: pl.DataFrame) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    _written(table_writer(frame, "parquet"), folder / f"{d:05d}.parquet")
 
 
 def _written(write: Writer, path: Path) -> None:
@@ -115,7 +133,7 @@ def _solved(store: Store, d: int, order: Order, mine: Role, part: PartNetwork, o
     domain = mine.domain
     at: Stage = store.load(f"stage/{order.stage}/{d}")
     null, bound = store.load(f"datum/{d}")
-    inverse = inverse_of(domain, at, null)
+    inverse = inverse_of(domain, at, null, outer)
     values = store.load(f"values/{order.values}/{d}")
     adjustment = Adjustment(
         problem=domain.problem,
@@ -127,11 +145,11 @@ def _solved(store: Store, d: int, order: Order, mine: Role, part: PartNetwork, o
         normals=at.normals.spent()._replace(objective=order.whole.omega),
         anchors=np.zeros(0, dtype=np.int64),
         inverse=inverse,
-        defect=Defect(order.movements, null, ()),
+        defect=Defect(order.movements, null),
         constraint=bound,
         iterations=(),
         stride=Stride(np.zeros(0)),
     )
     datum = STransformation(null, order.binding, store.load(f"through/{d}"), order.core)
     quality = assessed(adjustment, cofactors_of(at, outer), datum, order.whole)
-    return Solved(part.network, adjustment, quality)
+    return Solved(part.network, adjustment, quality, Treatment(components(quality)))

@@ -2,121 +2,191 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from mor.adjustment.domains.adjust import Joined
+from mor.adjustment.domains.store import Store
 from mor.domains.assessing import WORST
-from mor.domains.story import Outcomes
+from mor.domains.story import Outcomes, Prepared
 from mor.errors import ExitCode
-from mor.project.file.model import Datum
+from mor.project.domains.parts import names_in_order
 from mor.quality.tests.test_statistics import critical_value, global_test
+from mor.report.domains.results import Inlined, ended_of, results_of_domains
+from mor.report.domains.starts import joined_starts, parts_writer
 from mor.report.domains.summary import Solution, Summary, as_json, as_text
-from mor.report.domains.tables import Kind, completed, writers
+from mor.report.domains.tables import Kind, completed, read_parts, writers
+from mor.report.identity import Identity, identity_of
+from mor.report.notes import note_rows
 from mor.report.readme import readme
+from mor.report.results.adjusted.adjusted_project import adjusted_project, start_names
+from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
+from mor.report.results.json import INLINE, to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
-from mor.report.words.language import Words
+from mor.report.tables.observations import SHOWN
+from mor.report.words.language import Words, words_of_page
 
 
-def write(
-    found: Outcomes,
-    parts: Path,
-    place: Reservation,
-    kind: Kind,
-    residuals: bool,
-    identity: dict[str, Any],
-    words: Words,
-) -> Summary:
-    """Write tables, ``domains.json`` and ``report.txt`` into a folder; the summary, to be told."""
+@dataclass(frozen=True)
+class Told:
+    """How results are written: kind of the tables, whether all residuals, in which words, with a page or without."""
+
+    kind: Kind
+    residuals: bool
+    words: Words
+    html: bool
+    of: Identity
+
+
+def write(found: Outcomes, store: Store, parts: Path, place: Reservation, told: Told) -> Summary:
+    """Write tables, reports and the adjusted project into a folder; the summary, to be told."""
     tables: dict[str, Writer] = {}
     names: dict[str, str] = {}
     if found.whole is not None:
         completed(parts, [one.shared for one in found.assessed])
-        wanted = ["points", "images", *(["residuals"] if residuals else [])]
-        tables = writers(parts, wanted, kind)
+        wanted = ["points", "images", *(["residuals"] if told.residuals else [])]
+        tables = writers(parts, wanted, told.kind)
         names = dict(zip(wanted, tables, strict=True))
-        if not residuals:
-            file = f"residuals_worst.{kind}"
-            tables[file] = table_writer(_worst(found), kind)
+        if not told.residuals:
+            file = f"residuals_worst.{told.kind}"
+            tables[file] = table_writer(_worst(found), told.kind)
             names["residuals_worst"] = file
-    told = summary(found, names, identity)
-    tables["domains.json"] = _text(as_json(told))
-    tables["report.txt"] = _text(as_text(told, words))
-    write_folder(place, {**tables, "README.txt": _text(readme([*tables, "README.txt"], words))})
-    return told
+    results = _results(found, parts, names, told)
+    short = summary(found, names, results)
+    reports = {
+        "results.json": _text(to_json(results)),
+        "domains.json": _text(as_json(short)),
+        "report.txt": _text(as_text(short, told.words)),
+    }
+    if found.whole is not None and told.html:
+        file = names.get("residuals", names.get("residuals_worst", ""))
+        reports["report.html"] = _text(_page(found, parts, results, file, told.words))
+    adjusted = _adjusted(found, store, parts, place.folder) if found.whole is not None else {}
+    listed = [*reports, *tables, *adjusted, "README.txt"]
+    # The parts of the long tables are moved: what reads them comes first.
+    write_folder(place, {**reports, **adjusted, **tables, "README.txt": _text(readme(listed, told.words))})
+    return short
 
 
-def summary(found: Outcomes, tables: dict[str, str], identity: dict[str, Any]) -> Summary:
+def _results(found: Outcomes, parts: Path, names: dict[str, str], told: Told) -> dict[str, Any]:
+    """Content of ``results.json``."""
+    ready, joined = found.prepared, found.joined
+    project, of = ready.project, told.of
+    sizes = ready.sizes.observations, ready.sizes.unknowns
+    movements = joined.null_space.movements
+    solution = found.whole is not None
+    ended = ended_of(
+        project, joined.outcome.value, joined.reason, solution, sizes, movements, joined.iterations
+    )
+    said = {"identity": identity_of(project, of), "notes": note_rows(ready.notes, of.folder)}
+    added = [one.added for one in found.assessed]
+    inlined = _inlined(ready, parts) if solution else Inlined()
+    order = names_in_order(project, ready.document, ready.source, "images") if solution else []
+    return results_of_domains(project, ended, found.whole, added, inlined, names, said, order, _loose(joined))
+
+
+def _loose(joined: Joined) -> tuple[str, ...]:
+    return tuple(f"{kind} {name} {component}".strip() for kind, name, component in joined.loose)
+
+
+def _page(found: Outcomes, parts: Path, results: dict[str, Any], file: str, words: Words) -> str:
+    """The page, which shows all observations."""
+    from mor.report.html.page import page
+    from mor.report.view import view_of_rows
+
+    points, images = (_in_order(found.prepared, parts, name) for name in ("points", "images"))
+    residuals = read_parts(parts / "residuals").select(SHOWN)
+    view = view_of_rows(results, points, images, residuals, file)
+    return page(view, words_of_page(words.language))
+
+
+def _in_order(ready: Prepared, parts: Path, name: str) -> pl.DataFrame:
+    """Points, or images, in the order of the project."""
+    names = names_in_order(ready.project, ready.document, ready.source, name)
+    ids = pl.DataFrame({"id": names}, {"id": pl.String})
+    return ids.join(read_parts(parts / name), on="id", maintain_order="left")
+
+
+def _inlined(ready: Prepared, parts: Path) -> Inlined:
+    """Tables that are short enough, in the order of the project."""
+    found = {}
+    for name in ("points", "images"):
+        if _height(parts, name) <= INLINE:
+            found[name] = _in_order(ready, parts, name)
+    return Inlined(**found)
+
+
+def _height(parts: Path, name: str) -> int:
+    return int(pl.scan_parquet(parts / name / "*.parquet").select(pl.len()).collect().item())
+
+
+def _adjusted(found: Outcomes, store: Store, parts: Path, folder: Path) -> dict[str, Writer]:
+    """Writers of the adjusted project and its tables."""
+    ready = found.prepared
+    lonely = ready.parts.lonely
+    placed = Placed(store.load(f"network/{lonely}").network, store.load(f"values/{found.values}/{lonely}"))
+    starts, of_parts = joined_starts([start for one in found.assessed for start in one.starts], parts)
+    text, frames = adjusted_project(placed, ready.document, ready.source, folder, starts)
+    writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in frames.items()}
+    for section, tables in of_parts.items():
+        writers |= zip(start_names(section, len(tables)), tables, strict=True)
+    reference = pl.read_parquet_schema(next((parts / "reference").glob("*.parquet")))
+    writers["reference.csv"] = parts_writer(parts / "reference", reference)
+    return {"adjusted.yaml": _text(text), **writers}
+
+
+def summary(found: Outcomes, tables: dict[str, str], results: dict[str, Any]) -> Summary:
     """What is said of the whole."""
     ready, joined = found.prepared, found.joined
     iterations = tuple(
         (step.sigma0 if step.sigma0 is not None else step.objective, step.largest_change)
         for step in joined.iterations
     )
-    loose = tuple(f"{kind} {name} {component}".strip() for kind, name, component in joined.loose)
     outer = [len(numbers) for numbers in ready.boundaries.numbers]
     return Summary(
         title=ready.project.title,
         outcome=joined.outcome.value,
         reason=joined.reason,
-        loose=loose,
+        loose=_loose(joined),
         observations=ready.sizes.observations,
         unknowns=ready.sizes.unknowns,
         defect=joined.defect,
         redundancy=joined.redundancy,
-        datum=_datum(ready.project.datum),
+        datum=results["datum"],
         iterations=iterations,
         domains=tuple(zip(ready.parts.rays, outer, strict=True)),
         root=len(joined.root.numbers),
         tables=tables,
-        identity=identity,
-        solution=_solution(found),
+        identity=results["identity"],
+        solution=_solution(found, results),
         notes=tuple(str(note) for note in ready.notes),
     )
 
 
-def _datum(datum: str | Datum) -> str:
-    if datum == "fixed":
-        return "fixed"
-    if datum == "free" or (isinstance(datum, Datum) and datum.free == "all"):
-        return "free, inner constraints over all points"
-    return "free, inner constraints over named points"
-
-
-def _solution(found: Outcomes) -> Solution | None:
+def _solution(found: Outcomes, results: dict[str, Any]) -> Solution | None:
     whole = found.whole
     if whole is None:
         return None
-    cameras = [camera for one in found.assessed for camera in one.cameras]
     return Solution(
         sigma0=whole.sigma0,
         redundancy_sum=found.redundancy_sum,
         test=global_test(whole.omega, whole.redundancy, whole.levels.overall),
         critical=critical_value(whole.levels.snooping),
-        flagged=sum(one.flagged for one in found.assessed),
-        groups=_groups([one.groups for one in found.assessed]),
-        cameras=cameras,
+        flagged=results["flagged"],
+        groups=results["groups"],
+        cameras=results["cameras"],
         worst=_worst(found),
+        verdict=results["verdict"],
+        reliability=results["reliability"],
+        checks=results["checks"],
+        length=results["units"]["length"],
     )
-
-
-def _groups(tables: list[pl.DataFrame]) -> pl.DataFrame:
-    """Sums of the groups over all domains, in the order of the project."""
-    sums = pl.concat([table.select(_SUMMED) for table in tables if table.height], how="vertical_relaxed")
-    both = sums.group_by("name", "type", maintain_order=True).agg(
-        pl.col("observations", "redundancy", "vtpv", "excluded", "flagged").sum(), pl.col("largest_w").max()
-    )
-    redundant = pl.col("redundancy") > 1e-6
-    sigma0 = pl.when(redundant & (pl.col("vtpv") >= 0.0)).then((pl.col("vtpv") / pl.col("redundancy")).sqrt())
-    mean = pl.when(pl.col("observations") > 0).then(pl.col("redundancy") / pl.col("observations"))
-    return both.with_columns(sigma0=sigma0, mean_r=mean)
-
-
-_SUMMED = ("name", "type", "observations", "redundancy", "vtpv", "excluded", "flagged", "largest_w")
 
 
 def _worst(found: Outcomes) -> pl.DataFrame:
@@ -133,7 +203,7 @@ def exit_code(told: Summary, strict: bool) -> ExitCode:
     one = told.solution
     if one is None:
         return ExitCode.NOT_CONVERGED
-    rejected = not one.test.accepted or one.flagged > 0
+    rejected = not one.accepted or one.flagged > 0
     return ExitCode.REJECTED if strict and rejected else ExitCode.DONE
 
 

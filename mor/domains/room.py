@@ -20,7 +20,7 @@ PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
 OF_RAY, OF_RAY_ON_PAGE = 700, 1200
 """Bytes of an image point on one machine, all in memory; and on the page."""
-OF_RAY_IN_DOMAIN = 2700
+OF_RAY_IN_DOMAIN = 1300
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
@@ -73,12 +73,23 @@ def rays_of(project: Project, document: Document, folder: Path) -> int:
 
 def need_of_all(rays: int, html: bool | None = None) -> float:
     """Bytes that a project takes on one machine, all of it in memory; with a page where wanted, or by its size."""
-    page = html if html is not None else 2 * rays <= _MOST_ON_PAGE
+    page = html if html is not None else 2 * rays <= MOST_ON_PAGE
     return PROGRAM + (OF_RAY + OF_RAY_ON_PAGE * page) * rays
 
 
-_MOST_ON_PAGE = 2_000_000
+MOST_ON_PAGE = 2_000_000
 """Observations up to which there is a page where nothing else is asked for."""
+
+
+def need_of_page(rays: int) -> float:
+    """Bytes of the process that makes the page of domains, which shows all observations."""
+    return PROGRAM + OF_RAY_ON_PAGE * rays
+
+
+def has_page(rays: int, memory: float, wanted: bool | None) -> bool:
+    """True where a page is wanted, or nothing else is and it is not too long; and it has room."""
+    asked = wanted if wanted is not None else 2 * rays <= MOST_ON_PAGE
+    return asked and need_of_page(rays) <= memory
 
 
 def rays_of_domain(rays: int, memory: float, workers: int = 1) -> int:
@@ -104,6 +115,11 @@ def check_boundaries(outer: Sequence[int], root: int, memory: float) -> None:
     )
 
 
+def wide_borders(widest: int, rays: int) -> bool:
+    """True where the dense matrices of the widest border take more room than the image points of the largest domain."""
+    return OF_OUTER * float(widest) ** 2 > OF_RAY_IN_DOMAIN * float(rays)
+
+
 def check_scratch(rays: int, folder: Path) -> None:
     """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes."""
     status = os.statvfs(folder) if hasattr(os, "statvfs") else None
@@ -115,5 +131,5 @@ def check_scratch(rays: int, folder: Path) -> None:
         raise InputError([Mistake(f"{words}; --scratch names another folder", str(folder))])
 
 
-_OF_RAY_ON_DISK = 400
+_OF_RAY_ON_DISK = 1000
 """Bytes of an image point in the scratch folder: tables, network, plan, two iterations, parts of the results."""

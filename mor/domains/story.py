@@ -41,6 +41,9 @@ class Prepared:
     heads: tuple[Head, ...]
     boundaries: Boundaries
     sizes: Sizes
+    document: Document
+    source: Path
+    """Folder of the project."""
     keys: tuple[Key, ...]
     """Names of the outer unknowns by their numbers."""
 
@@ -63,6 +66,11 @@ class Outcomes:
     joined: Joined
     whole: Whole | None = None
     assessed: tuple[Assessed, ...] = ()
+
+    @property
+    def values(self) -> str:
+        """Stage whose values are those of the solution."""
+        return "solution" if self.joined.moved else self.joined.stage
 
     @property
     def redundancy_sum(self) -> float:
@@ -99,7 +107,16 @@ def prepared(engine: Engine, found: Divided) -> Prepared:
         engine.result(task)
     unknowns = sum(head.inner for head in heads) + len(number_of)
     sizes = Sizes(sum(head.observations for head in heads), unknowns)
-    return Prepared(found.project, found.parts, tuple(heads), boundaries, sizes, tuple(number_of))
+    return Prepared(
+        found.project,
+        found.parts,
+        tuple(heads),
+        boundaries,
+        sizes,
+        found.document,
+        found.source,
+        tuple(number_of),
+    )
 
 
 def solved(
@@ -123,9 +140,11 @@ def solved(
     if chosen.familywise is not None:
         chosen = replace(chosen, snooping=sidak(chosen.familywise, ready.sizes.observations))
     whole = Whole(joined.redundancy, joined.objective, chosen, project.settings.sigma == "aposteriori")
-    values = "solution" if joined.moved else joined.stage
+    values = Outcomes(ready, joined).values
     movements = joined.null_space.movements
-    order = Order(joined.stage, values, whole, binding, core, movements, folder, kind, residuals)
+    order = Order(
+        joined.stage, values, whole, binding, core, movements, folder, kind, residuals, ready.parts.images
+    )
     factor = joined.root.factor(joined.null_space.anchors)
     tasks: list[Any] = [None] * len(ready.heads)
     for d, Q in inverses(engine, joined.boundaries, joined.stage, joined.root, factor):

@@ -27,16 +27,18 @@ from mor.errors import Problem as Mistake
 from mor.memory import available
 from mor.sparse.blas_threads import one_thread
 
-_PATIENCE = 30.0
-"""Seconds to wait for a scheduler, and for its first worker."""
+_PATIENCE = 60.0
+"""Seconds to wait for a scheduler, for its first worker, and for one to be at work."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
+_BEGINNING = 20.0
+"""Seconds that workers may take to begin before others are begun in their place."""
 _DEATHS = 100
 """Workers a task may lose before it is taken for what kills them."""
 _SAME = ("numpy", "scipy", "polars")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Workers:
     """Tasks done by the workers of a cluster."""
 
@@ -46,31 +48,72 @@ class Workers:
     """Of the whole project: what decides whether kernels are compiled."""
     renew: Callable[[], None]
     """Begins workers anew where none is left; of a cluster of others it does nothing."""
+    idle_since: float | None = None
+    """Since when nobody has been at work, though tasks are waited for."""
+    renewed: float = 0.0
+    """When workers were last begun anew."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""
         return self.client.submit(_done, task, self.store, self.observations, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
-        """What the task has returned; it is waited for. Raises :class:`InputError` where it kills its workers."""
+        """What the task has returned; it is waited for as long as somebody is at work.
+
+        Raises :class:`InputError` where the task kills its workers, where they are lost and no new ones come, where the
+        scheduler is lost or gives them nothing to do.
+        """
+        from concurrent.futures import CancelledError
+
+        from distributed.client import FutureCancelledError
         from distributed.scheduler import KilledWorker
 
-        alone_since = None
         try:
             while True:
                 try:
-                    return submitted.result(timeout=_LOOK)
+                    found = submitted.result(timeout=_LOOK)
                 except TimeoutError:
-                    alone_since = None if self.client.nthreads() else alone_since or time.monotonic()
-                if alone_since is not None and time.monotonic() - alone_since > _PATIENCE:
-                    raise InputError([Mistake("all workers are lost, and no new ones come")])
-                if alone_since is not None:
-                    self.renew()
+                    self._look()
+                else:
+                    self.idle_since = None
+                    return found
         except KilledWorker as error:
             words = (
                 "workers died one after the other at the same task; have they less memory than they were told"
             )
             raise InputError([Mistake(f"{words}? {str(error).splitlines()[0]}")]) from None
+        except (CancelledError, FutureCancelledError, OSError):
+            raise InputError([Mistake("the scheduler is lost, and with it the tasks")]) from None
+
+    def _look(self) -> None:
+        """Begin workers anew where none is left. Raises :class:`InputError` where nobody was at work for too long."""
+        at_work, workers = self._at_work()
+        now = time.monotonic()
+        if at_work:
+            self.idle_since = None
+            return
+        self.idle_since = self.idle_since or now
+        if now - self.idle_since > _PATIENCE:
+            raise InputError([Mistake(_IDLE[workers])])
+        if workers == 0 and now - self.renewed > _BEGINNING:
+            self.renewed = now
+            self.renew()
+
+    def _at_work(self) -> tuple[bool, int | None]:
+        """Whether a worker has something to do, and how many there are; ``None`` where the scheduler does not say."""
+        try:
+            told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
+        except (TimeoutError, OSError):
+            return False, None
+        return any(told.values()), min(len(told), 1)
+
+
+_IDLE = {
+    0: "all workers are lost, and no new ones come",
+    1: "the scheduler has tasks and workers, and gives them nothing to do",
+    None: "the scheduler does not answer any more",
+}
+"""What is said where nobody has been at work, by whether there are workers."""
 
 
 def _done(task: Callable[..., Any], store: FileStore, observations: int, *arguments: Any) -> Any:
@@ -127,13 +170,7 @@ def _client(
     }
     with (
         dask.config.set(settings),
-        LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=count,
-            threads_per_worker=1,
-            memory_limit=int(each),
-            dashboard_address=None,
-            silence_logs=50,
-        ) as cluster,
+        _begun(LocalCluster, count, int(each)) as cluster,
         Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
     ):
 
@@ -142,6 +179,24 @@ def _client(
             cluster.scale(count)
 
         yield client, renew
+
+
+def _begun(local_cluster: Callable[..., Any], count: int, each: int) -> Any:
+    """A cluster on this machine, begun anew where a worker is lost before it is there. Raises :class:`InputError`."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            return local_cluster(
+                n_workers=count,
+                threads_per_worker=1,
+                memory_limit=each,
+                dashboard_address=None,
+                silence_logs=50,
+            )
+        except RuntimeError as error:
+            if time.monotonic() > until:
+                reason = str(error).splitlines()[0]
+                raise InputError([Mistake(f"workers of this machine do not begin: {reason}")]) from None
 
 
 def _check(client: Any, folder: Path, memory: float | None) -> None:
@@ -155,7 +210,7 @@ def _check(client: Any, folder: Path, memory: float | None) -> None:
     token = folder / f"seen-by-{word}"
     token.write_text(word, encoding="ascii")
     here, problems = versions(), []
-    for worker, found in sorted(client.run(_what_is_there, str(token)).items()):
+    for worker, found in sorted(_asked(client, str(token)).items()):
         other = [f"{name} {found['versions'].get(name)} there, {mine} here" for name, mine in here.items()
                  if found["versions"].get(name) != mine]  # fmt: skip
         if other:
@@ -171,6 +226,21 @@ def _check(client: Any, folder: Path, memory: float | None) -> None:
     token.unlink()
     if problems:
         raise InputError(problems)
+
+
+def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
+    """What is there where the workers are; those that are lost meanwhile are asked once more, when they are back."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            return dict(client.run(_what_is_there, token))
+        except OSError:  # a worker was lost while it was asked
+            if time.monotonic() > until:
+                raise InputError([Mistake("workers are lost as soon as they are asked")]) from None
+            time.sleep(0.5)
+        except Exception as error:  # noqa: BLE001 - whatever a worker without mor makes of the question
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError([Mistake(f"workers cannot run mor; is it installed there? {reason}")]) from None
 
 
 def versions() -> dict[str, str]:

@@ -14,7 +14,8 @@ from mor.errors import InputError, Problem
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge, ImageScale, image_scale
-from mor.project.file.model import Camera, Observations, Project, Value
+from mor.project.file.model import Camera, Observations, Project
+from mor.project.file.model_instruments import Value
 from mor.project.file.nodes import Document
 from mor.project.file.table import Table
 from mor.project.file.validation import validate

@@ -73,6 +73,8 @@ class ObservationType:
     """True where the equation turns into the horizon of the place: on the earth verticals are not parallel."""
     between_marks: bool = False
     """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
+    through_air: bool = False
+    """True where a length is measured by the time that light takes: the air makes it longer."""
     still: ObservationType | None = None
     """Of points that move, the same observation of points that do not."""
 

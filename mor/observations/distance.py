@@ -20,7 +20,7 @@ def horizontal_distance(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
     return spatial_length(flat)
 
 
-def distance_type(key: str, length: Length) -> ObservationType:
+def distance_type(key: str, length: Length, through_air: bool = False) -> ObservationType:
     """A distance type s_obs = (s − a)/m with scale m and zero offset a of its distance meter."""
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -40,8 +40,9 @@ def distance_type(key: str, length: Length) -> ObservationType:
         slots=(*BETWEEN_SLOTS, Slot("distance meter", "instrument", "distance meter")),
         equation=equation,
         distances=("from", "to"),
+        through_air=through_air,
     )
 
 
-DISTANCE = distance_type("distance", spatial_length)
+DISTANCE = distance_type("distance", spatial_length, through_air=True)
 HORIZONTAL_DISTANCE = distance_type("horizontal_distance", horizontal_distance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -43,8 +43,45 @@ class Names:
 
     def texts(self) -> pl.Series:
         """(n,) texts as a column of a table."""
+        return self.column().texts()
+
+    def column(self) -> Coded:
+        """The same as places in a column of names: of all that are known, or of those that are used by few rows."""
+        if len(self.known) <= _MANY * len(self.numbers):
+            return Coded(_column_of(self.known), self.numbers)
         used, numbers = np.unique(self.numbers, return_inverse=True)
-        return pl.Series([self.known[number] for number in used], dtype=pl.String).gather(numbers)
+        return Coded(pl.Series([self.known[number] for number in used], dtype=pl.String), numbers)
+
+
+class Coded(NamedTuple):
+    """Texts (n,) as numbers into a column of different ones."""
+
+    known: pl.Series
+    numbers: IntArray | SmallIntArray
+
+    def texts(self) -> pl.Series:
+        """(n,) as a column."""
+        return self.known.gather(self.numbers)
+
+    def expression(self, rows: IntArray) -> pl.Expr:
+        """Some rows of it, for a table of as many."""
+        return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers[rows])))
+
+
+_MANY = 50
+"""Names for each row from which on the others are not made texts of."""
+_KEPT = 4
+_columns: list[tuple[Sequence[str], pl.Series]] = []
+"""The lists of names asked for last, as columns: a long table is made in many pieces of the same names."""
+
+
+def _column_of(known: Sequence[str]) -> pl.Series:
+    for own, column in _columns:
+        if own is known:
+            return column
+    column = pl.Series(known, dtype=pl.String)
+    _columns[:] = [(known, column), *_columns[: _KEPT - 1]]
+    return column
 
 
 def names_of(texts: Sequence[str]) -> Names:
@@ -53,8 +90,8 @@ def names_of(texts: Sequence[str]) -> Names:
 
 
 def one_name(text: str, count: int) -> Names:
-    """The same name for all rows."""
-    return Names(np.zeros(count, dtype=np.int32), (text,))
+    """The same name for all rows, in the room of one."""
+    return Names(np.broadcast_to(np.zeros(1, dtype=np.int32), (count,)), (text,))
 
 
 def coded(texts: pl.Series) -> Names:

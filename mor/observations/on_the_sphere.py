@@ -30,16 +30,18 @@ from mor.units import NUMBER, Component
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
 """Constants of a row: the measured ray u, of unit length."""
 _KEY = "on the sphere "
+_FRAMES = ("image", "follower")
 
 
 @cache
 def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     """The type with the same slots and directions in place of image coordinates.
 
-    ``None`` of points that are at infinity, or move. What is read out row by row is taken for a frame.
+    ``None`` of points that are at infinity, or move, and of images on a trajectory. What is read out row by row is
+    taken for a frame.
     """
     form, _, key = type_.key.partition("/")
-    if key not in CAMERA_MODELS or type_.still is not None:
+    if key not in CAMERA_MODELS or type_.still is not None or form not in (*_FRAMES, MOVING):
         return None
     if form == MOVING:
         return on_the_sphere(IMAGE_TYPES[key])

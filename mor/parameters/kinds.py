@@ -64,6 +64,24 @@ GNSS_FRAME = BlockKind(
     ),
 )
 """Where the frame of a GNSS solution lies in that of the points, in geocentric axes."""
+POSITION_SHIFT = BlockKind(
+    "position shift",
+    (
+        *(Component(f"shift_{axis}", LENGTH) for axis in "xyz"),
+        *(Component(f"drift_{axis}", SPEED) for axis in "xyz"),
+    ),
+)
+"""By what the positions of satellites along a trajectory are off, and how that grows."""
+ATTITUDE_SHIFT = BlockKind(
+    "attitude shift",
+    (
+        *(Component(f"turn_{axis}", ANGLE) for axis in "xyz"),
+        *(Component(f"turn_drift_{axis}", TURN_RATE) for axis in "xyz"),
+    ),
+)
+"""By what the attitudes of an inertial system are off, about its axes, and how that grows."""
+TIME_OFFSET = BlockKind("time offset", (Component("time_offset", TIME),))
+"""What is to be added to the times of an instrument."""
 VELOCITY = BlockKind("velocity", tuple(Component(f"v{axis}", LENGTH) for axis in "xyz"))
 """Movement of a point in a year."""
 SINE = BlockKind("sine", tuple(Component(f"sin_{axis}", LENGTH) for axis in "xyz"))
@@ -89,6 +107,9 @@ KINDS = {
         DISTANCE_METER,
         REFRACTION,
         GNSS_FRAME,
+        POSITION_SHIFT,
+        ATTITUDE_SHIFT,
+        TIME_OFFSET,
         READOUT,
         SCALE,
         HEIGHT,

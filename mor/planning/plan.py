@@ -34,7 +34,6 @@ from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
 
 NO_PLACE = "a plan needs start values of everything: coordinates of points, poses of images"
-ON_EARTH = "plans and simulated projects of networks on the earth (world) need measured values in all tables"
 MEASURED = "the place of what the project gives no start values of is worked out from its measured values"
 
 
@@ -60,8 +59,6 @@ def at_its_place(network: Network) -> Network:
     Circles of levelled instruments without orientation are taken to stand at zero. Anything else that has no place is
     worked out where everything has been measured already; else it is a mistake (:class:`InputError`).
     """
-    if network.project.world is not None and network.unmeasured:
-        raise InputError([Mistake(ON_EARTH, network.file)])
     if all_known(network.start):
         return _measured_where_implied(network, network.start)
     if not network.unmeasured:
@@ -78,7 +75,16 @@ def _measured_where_implied(network: Network, place: Values) -> Network:
     with chosen_by_size(network.observations):
         problem = make_problem(network, place, place)
         exact = [np.zeros(group.observed.shape) for group in problem.groups]
-        return measured_at(network, place_with_errors(problem, place, exact, exact))
+        there = place_with_errors(problem, place, exact, exact)
+        return measured_at(_known_on_earth(network, there), there)
+
+
+def _known_on_earth(network: Network, place: Values) -> Network:
+    if network.world is None:
+        return network
+    from mor.project.world.planned import known_at_place  # most projects need nothing of it
+
+    return known_at_place(network, place)
 
 
 def _with_circles_at_zero(network: Network) -> tuple[dict[str, FloatArray], list[str]]:

@@ -28,7 +28,6 @@ from mor.report.simulation.project_files import planted_table, simulated_project
 from mor.report.tables.files import table_writer
 
 LEFT_OUT = "something of the network has no place; a simulation needs one for everything"
-NOT_WRITTEN = "simulated projects of networks on the earth (world) are not written; --runs simulates them"
 SIMULATED_FILES = (PROJECT, "truth.csv", "planted.csv", "observations_*.csv", "checks_*.csv")
 
 
@@ -73,8 +72,6 @@ def simulated(path: Path, form: str, seed: int, wishes: Wishes, noise: bool = Tr
     Without ``noise`` there are no random errors, only what is planted.
     """
     network, document = placed_network(path, form)
-    if network.project.world is not None:
-        raise InputError([Mistake(NOT_WRITTEN, network.file)])
     generator = np.random.default_rng(seed)
     problem = make_problem(network, network.start, network.start)
     drawn = errors(problem, generator) if noise else tuple(np.zeros(g.observed.shape) for g in problem.groups)
@@ -97,6 +94,10 @@ def simulated(path: Path, form: str, seed: int, wishes: Wishes, noise: bool = Tr
         replace(group, observed=values) for group, values in zip(there.checks, observed[kept:], strict=True)
     )
     there = replace(there, groups=groups, checks=checks, observed=_prior(there, groups))
+    if there.world is not None:
+        from mor.project.world.planned import with_control_moved  # most projects need nothing of it
+
+        there = with_control_moved(there)
     return Simulation(there, place, tuple(found), document, path.parent)
 
 

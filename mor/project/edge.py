@@ -35,6 +35,10 @@ _FROM_THE_CORNER = ("opencv", "fisheye")
 """Models whose principal point counts from the upper left corner where the image coordinates do."""
 
 
+_SQUARE = 2
+"""Of the time in accelerations."""
+
+
 class UnitError(ValueError):
     """A text that is no number, or a unit that does not fit; the words say which."""
 
@@ -186,9 +190,11 @@ class Edge:
         return LENGTH_UNITS[unit] / LENGTH_UNITS[self.units.length]
 
     def _of_time(self, quantity: Quantity, unit: str) -> float:
-        """Internal units per given unit of a time, or of a length or an angle per time: ``ms``, ``km/h``, ``deg/s``."""
+        """Internal units per given unit of a time, or of a length or an angle per time: ``ms``, ``m/s^2``."""
         above, _, below = unit.partition("/")
-        time = above if quantity.time > 0 else below
+        squared = quantity.time == -_SQUARE
+        stripped = below.removesuffix("2").removesuffix("^") if squared and below.endswith("2") else ""
+        time = above if quantity.time > 0 else stripped if squared else below
         expected = self.default_unit(quantity)
         if time not in TIME_UNITS or (quantity.time > 0 and below):
             kind = "time" if quantity.time > 0 else "rate"
@@ -197,7 +203,7 @@ class Edge:
             return TIME_UNITS[time] / TIME_UNITS[SECOND]
         whole = Quantity(quantity.length, quantity.angle)
         try:
-            return self.factor(whole, above) / TIME_UNITS[time]
+            return self.factor(whole, above) / TIME_UNITS[time] ** -quantity.time
         except UnitError:
             raise UnitError(f"unit {unit!r} does not fit, expected as in {expected}") from None
 

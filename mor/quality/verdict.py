@@ -70,7 +70,7 @@ def verdict(quality: Quality, network: Network) -> Verdict:
     tests = group_tests(quality, network)
     rejected = tests.rejected
     limit = float(np.log(tests.level_of_each))
-    alike = bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
+    alike = tests.all_alike
     beside = sum(test.log_p_beside_rest <= limit for test in rejected)
     looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
@@ -83,7 +83,14 @@ def _chosen_only(quality: Quality) -> bool:
     _, fixed = network_components(quality.adjustment.problem, quality.adjustment.values)
     if not fixed.any() or np.count_nonzero(fixed) > _MOST_MOVEMENTS:
         return False
-    return all(test.freedom == 0 for test in fixed_point_tests(quality))
+    return only_chosen_of(
+        int(np.count_nonzero(fixed)), sum(test.freedom for test in fixed_point_tests(quality))
+    )
+
+
+def only_chosen_of(fixed: int, freedom: int) -> bool:
+    """True where so many fixed coordinates are the datum and no more: their tests have no degree of freedom."""
+    return bool(0 < fixed <= _MOST_MOVEMENTS and freedom == 0)
 
 
 def _explained(quality: Quality, tests: GroupTests, test: GroupTest) -> Explained:

@@ -11,6 +11,7 @@ from mor.geometry.rotations import angles_from_rotation
 from mor.observations import External, ObservationGroup
 from mor.parameters.index import moves_by_angles
 from mor.parameters.kinds import KINDS
+from mor.project.file.model import Project
 from mor.quality.precision.cofactors import angle_cofactors
 from mor.quality.solved import Solved
 from mor.units import ANGLE_UNITS
@@ -26,7 +27,12 @@ class Estimate(NamedTuple):
 
 def angle_unit(solved: Solved) -> str:
     """Unit of angles in reports: degrees where the project writes d-m-s."""
-    unit = solved.network.project.units.angle
+    return angle_unit_of(solved.network.project)
+
+
+def angle_unit_of(project: Project) -> str:
+    """The same of a project."""
+    unit = project.units.angle
     return "deg" if unit == "dms" else unit
 
 

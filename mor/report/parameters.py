@@ -54,6 +54,9 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
         "height",
         "eccentricity",
         "readout",
+        "position shift",
+        "attitude shift",
+        "time offset",
         *(k.key for k in INTERIORS.values()),
     ):
         blocks = solved.network.blocks.get(kind)

@@ -22,10 +22,12 @@ MEANINGS = {
     "places.*": "the points in their reference system, above ellipsoid and geoid, and geocentric",
     "motions.*": "velocities, oscillations and steps of points, each with its test",
     "movements.*": "movements of points between epochs with sigma and test; as a page, also against time",
+    "trajectories.*": "knots of the trajectories: time, place and rotation angles with sigma",
     "images.*": "places and rotation angles of the images with sigma",
     "residuals.*": "every observation: observed, adjusted, residual v, redundancy number r, test w, reliability",
     "residuals_worst.*": "the observations with the largest test values",
     "undetermined.csv": "what nothing determines, and why",
+    "external_reliability.csv": "where an error that stays unseen moves each point, of many those controlled least",
     "adjusted.yaml": "the project with the adjusted values as start values: mor adjust, datum, covariance and "
     "compare read it",
     "reference.csv": "the coordinates that the datum refers to",

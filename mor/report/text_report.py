@@ -28,6 +28,7 @@ from mor.report.text import (
     unsettled,
 )
 from mor.report.text.gross_errors import hypotheses, suspects
+from mor.report.trajectories import text as trajectories
 from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
@@ -60,6 +61,7 @@ def text_report(
         groups.section(solved, words),
         cameras.section(solved, words),
         images.section(solved, words),
+        trajectories.section(solved, words, **shown),
         stations.section(solved, words),
         features.section(solved, words),
         others.section(solved, words),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,10 @@ from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
+from mor.report.trajectories.table import knot_table
+from mor.report.verdict.external_reliability import FILE as EXTERNAL_FILE
+from mor.report.verdict.external_reliability import SCHEMA as EXTERNAL
+from mor.report.verdict.external_reliability import external_reliability
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
 
@@ -58,6 +62,10 @@ class View:
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
+    external: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=EXTERNAL))
+    """External reliability of points, see :func:`mor.report.verdict.external_reliability.external_reliability`."""
+    trajectories: pl.DataFrame = field(default_factory=pl.DataFrame)
+    """Knots of trajectories, see :func:`mor.report.trajectories.table.knot_table`; none is written by itself."""
 
     @property
     def length(self) -> str:
@@ -116,6 +124,8 @@ def view_of(
         hypotheses=hypotheses(solved),
         residuals=residuals,
         residuals_file=file,
+        external=external_reliability(solved),
+        trajectories=knot_table(solved),
     )
 
 
@@ -144,12 +154,30 @@ def view_of_folder(folder: Path) -> View:
 
 
 def _view(data: dict[str, Any], folder: Path) -> View:
+    points, images = (_table(data, name, folder) for name in ("points", "images"))
+    view = view_of_rows(data, points, images, _residuals(data, folder))
+    if (folder / EXTERNAL_FILE).is_file():
+        view = replace(view, external=_read(folder / EXTERNAL_FILE, "external reliability", EXTERNAL))
+    if "trajectories" not in data["tables"]:
+        return view
+    knots = _read(folder / data["tables"]["trajectories"], "trajectories", {"trajectory": pl.String})
+    return replace(view, trajectories=knots)
+
+
+def view_of_rows(
+    data: dict[str, Any],
+    points: pl.DataFrame,
+    images: pl.DataFrame,
+    residuals: pl.DataFrame,
+    file: str = "residuals.csv",
+) -> View:
+    """The view of what stands in ``results.json`` and in the tables beside it, ``file`` that of the residuals."""
     return View(
         summary=data,
         identity=data["identity"],
         notes=data.get("notes", []),
-        points=_placed(_table(data, "points", folder)),
-        images=_placed(_table(data, "images", folder)),
+        points=_placed(points),
+        images=_placed(images),
         stations=_frame(data["stations"]),
         groups=_frame(data["groups"]),
         cameras=data["cameras"],
@@ -160,7 +188,8 @@ def _view(data: dict[str, Any], folder: Path) -> View:
         verdict=data.get("verdict"),
         reliability=data.get("reliability"),
         hypotheses=data.get("hypotheses", []),
-        residuals=_residuals(data, folder),
+        residuals=residuals,
+        residuals_file=file,
     )
 
 
@@ -193,6 +222,8 @@ _TEXTS = ("id", "camera", "status")
 def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
     if not path.exists():
         raise InputError([Problem(f"the table of {what} is missing beside results.json", str(path))])
+    if path.is_dir():  # a table in parts
+        return pl.read_parquet(path / "*.parquet")
     if path.suffix == ".parquet":
         return pl.read_parquet(path)
     frame = pl.read_csv(path, schema_overrides=kinds, infer_schema_length=None)

@@ -95,6 +95,8 @@ class Factor:
         for f in range(fronts):
             first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
             x[first:end][vanished[first:end]] = 0.0
+            if not x[first:end].any():  # a right-hand side of few unknowns reaches few fronts
+                continue
             # A row-major slice is its own transpose in column-major order: yᵀ = xᵀ L11⁻ᵀ, in place.
             y = dtrsm(1.0, self.pivots[f], x[first:end].T, side=1, lower=1, trans_a=1, overwrite_b=1).T
             x[first:end] = y
@@ -110,6 +112,29 @@ class Factor:
             if self.below[f].size:
                 y = y - self.below[f].T @ x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]]
             x[first:end] = dtrsm(1.0, self.pivots[f], y.T, side=1, lower=1, trans_a=0, overwrite_b=1).T
+
+
+@dataclass(frozen=True)
+class Completed(Factor):
+    """A factor without its last front, and the inverse of that front where others have a say in it, too.
+
+    What it solves is part of a larger system: right-hand sides have nothing outside of this part.
+    """
+
+    last: FloatArray
+    """(p, p) that inverse, both triangles."""
+
+    def solve(self, right_hand_side: FloatArray) -> FloatArray:
+        """As that of a whole factor."""
+        y, left = self.reduce(right_hand_side.reshape(len(right_hand_side), -1))
+        return self.follow(y, self.last @ left).reshape(right_hand_side.shape)
+
+
+def completed(factor: Factor, last: FloatArray) -> Completed:
+    """A factor without its last front with the inverse (p, p) of that front."""
+    return Completed(
+        factor.elimination, factor.pivots, factor.below, factor.set_aside, factor.set_aside_places, last
+    )
 
 
 def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:

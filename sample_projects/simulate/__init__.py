@@ -19,6 +19,7 @@ SCENES = (
     "dam_epochs",
     "panorama",
     "drone_block",
+    "three_line_strip",
 )
 """Names of the sample projects; each has a module here and a folder beside."""
 

@@ -81,7 +81,7 @@ def test_what_domains_do_not_do_is_said_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("option", ["--json", "--snoop", "--html", "--full"])
+@pytest.mark.parametrize("option", ["--json", "--snoop", "--full"])
 def test_options_domains_do_not_have(tmp_path: Path, option: str) -> None:
     project = write_block(tmp_path / "block", Kind())
     done = adjust(project, "--memory", "1MB", option)

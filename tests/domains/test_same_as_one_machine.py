@@ -16,7 +16,7 @@ from mor.domains.story import Outcomes, divided, prepared, solved
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
 from mor.report.domains.tables import completed
-from mor.report.tables.estimates import group_table, image_table, point_table
+from mor.report.tables.estimates import image_table, point_table
 from mor.report.tables.observations import observation_table
 
 BLOCKS = {
@@ -98,18 +98,6 @@ def test_tables_are_the_same(name: str, tmp_path: Path) -> None:
         assert found[column] < close, found
     for column in ("w", "nabla", "external", "influence"):
         assert found[column] < 100.0 * close, found
-
-
-def test_groups_add_up(tmp_path: Path) -> None:
-    path = write_block(tmp_path / "project", Kind(control=8, sights=30))
-    one, several = both(path, tmp_path, 700)
-    parts = pl.concat([part.groups for part in several.assessed], how="vertical_relaxed")
-    sums = parts.group_by("name").agg(pl.col("observations", "redundancy", "vtpv").sum())
-    joined = group_table(one).join(sums, on="name", suffix=" there")
-    assert joined.height == group_table(one).height
-    assert (joined["observations"] == joined["observations there"]).all()
-    assert np.abs((joined["redundancy"] - joined["redundancy there"]).to_numpy()).max() < 1e-7
-    assert np.abs((joined["vtpv"] - joined["vtpv there"]).to_numpy()).max() < 1e-7
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from mor.project.world.world import World
 GEOID = 47.2
 """Above the ellipsoid, everywhere."""
 C = 100.0
+ALIGNED = np.eye(3)
 LEVER = np.array([0.3, -0.2, 1.1])
 """From the projection centre to the antenna, image axes, m."""
 
@@ -124,8 +126,10 @@ def test_a_block_in_utm_with_antennas(block: tuple[Path, np.ndarray, list[str]],
     assert min(row["r"] for row in observed) > 0.05
 
 
-def _attitudes(project: Path, kind: str, rng: np.random.Generator) -> list[list[object]]:
-    """Attitudes of the images, as an adjustment without them has them, by axes that PROJ gives at their places."""
+def _attitudes(
+    project: Path, kind: str, rng: np.random.Generator, boresight: np.ndarray = ALIGNED
+) -> list[list[object]]:
+    """Attitudes of what stands at B D in the images of an adjustment without it, by axes that PROJ gives there."""
     found = mor("adjust", project, "-o", project.parent.parent / f"before {kind}", "--no-html")
     assert found.code == 0
     results = json.loads((project.parent.parent / f"before {kind}" / "results.json").read_text())
@@ -136,7 +140,7 @@ def _attitudes(project: Path, kind: str, rng: np.random.Generator) -> list[list[
     for image in results["images"]:
         place = horizon.to_geocentric(np.array([[image[c] for c in "xyz"]]))
         angles = np.array([[image[c] for c in ("omega", "phi", "kappa")]]) * np.pi / 200.0
-        D = rotation_from_angles(angles)[0] @ horizon.axes  # image axes (rows) in geocentric ones
+        D = boresight @ rotation_from_angles(angles)[0] @ horizon.axes  # image axes (rows) in geocentric ones
         east, north, height = _utm(place)[0]
         if kind == "projected_attitude":
             ahead = [
@@ -163,13 +167,16 @@ def _noisy(angles: np.ndarray, rng: np.random.Generator) -> list[float]:
     return noisy
 
 
-@pytest.mark.parametrize(
+of_each_kind = pytest.mark.parametrize(
     ("kind", "columns"),
     [
         ("projected_attitude", "image,east,north,omega,phi,kappa"),
         ("navigation_attitude", "image,roll,pitch,yaw"),
     ],
 )
+
+
+@of_each_kind
 def test_attitudes_of_a_projection_and_of_navigation(
     block: tuple[Path, np.ndarray, list[str]], tmp_path: Path, kind: str, columns: str
 ) -> None:
@@ -188,3 +195,79 @@ def test_attitudes_of_a_projection_and_of_navigation(
     assert 0.6 < np.sqrt(np.mean([row["w"] ** 2 for row in observed])) < 1.4
     total = sum(row["r"] for row in results["residuals"])
     assert total == pytest.approx(results["redundancy"], abs=1e-6)
+
+
+@of_each_kind
+def test_the_misalignment_of_an_inertial_system_is_found(
+    block: tuple[Path, np.ndarray, list[str]], tmp_path: Path, kind: str, columns: str
+) -> None:
+    """An inertial system that is turned against the camera by a degree, and by a quarter circle about its axis."""
+    project, _, _ = block
+    planted = np.radians([0.7, -0.4, 90.3])
+    rows = _attitudes(project, kind, np.random.default_rng(4), rotation_from_angles(planted[None])[0])
+    extra = f"  - {{type: {kind}, file: {kind}.csv, instrument: IMU, values: {{sigma: 5 mgon}}}}\n"
+    free = "{omega: {free: 0}, phi: {free: 0}, kappa: {free: 100}}"
+    extra += f"instruments: {{IMU: {{boresight: {free}}}}}\n"
+    shutil.copytree(project.parent, tmp_path / "with")
+    with_attitudes = write(tmp_path / "with", project.read_text() + extra, **{kind: table(columns, rows)})
+    found = mor("adjust", with_attitudes, "-o", tmp_path / "out", "--no-html")
+    assert found.code == 0, found.err + found.out
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    [boresight] = results["boresights"]
+    for name, true in zip(("omega", "phi", "kappa"), planted * 200.0 / np.pi, strict=True):
+        assert abs(boresight[name] - true) < 4.0 * boresight[f"s{name}"]
+        assert 1e-3 < boresight[f"s{name}"] < 1e-2  # 5 mgon of eight images
+    assert "Misalignment of inertial systems" in (tmp_path / "out" / "report.txt").read_text()
+    again = mor("adjust", tmp_path / "out" / "adjusted.yaml", "-o", tmp_path / "again", "--no-html")
+    assert again.code == 0, again.err
+    assert json.loads((tmp_path / "again" / "results.json").read_text())["iterations"] <= 2
+
+
+def test_an_adjusted_block_begins_where_it_ended(
+    block: tuple[Path, np.ndarray, list[str]], tmp_path: Path
+) -> None:
+    """Places and attitudes of images go through adjusted.yaml; the object system stays where it was."""
+    project, _, _ = block
+    assert mor("adjust", project, "-o", tmp_path / "one", "--no-html").code == 0
+    given = pl.read_csv(tmp_path / "one" / "start_images.csv")
+    assert {"east", "north", "elevation", "geoid"} < set(given.columns)
+    true = np.array([[690000.0 + 500 * i, 5340200.0 + 480 * j] for j in range(2) for i in range(4)])
+    np.testing.assert_allclose(given.select("east", "north").to_numpy(), true, atol=0.5)
+    np.testing.assert_allclose(given["geoid"], GEOID, atol=1e-9)
+    assert mor("adjust", tmp_path / "one" / "adjusted.yaml", "-o", tmp_path / "two", "--no-html").code == 0
+    steps = [json.loads((tmp_path / d / "results.json").read_text())["iterations"] for d in ("one", "two")]
+    assert steps[1] <= 2 < steps[0]
+    for file in ("points.csv", "images.csv"):
+        one, two = (pl.read_csv(tmp_path / d / file).select("x", "y", "z").to_numpy() for d in ("one", "two"))
+        np.testing.assert_allclose(one, two, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("columns", "cells", "words"),
+    [
+        (
+            "x, y, z",
+            "1, 2, 3",
+            "x, y, z of its own have no place in the world; expected east, north, elevation",
+        ),
+        (
+            "east, north",
+            "690000, 5340200",
+            "a position on the earth needs all of east, north, elevation, or none",
+        ),
+        ("east, north, elevation", "690000, 5340200, 1300", "height above the geoid, and nothing says where"),
+        ("east, north, elevation, sigma_x", "690000, 5340200, 1300, 1", "place of a frame is a start value"),
+    ],
+)
+def test_mistakes_in_places_of_images(
+    block: tuple[Path, np.ndarray, list[str]], tmp_path: Path, columns: str, cells: str, words: str
+) -> None:
+    project, _, _ = block
+    shutil.copytree(project.parent, tmp_path / "with")
+    text = project.read_text().replace("[id, camera]", f"[id, camera, {columns}]")
+    text = text.replace('["B0", "K"]', f'["B0", "K", {cells}]')
+    empty = ', ""' * (columns.count(",") + 1)
+    text = re.sub(r'\["(B[1-9])", "K"\]', rf'["\1", "K"{empty}]', text)
+    found = mor("check", write(tmp_path / "with", text))
+    assert found.code == 2
+    assert words in found.err

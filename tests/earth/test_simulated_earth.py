@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from mor.project.world.geoid import geoid_heights  # noqa: E402
+from mor.project.world.grids import geoid_heights  # noqa: E402
 from sample_projects.simulate import earth  # noqa: E402
 
 

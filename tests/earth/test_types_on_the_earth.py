@@ -9,12 +9,20 @@ from pyproj import Geod, Transformer
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
 from mor.geometry.rotations import rotate, rotation_from_angles
 from mor.observations import wrap
-from mor.observations.earth import control, earth_types
+from mor.observations.earth import control, earth_types, projected_attitude
+from mor.observations.earth.projected_bearing import projected_bearing
 from mor.parameters.kinds import KINDS
+from mor.project.world.plane import plane_of
+from mor.project.world.reference_system import reference_system
+from mor.project.world.world import World
 
 GRS80 = Ellipsoid(6378137.0, 1.0 / 298.257222101)
 HORIZON = Horizon(GRS80, np.radians(47.3), np.radians(11.4))
-TYPES = {**earth_types(HORIZON), "control": control(HORIZON)}
+SYSTEM = reference_system("EPSG:25832")
+WORLD = World(SYSTEM, HORIZON, 1.0, orthometric=False, extent=np.array([[-3e4, -3e4], [3e4, 3e4]]))
+PLANE = plane_of(SYSTEM, WORLD)
+OTHERS = (control(HORIZON), projected_attitude(HORIZON), projected_bearing(HORIZON, PLANE))
+TYPES = {**earth_types(HORIZON), **{type_.key: type_ for type_ in OTHERS}}
 ROWS = 5
 
 
@@ -182,3 +190,26 @@ def test_heights_of_antennas_stand_on_the_normals():
         [places[:1], heights[0], places[1:], heights[1], np.array([[1.0, 0.0]])], np.zeros((1, 4))
     )
     assert distance.values[0, 0] == pytest.approx(np.linalg.norm(expected[1] - expected[0]), abs=5e-9)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:25832", "EPSG:3035", "EPSG:31287", "EPSG:3857"])
+@pytest.mark.parametrize("extent", [3e4, 3e5])
+def test_bearings_in_the_plane_are_those_of_proj(crs, extent):
+    """To 1e-9 rad over sights of 300 m at any height: conformal projections and others, 60 and 600 km wide."""
+    system = reference_system(crs)
+    ellipsoid = system.ellipsoid
+    horizon = Horizon(ellipsoid, HORIZON.latitude, HORIZON.longitude)
+    world = World(
+        system, horizon, 1.0, orthometric=False, extent=np.array([[-extent, -extent], [extent, extent]])
+    )
+    random = np.random.default_rng(9)
+    start = random.uniform(-extent, extent, (200, 3)) * [1.0, 1.0, 0.01]
+    end = start + random.uniform(-300.0, 300.0, (200, 3))
+    plane = Transformer.from_crs(system.crs.geodetic_crs, system.crs, always_xy=True)
+    places = []
+    for position in (start, end):
+        latitude, longitude, _ = np.degrees(horizon.to_geodetic(position)).T
+        places.append(np.stack(plane.transform(longitude, latitude), axis=1))
+    expected = np.arctan2(*(places[1] - places[0]).T)
+    computed = projected_bearing(horizon, plane_of(system, world)).equation([start, end], np.zeros((200, 0)))
+    assert np.abs(wrap(computed.values[:, 0] - expected)).max() < 3e-9

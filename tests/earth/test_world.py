@@ -328,3 +328,47 @@ def test_points_whose_place_is_found_have_heights_above_the_grid(tmp_path: Path)
     assert np.isfinite(two).all()
     again = mor("adjust", tmp_path / "two" / "adjusted.yaml", "-o", tmp_path / "three", "--no-html")
     assert again.code == 0, again.err
+
+
+BEARING = """\
+  - type: projected_bearing
+    columns: [from, to, bearing, sigma]
+    rows: [[B, C, 270, 0.001]]
+"""
+GEOGRAPHIC = f"""\
+mor: 1
+units: {{length: m, angle: deg}}
+world: {{crs: "EPSG:4258", heights: ellipsoidal}}
+points:
+  - columns: [id, latitude, longitude, height]
+    rows: [[B, 49.64, 10.39, 100], [C, 49.64, 10.38, 100]]
+    values: {{sigma: 0.1}}
+observations:
+{BEARING}"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "type: distance",
+            "type: distance\n    projection: EPSG:25832",
+            r"projection: distance refers to none",
+        ),
+        ("_bearing", "_bearing\n    projection: EPSG:4258", r"projection: ETRS89 \S+ is no projection"),
+        ("_bearing", "_bearing\n    projection: EPSG:31467", r"is of another ellipsoid than ETRS89"),
+    ],
+)
+def test_mistakes_of_projections_are_told(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert mor("adjust", write(tmp_path, _text() + BEARING), "-o", tmp_path / "out", "--no-html").code == 0
+    found = mor("check", write(tmp_path, (_text() + BEARING).replace(old, new, 1)))
+    assert found.code == 2
+    assert re.search(words, found.err), found.err
+
+
+def test_a_project_in_latitude_and_longitude_names_the_projection_of_bearings(tmp_path: Path) -> None:
+    found = mor("check", write(tmp_path, GEOGRAPHIC))
+    assert found.code == 2
+    assert re.search(r"projected_bearing: ETRS89 \S+ is no projection; name one", found.err), found.err
+    named = GEOGRAPHIC.replace("_bearing", "_bearing\n    projection: EPSG:25832")
+    assert mor("check", write(tmp_path, named)).code == 0

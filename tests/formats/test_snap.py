@@ -100,10 +100,9 @@ def test_every_observation_of_its_own_test() -> None:
     places = _by_line(solved)
     with (REAL / "expected-test1-obs.csv").open() as file:
         rows = list(csv.DictReader(file))
-    used = [row for row in rows if row["status"] == "use" and row["obstype"] != "PB"]
-    bearings = sum(row["status"] == "use" and row["obstype"] == "PB" for row in rows)
+    used = [row for row in rows if row["status"] == "use"]
     assert solved.quality is not None
-    assert solved.quality.redundancy + bearings == 153
+    assert solved.quality.redundancy == 153
     horizon = solved.network.world.horizon
     compared = 0
     for row in used:
@@ -131,14 +130,13 @@ def test_every_observation_of_its_own_test() -> None:
             ), row
             assert np.sqrt(quality.r[k, component]) == pytest.approx(float(row["redundancy"]), abs=6e-4), row
         compared += 1
-    assert compared == len(used) == 117
+    assert compared == len(used) == 121
 
 
 def test_a_network_of_all_kinds_and_what_is_left_out(tmp_path: Path) -> None:
     document = read_foreign(_files(tmp_path), "snap")
     told = " / ".join(note.message for note in document.notes)
     assert "rejected observations (*) (2)" in told
-    assert "projection bearings (PB) (1)" in told
     tables = {(t["type"], len(t["rows"])) for t in document.data["observations"]}
     assert tables == {
         ("directions", 3),
@@ -146,6 +144,7 @@ def test_a_network_of_all_kinds_and_what_is_left_out(tmp_path: Path) -> None:
         ("distance", 3),
         ("height_difference", 1),
         ("azimuth", 1),
+        ("projected_bearing", 1),
         ("gnss_vector", 1),
     }
     assert document.data["instruments"]["refraction DEFAULT"] == {"refraction": "0.14"}

@@ -11,11 +11,14 @@ import argparse
 import contextlib
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 from tests.mixtures.ingredients import mixture, wrong_identities
 from tests.mixtures.situations import SITUATIONS, situation
-from tests.mixtures.trial import Trial, tried
+from tests.mixtures.surveys.composed import composed
+from tests.mixtures.surveys.newer import NEWER
+from tests.mixtures.trial import Trial, compared, tried
 
 
 def main() -> None:
@@ -27,19 +30,32 @@ def main() -> None:
     parser.add_argument(
         "--situations", action="store_true", help="each of the single situations, instead of mixtures"
     )
+    parser.add_argument(
+        "--surveys", choices=["composed", *NEWER], help="surveys of the second generator, instead of mixtures"
+    )
     parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
     options = parser.parse_args()
     trials: list[Trial] = []
     with tempfile.TemporaryDirectory() as scratch, contextlib.suppress(KeyboardInterrupt):
+        folder = options.keep or Path(scratch)
         for seed in range(options.seed, options.seed + options.count):
-            for world in (
-                [situation(name, seed) for name in SITUATIONS] if options.situations else [mixture(seed)]
-            ):
-                wrong_identities(world, options.wrong)
-                trials.append(trial := tried(world, (options.keep or Path(scratch)) / str(len(trials))))
+            for trial in _trials(seed, options, folder / str(seed)):
+                trials.append(trial)
                 if trial.counts and not trial.reached:
                     print(f"{seed}: {trial.words} [{', '.join(sorted(trial.tags))}]", flush=True)
     _print_rates(trials)
+
+
+def _trials(seed: int, options: argparse.Namespace, folder: Path) -> Iterator[Trial]:
+    if options.surveys:
+        composes = options.surveys == "composed"
+        survey = composed(seed, options.wrong) if composes else NEWER[options.surveys](seed)
+        yield compared(*survey.write(folder), frozenset(survey.tags))
+        return
+    worlds = [situation(name, seed) for name in SITUATIONS] if options.situations else [mixture(seed)]
+    for number, world in enumerate(worlds):
+        wrong_identities(world, options.wrong)
+        yield tried(world, folder / str(number))
 
 
 def _print_rates(trials: list[Trial]) -> None:

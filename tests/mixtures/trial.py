@@ -32,8 +32,11 @@ class Trial:
 
 def tried(world: World, folder: Path) -> Trial:
     """Adjust a world from the truth and from nothing; where plain least squares differ, as ``mor adjust`` does."""
-    nothing, truth = write_project(world, folder)
-    tags = frozenset(world.tags)
+    return compared(*write_project(world, folder), frozenset(world.tags))
+
+
+def compared(nothing: Path, truth: Path, tags: frozenset[str]) -> Trial:
+    """Adjust a project with nothing given and the same with the truth given."""
     expected = _adjusted(truth)
     if isinstance(expected, str) or expected.outcome is not Outcome.CONVERGED:
         return Trial(tags, False, False, expected if isinstance(expected, str) else expected.reason)

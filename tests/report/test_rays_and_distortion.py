@@ -95,3 +95,10 @@ def test_other_models_have_their_distortion_too(model: str) -> None:
     curve = radial_curve(other, 10.0, 3)
     assert abs(curve.shift[-1]) == pytest.approx(1e-5 * 1000.0, rel=1e-6)
     assert curve.sigma[-1] == pytest.approx(1e-7 * 1000.0, rel=1e-6)
+
+
+def test_images_of_a_line_scanner_reach_over_all_lines_that_were_measured() -> None:
+    camera = {"format": {"width": 8000, "height": 1, "pixel": 0.0065, "origin": "corner"}, "unit": "mm"}
+    area = window(camera, "px", np.array([[10.0, 200.0], [7000.0, 12_000.0]]))
+    assert area.x == (0.0, 8000.0)
+    assert area.y == (200.0, 12_000.0)

@@ -176,3 +176,35 @@ def test_a_screen_of_what_is_not_determined(tmp_path: Path) -> None:
     assert len(run.err.splitlines()) <= 30
     assert "more lines in the report" in run.err
     assert "N59" in (tmp_path / "project.results" / "report.txt").read_text()
+
+
+def test_ppm_where_no_length_is_measured_between_two_places(tmp_path: Path) -> None:
+    text = TRIANGLE.replace("{type: zenith_angle,", "{type: zenith_angle, ppm: 2,")
+    said = refused(write(tmp_path, text), 7)
+    assert said.startswith("found ppm for observations of type zenith_angle, expected it where lengths")
+
+
+def test_a_standard_deviation_of_a_datum_whose_square_is_no_number(tmp_path: Path) -> None:
+    project = tmp_path / "network.dat"
+    project.write_text(
+        "[Coordinates]\nA 100.0\nB 101.0\nC 102.0\n\n[Datum]\ndyn\nA 0.001\nB 1e300\n\n[Sigma0]\n0.001 m\n\n"
+        "[LevelledHeightDifferences]\nA B 1.0010 1000\nB C 1.0005 1000\nA C 2.0010 2000\n"
+    )
+    run = mor("adjust", project)
+    assert run.code == 2, run.err
+    assert "internal" not in run.err
+
+
+def test_images_in_which_one_coordinate_alone_is_measured(tmp_path: Path) -> None:
+    project = write_block(tmp_path)
+    rays = tmp_path / "rays.csv"
+    lines = [line.split(",") for line in rays.read_text().splitlines()]
+    y = lines[0].index("y")
+    rays.write_text(
+        "\n".join(
+            ",".join([*cells[:y], "" if k else cells[y], *cells[y + 1 :]]) for k, cells in enumerate(lines)
+        )
+    )
+    run = mor("adjust", project)
+    assert run.code in (0, 1, 2, 3, 4), run.err
+    assert "internal" not in run.err

@@ -71,6 +71,19 @@ def test_accumulating_adds_to_what_is_there(system, way):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
+def test_rows_of_no_unknowns_add_nothing_however_many_they_are(system, way):
+    """Between fixed points only: as many columns as there are none, but not as many rows."""
+    structure, columns, jacobian, misclosure, _ = system
+    into = rows.target(structure)
+    values, rhs = np.zeros(int(structure.position[-1])), np.zeros(structure.unknowns)
+    for count in (4, 2):
+        rows.accumulate_rows(
+            into, values, rhs, jacobian[:count, :, :0], misclosure[:count], columns[:count, :0]
+        )
+    assert not values.any()
+    assert not rhs.any()
+
+
 def _symmetric(structure, seed=5):
     """A matrix that is known at the stored blocks and, dense, zero elsewhere."""
     random = np.random.default_rng(seed)

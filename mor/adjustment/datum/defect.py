@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mor.adjustment.datum.undetermined import Undetermined, loose_directions
 from mor.adjustment.problem import Problem
 from mor.arrays import BoolArray, FloatArray
-from mor.parameters.index import Values
+from mor.parameters.index import Index, Values
 
 MOVEMENTS = (
     "translation X",
@@ -31,7 +32,29 @@ class Defect:
     """Names of the free movements of the network; combinations where fewer are free than are named."""
     datum: FloatArray
     """(u, d) null vectors that are movements of the network."""
-    undetermined: tuple[Undetermined, ...]
+    inside: Inside | None = None
+    """What else there is."""
+    beyond_use: tuple[Undetermined, ...] = ()
+    """What is determined so badly that it is as good as not."""
+
+    @cached_property
+    def undetermined(self) -> tuple[Undetermined, ...]:
+        """What is not determined inside the network, each as short to tell as it can be.
+
+        Worked out when it is asked for: of a large null space that takes much longer than an adjustment, and of most
+        networks that are only tried nobody asks.
+        """
+        inside = self.inside
+        return self.beyond_use or (loose_directions(inside.basis, self.datum, inside.index) if inside else ())
+
+
+@dataclass(frozen=True)
+class Inside:
+    """A null space that is more than movements of the network."""
+
+    basis: FloatArray
+    """(u, k) orthonormal, the movements among it."""
+    index: Index
 
 
 def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect:
@@ -42,7 +65,7 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     does not move the control points, and so is no movement of the network.
     """
     if null.shape[1] == 0:
-        return Defect((), null, ())
+        return Defect((), null)
     basis, _ = np.linalg.qr(null)
     columns = problem.index.columns["point"]
     used = _telling_components(problem, values, null.shape[1])
@@ -56,8 +79,8 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     rigid = right[stretches <= _SMALL].T
     motion, inner = _stretches(on_points @ rigid)
     datum = basis @ rigid @ inner[motion > _SMALL].T
-    undetermined = loose_directions(basis, datum, problem.index)
-    return Defect(_name(np.where(free, datum[columns[used]], 0.0), generators), datum, undetermined)
+    inside = Inside(basis, problem.index) if datum.shape[1] < basis.shape[1] else None
+    return Defect(_name(np.where(free, datum[columns[used]], 0.0), generators), datum, inside)
 
 
 def explained_movements(whole: FloatArray, on_points: FloatArray) -> tuple[tuple[str, ...], FloatArray]:

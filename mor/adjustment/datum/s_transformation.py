@@ -146,7 +146,7 @@ class _Bent(NamedTuple):
 
 
 def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray) -> _Bent | None:
-    """K of the movements at ``values``; ``None`` where it is nothing beside BᵀG, or B stays as it is."""
+    """K of the movements at ``values``; ``None`` where it is nothing beside BᵀG or no number, or B stays as it is."""
     chosen = problem.datum.mask.get("point")
     if chosen is None or problem.datum.movements is not None or null.shape[1] == 0:
         return None
@@ -162,9 +162,10 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
     apart = np.zeros((len(fields), 3))
     apart[used[within]] = total[columns[used]]
     linear = similarities(np.eye(3), np.zeros(3))[:, :, 3:]
-    by_field = np.einsum("na,nbg->abg", apart, fields) @ movements
-    derivative = np.einsum("bag,abj,gk->kj", linear, by_field, movements[3:])
-    return _Bent(derivative, movements[3:])
+    with np.errstate(over="ignore", invalid="ignore"):
+        by_field = np.einsum("na,nbg->abg", apart, fields) @ movements
+        derivative = np.einsum("bag,abj,gk->kj", linear, by_field, movements[3:])
+    return _Bent(derivative, movements[3:]) if np.isfinite(derivative).all() else None
 
 
 def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:

@@ -18,6 +18,9 @@ _ALONE = 1e-8
 """1 − s² of a direction that moves one block only, s its length on that block."""
 _TOLD = 1e-3
 """Movements below this part of the largest are not told."""
+_SPARSEST = 60
+"""Directions up to which the sparsest are looked for; of more, in a time that grows with the cube of their number only,
+those of an echelon form are told: each moves an unknown of its own that no other one moves."""
 _MOST = 12
 """Unknowns told of one direction."""
 
@@ -40,6 +43,10 @@ def loose_directions(basis: FloatArray, datum: FloatArray, index: Index) -> tupl
             found = np.column_stack([found, direction])
             loose.append(direction)
     single = len(loose)
+    if basis.shape[1] - found.shape[1] > _SPARSEST:
+        others = np.linalg.qr(found, mode="complete")[0][:, found.shape[1] :]
+        loose += list((others @ _echelon(basis @ others)).T)
+        return tuple(_describe(basis @ direction, index) for direction in loose)
     while found.shape[1] < basis.shape[1]:
         others = np.linalg.qr(found, mode="complete")[0][:, found.shape[1] :]
         direction = _sparsest(basis, others[:, 0], _block_starts(index))

@@ -21,7 +21,7 @@ from mor.adjustment.rays.point_solutions import full_directions, full_step, redu
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.index import Values
 from mor.sparse.block_matrix import BlockMatrix
-from mor.sparse.cholesky import Factor, eliminate_inner
+from mor.sparse.cholesky import Factor, completed, eliminate_inner
 from mor.sparse.joining import Share
 from mor.sparse.selected_inverse import selected_inverse
 from mor.sparse.symbolic_factorisation import analyse_inner
@@ -149,10 +149,13 @@ def solve_side(domain: Domain, stage: Stage, half: Half, outer: FloatArray) -> F
     return x
 
 
-def inverse_of(domain: Domain, stage: Stage, null: FloatArray) -> Inverse:
-    """What asks for the values of the factorisation, and its weak directions, is given those of the domain."""
+def inverse_of(domain: Domain, stage: Stage, null: FloatArray, outer: FloatArray) -> Inverse:
+    """The solved system of the whole, seen from a domain: cofactors of its outer unknowns (s, s) given.
+
+    It solves for right-hand sides that have nothing outside of the domain, such as those of its observations.
+    """
     none = np.zeros((domain.problem.index.count, 0))
-    return Inverse(domain.plan, stage.values, stage.factor, stage.scale, null, none)
+    return Inverse(domain.plan, stage.values, completed(stage.factor, outer), stage.scale, null, none)
 
 
 def cofactors_of(stage: Stage, outer: FloatArray) -> BlockMatrix:

@@ -42,6 +42,7 @@ class GroupFrames:
         model: number of the compiled camera model, −1 where the equations in numpy are taken.
         r0: (f,) constant of the camera model.
         picks: derivatives that are wanted.
+        poses: slots of positions and of the rotations that go with them: one pair, or one for each knot.
     """
 
     group: int
@@ -51,6 +52,7 @@ class GroupFrames:
     model: int
     r0: FloatArray
     picks: tuple[Pick, ...] = ()
+    poses: tuple[tuple[int, int], ...] = ((_POSITION, _ROTATION),)
 
     @property
     def count(self) -> int:
@@ -119,7 +121,12 @@ def group_frames(
         if (index.columns[slot.kind][used] >= 0).any()
     )
     model, r0 = _compiled_model(group, rows, frame, blocks.shape[1])
-    return frame, GroupFrames(number, first, blocks, slots, model, r0)
+    positions, rotations = (
+        [k for k, slot in enumerate(group.type.slots[:-1]) if slot.kind == kind]
+        for kind in ("point", "rotation")
+    )
+    poses = tuple(zip(positions, rotations, strict=False))  # behind them the relative rotation of a follower
+    return frame, GroupFrames(number, first, blocks, slots, model, r0, poses=poses)
 
 
 def _compiled_model(

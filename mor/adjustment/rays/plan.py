@@ -101,8 +101,8 @@ class RayPlan:
         return self.row[self.group_of_frame[self.frame_of_ray] == number] if len(self.row) else self.row
 
     def poses(self) -> list[IntArray]:
-        """(2, f) position and rotation block of the frames of each group."""
-        return [group.blocks[:2] for group in self.frames.groups]
+        """(2, f) position and rotation block of the frames of each group, or of their knots."""
+        return [group.blocks[list(pair)] for group in self.frames.groups for pair in group.poses]
 
 
 def plan_rays(problem: Problem, points: IntArray) -> RayPlan:

@@ -8,6 +8,8 @@ With the rows of the rays split into A_p (their points) and A_r (all else), N_pp
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mor.adjustment.plan import Plan
@@ -52,13 +54,21 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
 
 
 def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Reduced right-hand sides (n, k) of rhs (u, k), and N_pp⁻¹ b_p of the points (p, 3, k)."""
+    """Reduced right-hand sides (n, k) of rhs (u, k), and N_pp⁻¹ b_p of the points (p, 3, k).
+
+    Where points have nothing on their right-hand side, their rays are not looked at.
+    """
     reduced = rhs[plan.kept].copy()
-    answer = np.zeros((len(plan.rays.columns), 3, rhs.shape[1]))
-    for chunk in plan_chunks(plan, values):
+    of_points = rhs[plan.rays.columns]
+    answer = np.zeros(of_points.shape)
+    touched = np.asarray(of_points.any(axis=(1, 2)))
+    wanted = tuple(chunk for chunk in plan.rays.chunks if touched[chunk.points].any())
+    for chunk in ray_chunks(plan.problem, replace(plan.rays, chunks=wanted), plan.reduced, values):
+        if not touched[chunk.points].any():
+            continue
         rays = chunk.rays
         roots = inverse_roots(point_normals(rays))[0]
-        alone = roots.transpose(0, 2, 1) @ (roots @ rhs[plan.rays.columns[chunk.points]])
+        alone = roots.transpose(0, 2, 1) @ (roots @ of_points[chunk.points])
         answer[chunk.points] = alone
         moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])
         add_to_others(rays, -moved, reduced)
@@ -95,16 +105,10 @@ def point_of_ray(rays: Rays) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
 
 
-def plan_chunks(plan: Plan, values: Values):  # type: ignore[no-untyped-def]
-    """The ray chunks of a plan at the given values."""
-    return ray_chunks(plan.problem, plan.rays, plan.reduced, values)
-
-
 __all__ = [
     "RayChunk",
     "add_to_others",
     "full_directions",
     "full_step",
-    "plan_chunks",
     "reduce_right_hand_side",
 ]

@@ -14,8 +14,10 @@ from mor.approximate.growth.forward_intersection import SMALLEST_ANGLE, PosedFra
 from mor.approximate.growth.pose_frame import pose_frame
 from mor.approximate.parts.frames import SLACKS, Frame
 from mor.approximate.parts.part import Part
+from mor.approximate.parts.rule import rule
 from mor.approximate.parts.sightings import Sightings
-from mor.arrays import IntArray
+from mor.approximate.relative_orientation.rinner import nearest_rotation
+from mor.arrays import BoolArray, IntArray
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
@@ -27,6 +29,8 @@ BATCH = 6
 """Frames at least that are posed before they settle."""
 FRONT = 5
 """Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial block."""
+ROUGH = (0.03, 0.1)
+"""Slacks (radians) of frames that see points whose places are rough."""
 FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 
@@ -108,6 +112,28 @@ def _pose_best(
                 refused[number] = counts[number]
         usable &= counts > refused
     return posed
+
+
+def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
+    """Frames that contradict the points they see, which may be rough themselves: better a rough pose than none."""
+    posed = False
+    for number, frame in enumerate(frames):
+        known = part.known(frame.points)
+        if number not in part.poses and np.count_nonzero(known) >= FEWEST:
+            posed |= pose_frame(part, frame, number, ROUGH) or _turned(part, frame, number, known)
+    return posed
+
+
+def _turned(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
+    """The attitude that fits best at a place that is known."""
+    centre = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
+    if not (frame.stands and np.isfinite(centre).all()):
+        return False
+    away = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+    part.poses[number] = centre, nearest_rotation(frame.rays[known].T @ away)
+    part.how[frame.name] = rule("turned towards {count} points from its place", count=int(known.sum()))
+    return True
 
 
 def intersect_the_rest(part: Part, seen: Sightings) -> None:

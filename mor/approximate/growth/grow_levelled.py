@@ -76,7 +76,7 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     added = False
     for number, kappa in list(part.kappas.items()):
         sight = measured.sights[number]
-        for point, direction in _unknown_sights(part, sight):
+        for point, direction in _unknown_sights(part, sight) if _level_known(part, sight.position) else ():
             length = distances.between(part, sight.position, int(point))
             if np.isfinite(length):
                 t = direction - kappa
@@ -106,7 +106,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
     bearings: dict[int, list[tuple[FloatArray, float]]] = {}
     for number, kappa in part.kappas.items():
         sight = measured.sights[number]
-        for point, direction in _unknown_sights(part, sight):
+        for point, direction in _unknown_sights(part, sight) if _level_known(part, sight.position) else ():
             bearings.setdefault(point, []).append((part.points[sight.position, :2], direction - kappa))
     added = False
     for point, found in bearings.items():

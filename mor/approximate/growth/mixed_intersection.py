@@ -43,14 +43,14 @@ def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatA
     """Point → normals (k, 3) of the planes through it, a place on them and the direction in which it lies."""
     missing = np.asarray(np.isnan(part.points).any(axis=1))
     found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
-    rays = scene.seen.of_points(np.flatnonzero(missing))
-    for ray in rays.tolist():
-        pose = part.poses.get(int(scene.seen.frame[ray]))
+    seen = scene.rays_for(part)[1]
+    for ray in seen.of_points(np.flatnonzero(missing)).tolist():
+        pose = part.poses.get(int(seen.frame[ray]))
         if pose is not None:
-            towards = pose[1].T @ scene.seen.rays[ray]
-            lowered = pose[0] - [0.0, 0.0, scene.seen.height[ray] if part.scaled else 0.0]
+            towards = pose[1].T @ seen.rays[ray]
+            lowered = pose[0] - [0.0, 0.0, seen.height[ray]]
             across = np.linalg.svd(towards[None])[2][1:]
-            found.setdefault(int(scene.seen.point[ray]), []).append((across, lowered, towards))
+            found.setdefault(int(seen.point[ray]), []).append((across, lowered, towards))
     for number, kappa in part.kappas.items():
         sight = scene.terrestrial.sights[number]
         place = np.append(part.points[sight.position, :2], 0.0)

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.parts.frames import SLACKS, Frame, loosened
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
+from mor.approximate.remembered import remembered
 from mor.approximate.reprojection import misfits
-from mor.approximate.resection.outcome import ResectionOutcome
+from mor.approximate.resection.outcome import Resection, ResectionOutcome
 from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, star_of
 from mor.approximate.resection.space_resection import AGREES, resect
 from mor.arrays import FloatArray, IntArray
 
 NEIGHBOUR = 10
 """Known points from which the pose of a neighbour is tried as a start."""
+_REMEMBERED = 1024
 _SAMPLE = 60
 """Points of a frame a resection uses at the most."""
 _EXACT = 1e-6
 """σ of a position that is given as exact, in parts of the distance to the points."""
 
 
-def pose_frame(part: Part, frame: Frame, number: int) -> bool:
-    """Add the pose of a frame to the part; true where the points it sees allow one."""
+def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = SLACKS) -> bool:
+    """Add the pose of a frame to the part; true where the points it sees allow one, with one of some slacks."""
     known, targets = _known_points(part, frame)
     if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
         return True
-    for slack in [s for s in SLACKS if s >= part.slack]:
-        bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], slack))
-        result = resect(bundle, targets)
+    for slack in [s for s in slacks if s >= part.slack]:
+        rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
+        bundle, result = direction_bundle(rays, sigma), _resected(rays, sigma, targets)
         agreeing = int(np.count_nonzero(result.agreeing))
         usable = result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
         if usable and agreeing >= max(4, 0.6 * len(known)):
@@ -38,6 +42,11 @@ def pose_frame(part: Part, frame: Frame, number: int) -> bool:
             _enter(part, frame, number, pose, agreeing, len(known))
             return True
     return False
+
+
+@remembered(_REMEMBERED)
+def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resection:
+    return resect(direction_bundle(rays, sigma), targets)
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
@@ -33,7 +34,7 @@ def rigid_seeds(scene: Scene) -> Iterator[Part]:
 def seed_polar(scene: Scene, free: list[int]) -> Part | None:
     """The axes of the first free instrument that measured distances and is not upright; its points are polar points."""
     for number in free:
-        if len(polar_points(scene, number)) >= 3:
+        if len(polar_points(scene, scene.bare[0], number)) >= 3:
             part = empty_part(scene.points)
             part.poses[number] = (np.zeros(3), np.eye(3))
             part.scaled = True
@@ -43,9 +44,9 @@ def seed_polar(scene: Scene, free: list[int]) -> Part | None:
     return None
 
 
-def polar_points(scene: Scene, number: int) -> dict[int, FloatArray]:
+def polar_points(scene: Scene, frames: Sequence[Frame], number: int) -> dict[int, FloatArray]:
     """Point → its coordinates (3,) in the axes of an instrument, where ray and distance were measured."""
-    frame, slopes = scene.frames[number], scene.terrestrial.slopes
+    frame, slopes = frames[number], scene.terrestrial.slopes
     rows = np.flatnonzero((slopes.start == frame.position) & (slopes.start_block == frame.height))
     length = dict(zip(slopes.end[rows].tolist(), slopes.value[rows, 0], strict=True))
     return {
@@ -57,15 +58,15 @@ def grow_polar(part: Part, scene: Scene) -> bool:
     """Add points by ray and distance from posed instruments; true where anything was added."""
     if not part.scaled:
         return False
-    added = False
-    for number in range(scene.image_count, len(scene.frames)):
-        if number not in part.poses or part.known(scene.frames[number].points).all():
+    added, frames = False, scene.rays_for(part)[0]
+    for number in range(scene.image_count, len(frames)):
+        if number not in part.poses or part.known(frames[number].points).all():
             continue
         centre, D = part.poses[number]
-        frame = scene.frames[number]
+        frame = frames[number]
         heights = dict(zip(frame.points.tolist(), frame.heights, strict=True))
-        for point, star in polar_points(scene, number).items():
-            if np.isnan(part.points[point]).any() and (heights[point] == 0.0 or part.levelled):
+        for point, star in polar_points(scene, frames, number).items():
+            if np.isnan(part.points[point]).any():
                 part.points[point] = centre + D.T @ star - [0.0, 0.0, heights[point]]
                 part.how[f"point {point}"] = rule("polar from {one}", one=frame.name)
                 added = True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from itertools import islice
 from typing import NamedTuple
 
@@ -19,6 +18,7 @@ from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
 from mor.approximate.relative_orientation.upright import FEWEST, upright_orientation
+from mor.approximate.remembered import remembered
 from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import exponential
 
@@ -90,7 +90,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
     enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
-    for tried, (i, j) in enumerate(_by_parallax(frames, first, second, pairs.common[both])):
+    for tried, (i, j) in enumerate(by_parallax(frames, first, second, pairs.common[both])):
         if tried >= PAIRS_TRIED and best is not None:
             break
         found = _oriented(frames, i, j, points)
@@ -128,7 +128,7 @@ def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
         yield int(first[pair]), int(second[pair])
 
 
-def _by_parallax(
+def by_parallax(
     frames: Sequence[Frame], first: IntArray, second: IntArray, common: IntArray
 ) -> list[tuple[int, int]]:
     """Pairs worth an orientation, the most promising first: points times what the best turn without a base leaves.
@@ -148,13 +148,13 @@ def _by_parallax(
 
 def _parallax(one: Frame, other: Frame) -> float:
     """Common points times the median angle (radians) that is left when the rays are turned into each other."""
-    at_one, at_other = _common_rays(one, other)
+    at_one, at_other = common_rays(one, other)
     a, b = one.rays[at_one], other.rays[at_other]
     left = np.linalg.norm(b - a @ nearest_rotation(b.T @ a).T, axis=1)
     return len(at_one) * float(np.median(left))
 
 
-def _common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
+def common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
     """Rows in two frames of the points that both see, ``_SAMPLE`` at the most."""
     _, at_one, at_other = np.intersect1d(one.points, other.points, return_indices=True)
     if len(at_one) > _SAMPLE:
@@ -164,10 +164,10 @@ def _common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
 
 
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
-    at_i, at_j = _common_rays(frames[i], frames[j])
+    at_i, at_j = common_rays(frames[i], frames[j])
     one, other = frames[i], frames[j]
     measured = one.rays[at_i], one.sigma[at_i], other.rays[at_j], other.sigma[at_j]
-    found = _with_least_slack(*(array.tobytes() for array in measured))
+    found = _with_least_slack(*measured)
     if isinstance(found, RelativeOutcome):
         part = _upright(frames, i, j, at_i, at_j, points)
         if part is not None:
@@ -230,19 +230,15 @@ def _towards_vertical(up: FloatArray) -> FloatArray:
     return np.asarray(exponential((np.arctan2(sine, up[2]) * axis)[None])[0])
 
 
-@lru_cache(_REMEMBERED)
+@remembered(_REMEMBERED)
 def _with_least_slack(
-    rays_one: bytes, sigma_one: bytes, rays_other: bytes, sigma_other: bytes
+    a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
     """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter.
 
     Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
-    looseness: they are mirrored. Of two arrays (n, 3) of rays and (n,) of their σ, whose bytes can be remembered.
+    looseness: they are mirrored. Of rays (n, 3) and their σ (n,) in two frames.
     """
-    (a_rays, a_sigma), (b_rays, b_sigma) = (
-        (np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigma))
-        for rays, sigma in ((rays_one, sigma_one), (rays_other, sigma_other))
-    )
     best: tuple[float, RobustOrientation] | None = None
     outcome = RelativeOutcome.DOES_NOT_FIT
     for slack in reversed(SLACKS) if len(a_rays) >= FEWEST_COMMON else ():

@@ -8,19 +8,30 @@ and joins another one as soon as what ties them determines the movement between 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mor.approximate.along_trajectories import without_trajectories
+from mor.approximate.approximation import Approximation, untied
+from mor.approximate.choices import AGREES, ROWS, Choices, disagreement
 from mor.approximate.growth.bearing_network import grow_by_bearings
-from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, grow_bundles, intersect_the_rest
+from mor.approximate.growth.grow_bundles import (
+    ENOUGH,
+    FEWEST,
+    grow_bundles,
+    intersect_the_rest,
+    pose_the_rest,
+)
 from mor.approximate.growth.grow_levelled import begin_heights, grow_arcs, grow_levelled
 from mor.approximate.growth.mixed_intersection import grow_mixed
+from mor.approximate.growth.pose_by_three import pose_by_three
 from mor.approximate.growth.rigid_seeds import grow_polar, rigid_seeds, seed_polar
 from mor.approximate.growth.seed_bundles import Pairs, common_pairs, seed_bundles
+from mor.approximate.growth.seed_doubtful import seed_doubtful
 from mor.approximate.growth.seed_levelled import seed_levelled
 from mor.approximate.growth.seed_plan import seed_plan
+from mor.approximate.growth.single_points import grow_single_points
 from mor.approximate.growth.trilateration import grow_distances, place_by_few_distances, seed_distances
 from mor.approximate.parts.contradictions import (
     Contradiction,
@@ -29,14 +40,13 @@ from mor.approximate.parts.contradictions import (
     put_back,
     without,
 )
-from mor.approximate.parts.frames import Frame
-from mor.approximate.parts.history import Join
 from mor.approximate.parts.joining import (
     carry,
     join,
+    open_movements,
     spread_positions,
     stand_on_marks,
-    tie,
+    tie_at_last,
     tied_by_positions,
 )
 from mor.approximate.parts.level_and_scale import (
@@ -53,36 +63,17 @@ from mor.approximate.parts.transfer import fill_in, starting_part, with_observed
 from mor.approximate.standing_still import at_all_times, standing_still
 from mor.approximate.terrestrial.on_the_earth import to_plane
 from mor.approximate.terrestrial.projection_centres import to_places
-from mor.approximate.terrestrial.sights import Sight
-from mor.arrays import BoolArray, FloatArray
-from mor.errors import Undeterminable
+from mor.arrays import BoolArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
 
+OTHERS_TRIED = 8
+"""Other answers that are tried where several fitted alike."""
+BETTER = 0.1
+"""Mean of log(1 + (v/σ)²) by which start values must agree better to be taken for others."""
 FIRST_FRAMES = 20
 """Frames a part is grown by before given positions are asked whether they tie it."""
-
-
-@dataclass(frozen=True)
-class Approximation:
-    """Start values, how each was obtained, and what is still missing."""
-
-    start: Mapping[str, FloatArray]
-    how: Mapping[str, Rule]
-    """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[Undeterminable, ...]
-    """What has no start value yet, and why."""
-    remarks: tuple[Rule, ...] = ()
-    """Why frames could not begin a part of their own, where something is missing."""
-    replaced: tuple[str, ...] = ()
-    """Given start values that the observations contradict, which others took the place of."""
-    parts: tuple[Join, ...] = ()
-    """The parts that began beside the object system, in the order in which they joined another one."""
-    frames: tuple[Frame, ...] = ()
-    """Images and theodolite sets by the numbers they have in ``parts``."""
-    sights: tuple[Sight, ...] = ()
-    """Levelled sets by the numbers they have in ``parts``."""
 
 
 @dataclass
@@ -96,8 +87,9 @@ class _Assembly:
     tried_shapes: set[tuple[int, ...]] = field(default_factory=set)
     tried_frames: set[frozenset[int]] = field(default_factory=set)
     """Frames that parts began with: what joined and lost its poses again would begin for ever."""
-    given_up: BoolArray = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))
-    """(2, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other."""
+    given_up: BoolArray = field(default_factory=lambda: np.zeros((3, 0), dtype=bool))
+    """(3, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other; those
+    that a doubtful orientation was tried of."""
     pairs: Pairs | None = None
     reasons: list[Rule] = field(default_factory=list)
     begun: int = 0
@@ -113,14 +105,37 @@ def approximate(network: Network) -> Approximation:
     if all_known(network.start):
         return Approximation(network.start, {}, ())
     moving = network
-    network = to_plane(standing_still(network))
+    network = to_plane(standing_still(without_trajectories(network)))
     network = to_places(replace(network, start=with_observed(network)))
-    scene = scene_of(network)
-    assembly = _assembled(network, scene)
+    scene, assembly = _likeliest(network, scene_of(network))
     found = _contradicting(network, assembly.parts[0], scene)
     better = _with_others(network, scene, found) if found else None
     result = _approximation(network, assembly) if better is None else better
     return replace(result, start=at_all_times(moving, result.start))
+
+
+def _likeliest(network: Network, scene: Scene) -> tuple[Scene, _Assembly]:
+    """The parts in the object system; where several answers fitted alike on the way, with those that agree best."""
+    assembly = _assembled(network, scene)
+    if not scene.choices.among:
+        return scene, assembly
+    missing, best, worst = _disagreement(network, assembly)
+    most = max(OTHERS_TRIED * ROWS // max(network.observations, ROWS), 1)
+    for wanted in scene.choices.others(most):
+        if not missing and worst <= AGREES:
+            break
+        other = replace(scene, choices=Choices(wanted))
+        tried = _assembled(network, other)
+        lost, fit, off = _disagreement(network, tried)
+        if lost < missing or (lost == missing and fit < best - BETTER):
+            scene, assembly, missing, best, worst = other, tried, lost, fit, off
+    return scene, assembly
+
+
+def _disagreement(network: Network, assembly: _Assembly) -> tuple[int, float, float]:
+    """How many things have no start values, how badly the others fit all in all, and the worst group."""
+    found = _approximation(network, assembly)
+    return len(found.missing), *disagreement(network.groups, found.start)
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
@@ -152,7 +167,7 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
         part.number = number
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
-        assembly.given_up, assembly.tried_stations = np.zeros((2, len(scene.frames)), dtype=bool), set()
+        assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
         assembly.tried_frames = set()
         for part in parts:
             _grow(part, scene, fewest)
@@ -160,7 +175,11 @@ def _assembled(network: Network, scene: Scene) -> _Assembly:
     _place_the_rest(assembly)
     stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
-    if grow_mixed(parts[0], scene, contradicting=True):
+    if grow_mixed(parts[0], scene, contradicting=True) | pose_the_rest(parts[0], scene.frames):
+        _grow(parts[0], scene, FEWEST)
+        while grow_single_points(parts[0], scene, ambiguous=True):
+            _grow(parts[0], scene, FEWEST)
+    while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         _grow(parts[0], scene, FEWEST)
     return assembly
 
@@ -169,7 +188,9 @@ def _approximation(network: Network, assembly: _Assembly) -> Approximation:
     scene = assembly.scene
     start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
     reasons, parts = tuple(assembly.reasons) if missing else (), tuple(assembly.parts[0].joined)
-    return Approximation(start, how, missing, reasons, (), parts, scene.frames, scene.terrestrial.sights)
+    given = bool(np.isfinite(network.start["point"]).any())
+    sights = scene.terrestrial.sights
+    return Approximation(start, how, missing, reasons, (), parts, scene.frames, sights, untied(parts, given))
 
 
 def _assemble(assembly: _Assembly) -> None:
@@ -190,25 +211,25 @@ def _assemble(assembly: _Assembly) -> None:
 def _grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
-    while True:
-        if not part.handed:
-            while _grow_shape(part, scene):
-                pass
-            return True
+    while not part.handed and _grow_shape(part, scene):
+        pass
+    while part.handed:
         grown = level_and_scale(part, scene)
         grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
-        grown |= grow_bundles(part, scene.frames, scene.seen, fewest, most)
+        grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
         grown |= grow_mixed(part, scene)
         grown = grown or grow_distances(part, scene.distances[1])
         grown = grown or (part.levelled and grow_by_bearings(part, scene.terrestrial))
+        grown = grown or grow_single_points(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True
         if most is not None and len(part.poses) - before >= most:
             return False
+    return True
 
 
 def _grow_shape(part: Part, scene: Scene) -> bool:
@@ -261,12 +282,28 @@ def _next_seed(assembly: _Assembly) -> Part | None:
         part = _seed_of_frames(assembly, free, chained)
         if part is not None:
             return part
-    part = seed_polar(scene, [n for n in np.flatnonzero(free).tolist() if n >= scene.image_count])
+    fresh = [n for n in range(scene.image_count, len(free)) if free[n]]
+    part = seed_polar(scene, [n for n in fresh if frozenset([n]) not in assembly.tried_frames])
+    assembly.tried_frames |= {frozenset(part.poses)} if part else set()
     part = part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
     if part is None:
         part, reason = seed_plan(measured, unknown, scene.points, tried)
         assembly.reasons += [reason] if reason else []
-    return part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
+    part = part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
+    return part or _doubtful_seed(assembly, free)
+
+
+def _doubtful_seed(assembly: _Assembly, free: BoolArray) -> Part | None:
+    """A part of two frames whose orientation is in doubt, where nothing else is left."""
+    scene = assembly.scene
+    open_ = free & ~assembly.given_up[2]
+    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2:
+        return None
+    assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
+    among = np.flatnonzero(open_[pairs.first] & open_[pairs.second])
+    part = seed_doubtful(scene, among, pairs, lambda part, most: _grow(part, scene, FEWEST, most))
+    assembly.given_up[2] |= open_ if part is None else np.isin(np.arange(len(open_)), list(part.poses))
+    return part
 
 
 def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part | None:
@@ -275,12 +312,12 @@ def _seed_of_frames(assembly: _Assembly, free: BoolArray, chained: bool) -> Part
     open_ = free & ~given_up
     if np.count_nonzero(open_) < (1 if chained else 2):
         return None
-    assembly.pairs = pairs = common_pairs(scene.seen) if assembly.pairs is None else assembly.pairs
+    assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
     if chained:
         among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
     else:
         among = open_[pairs.first] & open_[pairs.second]
-    part, reason = seed_bundles(scene.frames, np.flatnonzero(among), pairs, scene.points)
+    part, reason = seed_bundles(scene.bare[0], np.flatnonzero(among), pairs, scene.points)
     given_up |= open_ if part is None else False
     assembly.reasons += [reason] if reason and not chained else []
     if part is not None:
@@ -332,7 +369,7 @@ def _join_all(assembly: _Assembly, ambiguous: bool = False) -> bool:
 
 def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
     """The first two parts that could be joined, the one that knows more of its place first."""
-    ordered = sorted(parts, key=_rank, reverse=True)
+    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
     for number, target in enumerate(ordered):
         for source in ordered[number + 1 :]:
             if join(target, source, scene, ambiguous):
@@ -340,30 +377,24 @@ def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part
     return None
 
 
-def _rank(part: Part) -> tuple[bool, bool, bool, bool, int]:
-    return part.given, part.oriented, part.levelled, part.scaled, _size(part)
-
-
-def _size(part: Part) -> int:
-    return len(part.poses) + len(part.kappas) + int(np.isfinite(part.points).sum())
-
-
 def _place_the_rest(assembly: _Assembly) -> None:
-    """Parts that nothing ties to the object system well enough: the largest first, as well as its ties say.
+    """Parts that nothing ties to the object system well enough: those that leave least open first.
 
     Where nothing is given it becomes the object system, wherever it is.
     """
     parts, scene = assembly.parts, assembly.scene
     while len(parts) > 1:
-        source = max(parts[1:], key=_size)
+        source = min(parts[1:], key=lambda part: (open_movements(parts[0], part, scene), -part.size))
         parts.remove(source)
         level_roughly(source, scene)
         scale_roughly(source, scene)
         direct_roughly(source, scene)
-        carry(parts[0], source, scene, tie(parts[0], source, scene))
+        carry(parts[0], source, scene, tie_at_last(parts[0], source, scene))
         _grow(parts[0], scene, assembly.fewest)
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
+        _grow(parts[0], scene, assembly.fewest)
+    while pose_by_three(parts[0], scene) or grow_single_points(parts[0], scene, ambiguous=True):
         _grow(parts[0], scene, assembly.fewest)
     while place_by_few_distances(parts[0], scene.distances[1]):
         _grow(parts[0], scene, assembly.fewest)

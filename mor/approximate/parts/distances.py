@@ -74,6 +74,14 @@ class Distances:
         self.neighbours.setdefault(a, set()).add(b)
         self.neighbours.setdefault(b, set()).add(a)
 
+    def verticals_at(self, point: int) -> list[tuple[int, bool, float, float]]:
+        """Other end, whether it was measured there, vertical direction and rise, of all sights from and to a point."""
+        found = []
+        for row in np.flatnonzero((self.ends == point).any(axis=1)).tolist():
+            a, b = self.ends[row].tolist()
+            found.append((a if b == point else b, b == point, *self.vertical[a, b]))
+        return found
+
     def between(self, part: Part, a: int, b: int) -> float:
         """Horizontal distance from a to b, NaN where it is not known."""
         if (a, b) in self.horizontal:

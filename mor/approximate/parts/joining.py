@@ -15,6 +15,7 @@ from mor.approximate.parts.movement import PRECISION, Movement, Ties, Turn, move
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.platform import tie_by_platform
 from mor.approximate.parts.scene import Scene
+from mor.approximate.ray_ties.tie_by_rays import tie_by_rays
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
 
@@ -26,6 +27,8 @@ FITS = 0.03
 """Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
 ALIKE = 3.0
 """Factor of the misfits from which on a shape is told from its mirrored one."""
+ALL_OPEN = 7
+"""Movements between two parts that nothing ties."""
 MANY = 400
 """Common points of which the movement is worked out, at the most."""
 
@@ -40,6 +43,8 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     found = _tie_of_either_hand(target, source, scene)
     if found is None or found.open:
         found = tie_by_platform(target, source, scene) or found
+    if found is None or found.open:
+        found = tie_by_rays(target, source, scene) or found
     if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
         return False
     if found.alternatives and not ambiguous:
@@ -70,6 +75,20 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     return replace(found, alternatives=(*found.alternatives, found.similarity))
 
 
+def tie_at_last(target: Part, source: Part, scene: Scene) -> Movement | None:
+    """The tie of two parts that nothing ties well enough: by the rays between them, controlled or not."""
+    found = tie(target, source, scene)
+    if found is None or found.open:
+        return tie_by_rays(target, source, scene, 0) or found
+    return found
+
+
+def open_movements(target: Part, source: Part, scene: Scene) -> int:
+    """How many movements nothing determines between two parts."""
+    found = tie_at_last(target, source, scene)
+    return ALL_OPEN if found is None else found.open
+
+
 def _mirror(part: Part) -> None:
     part.points[:, 0] *= -1.0
 
@@ -80,8 +99,9 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
     Where nothing was ``found`` that ties the two it stays where it is.
     """
     _remember(target, source, found)
+    bare = not target.lifts, not source.lifts
     target.handed |= source.handed
-    moved = _as_it_is() if found is None else _likelier(found, source)
+    moved = _as_it_is() if found is None else _likelier(found, source, scene)
     if target.scaled and not source.scaled:
         forget_marks(source, scene)
     if source.scaled and not target.scaled:
@@ -90,9 +110,12 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
         moved = _times(moved, 1.0 / moved.scale)
         target.scaled = True
     source.transform(moved)
+    taken = np.isnan(target.points).any(axis=1) & np.isfinite(source.points).any(axis=1)
     take_over(target, source)
     if source.levelled and not target.levelled:
         make_upright(target, moved.rotation[:, 2])
+    if target.lifts and any(bare):
+        target.lower_to_marks(scene.target_heights, np.where(taken, bare[1], bare[0]))
     target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
     spread_positions(target, scene.frames)
 
@@ -115,7 +138,7 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement from source to target by their common points, centres and attitudes."""
     both = source.levelled and target.levelled
     turn = (Turn.NONE if source.oriented and target.oriented else Turn.VERTICAL) if both else Turn.ANY
-    points, goals = _common_points(target, source, both)
+    points, goals = _common_points(target, source, scene, both)
     centres, places = _common_centres(target, source, scene)
     axes, goal_axes = _common_attitudes(target, source, scene)
     ties = Ties(
@@ -136,7 +159,8 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     )
 
 
-def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, FloatArray]:
+def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tuple[FloatArray, FloatArray]:
+    """Points known in both; where one part has targets in place of marks, those of the other are raised to them."""
     ours, theirs = np.isfinite(source.points), np.isfinite(target.points)
     known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
@@ -144,7 +168,10 @@ def _common_points(target: Part, source: Part, both: bool) -> tuple[FloatArray, 
     if len(full) > MANY:
         rows = full[np.linspace(0, len(full) - 1, MANY).astype(int)]
     goals = np.where(known[rows], target.points[rows], np.nan)
-    return np.where(ours[rows], source.points[rows], 0.0), goals
+    points = np.where(ours[rows], source.points[rows], 0.0)
+    if target.lifts is not source.lifts:
+        (goals if target.lifts else points)[:, 2] += scene.target_heights[rows]
+    return points, goals
 
 
 def _common_centres(target: Part, source: Part, scene: Scene) -> tuple[FloatArray, FloatArray]:
@@ -181,15 +208,16 @@ def _common_attitudes(target: Part, source: Part, scene: Scene) -> tuple[FloatAr
     return np.array(axes).reshape(-1, 3), np.array(goals).reshape(-1, 3)
 
 
-def _likelier(found: Movement, source: Part) -> Similarity:
-    """Of movements that fit alike the one that leaves the cameras above what they see."""
-    if not found.alternatives or not source.poses:
+def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
+    """Of movements that fit alike the one that leaves the cameras above what they see, where no other is wanted."""
+    if not found.alternatives or found.open:
         return found.similarity
-    centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
-    seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
-    return max(
-        (found.similarity, *found.alternatives), key=lambda one: float((one.rotation @ (centres - seen))[2])
-    )
+    both = [found.similarity, *found.alternatives]
+    if source.poses:
+        centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
+        seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
+        both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))
+    return both[scene.choices.take(len(both))]
 
 
 def _inverse_scale(scale: float) -> Similarity:

@@ -18,12 +18,15 @@ from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.approximate.terrestrial.clusters import Cluster
 from mor.approximate.terrestrial.polar import bearing
 from mor.approximate.terrestrial.sights import Lengths
+from mor.approximate.vertical.finding import vertical_by_directions
 from mor.arrays import FloatArray
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
 ALIKE = 3.0
 """Factor of the misfits up to which two verticals fit alike."""
+CONTROLLED = 3
+"""Horizontal directions beyond those that a vertical takes, from which on they tell it beyond doubt."""
 DISAGREEMENT = 0.05
 """Relative misfit beyond which height differences and points do not belong together."""
 
@@ -31,11 +34,18 @@ DISAGREEMENT = 0.05
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
     # The scale first: with it the heights of points nearly in a plane tell the vertical, too.
+    lifted = part.lifts
     gained = not part.scaled and _scale(part, scene)
     if not part.levelled:
-        gained |= _level_by_frames(part, scene.frames) or _level_by_heights(part, scene.level_lines)
+        gained |= (
+            _level_by_frames(part, scene.frames)
+            or _level_by_heights(part, scene)
+            or _level_by_directions(part, scene, CONTROLLED)
+        )
     if not part.scaled:
         gained |= _scale(part, scene)
+    if part.lifts and not lifted:
+        part.lower_to_marks(scene.target_heights)
     return gained
 
 
@@ -67,9 +77,9 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     part.levelled = True
 
 
-def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
+def _level_by_heights(part: Part, scene: Scene) -> bool:
     """Three height differences and more: Δx · g = Δh; g is the vertical times the scale."""
-    difference, dz = _between_known(part, lines)
+    difference, dz = _between_known(part, scene.level_lines)
     if len(dz) < 3:
         return False
     values = np.linalg.svd(difference, compute_uv=False)
@@ -81,14 +91,23 @@ def _level_by_heights(part: Part, lines: Sequence[Cluster]) -> bool:
     if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
         return False
     if part.scaled:
-        return _level_by_unit_vector(part, difference, dz)
+        return _level_by_unit_vector(part, scene, difference, dz)
     part.transform(_movement(length, np.eye(3)))
     part.scaled = True
     make_upright(part, np.asarray(g, dtype=np.float64))
     return True
 
 
-def _level_by_unit_vector(part: Part, difference: FloatArray, dz: FloatArray) -> bool:
+def _level_by_directions(part: Part, scene: Scene, redundant: int) -> bool:
+    """Horizontal directions and vertical angles to points of the part, at least ``redundant`` more than it takes."""
+    up = vertical_by_directions(part, scene, redundant)
+    if up is None:
+        return False
+    make_upright(part, up)
+    return True
+
+
+def _level_by_unit_vector(part: Part, scene: Scene, difference: FloatArray, dz: FloatArray) -> bool:
     """The vertical of a part that has its scale: of unit length, so that points nearly in a plane leave two.
 
     Where both fit alike it is the one with the cameras above what they see.
@@ -102,7 +121,8 @@ def _level_by_unit_vector(part: Part, difference: FloatArray, dz: FloatArray) ->
     if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
         return False
     if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
-        best = int(np.argmax(np.array(both) @ _above(part)))
+        order = np.argsort(-(np.array(both) @ _above(part)))
+        best = int(order[scene.choices.take(2)])
     make_upright(part, both[best] / np.linalg.norm(both[best]))
     return True
 
@@ -120,6 +140,8 @@ def level_roughly(part: Part, scene: Scene) -> None:
     lift = _lift(part, scene.frames)
     if not part.levelled and np.any(lift):
         make_upright(part, lift)
+    if not part.levelled:
+        _level_by_directions(part, scene, 0)
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
         return

@@ -16,6 +16,7 @@ from enum import Enum
 
 import numpy as np
 
+from mor.approximate.remembered import remembered
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import exponential
@@ -28,6 +29,7 @@ _REFINED = 12
 _TRIPLES = 20
 _STEPS = 20
 _CAUCHY = 3.0
+_REMEMBERED = 256
 
 
 class Turn(Enum):
@@ -75,9 +77,21 @@ class Movement:
 
 def movement(ties: Ties, turn: Turn, scaled: bool) -> Movement | None:
     """The movement that fits best; ``scaled``: both systems have the same scale. ``None`` where nothing ties them."""
-    known = np.isfinite(ties.target)
-    if not known.any() and len(ties.source_axes) == 0:
+    if not np.isfinite(ties.target).any() and len(ties.source_axes) == 0:
         return None
+    return _best(ties.source, ties.target, ties.source_axes, ties.target_axes, turn, scaled)
+
+
+@remembered(_REMEMBERED)
+def _best(
+    source: FloatArray,
+    target: FloatArray,
+    source_axes: FloatArray,
+    target_axes: FloatArray,
+    turn: Turn,
+    scaled: bool,
+) -> Movement | None:
+    ties, known = Ties(source, target, source_axes, target_axes), np.isfinite(target)
     frame = _normalised(ties, known)
     refined = [_refined(frame, R, turn, scaled) for R in _starts(frame, turn, scaled)]
     found = [one for one in refined if one is not None and one.scale > 0.0]
@@ -139,7 +153,9 @@ def _normalised(ties: Ties, known: BoolArray) -> _Normalised:
     # The same measure of both: the spread of the source, and that of the components known of the target.
     spread = float(np.sqrt(np.mean(np.sum(source**2, axis=1)))) if len(source) else 0.0
     reach = float(np.sqrt(np.sum(target**2) / max(known.sum(), 1) * 3.0)) if len(source) else 0.0
-    sizes = spread or 1.0, max(reach, 1e-9 * float(np.abs(to).max(initial=0.0))) or spread or 1.0
+    # Of a single place nothing tells a scale: it stays as it is.
+    extends = reach > 1e-9 * float(np.abs(to).max(initial=0.0))
+    sizes = spread or 1.0, reach if extends and spread else spread or 1.0
     return _Normalised(
         source / sizes[0], target / sizes[1], known, ties.source_axes, ties.target_axes, (from_, to), sizes
     )

@@ -48,12 +48,36 @@ class Part:
     """What it began with."""
     joined: list[Join] = field(default_factory=list)
     """The parts it took up, in the order in which they joined it or one another."""
+    placed: set[int] = field(default_factory=set)
+    """Points placed one at a time: what takes such a place away again does not have it placed anew."""
+    asked_for_vertical: dict[int, int] = field(default_factory=dict)
+    """Redundancy with which directions were asked for the vertical → directions there were."""
     place_sigma: float = 0.0
     """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
+
+    @property
+    def lifts(self) -> bool:
+        """True where heights of instruments and targets count: they act along the vertical, in the length unit."""
+        return self.levelled and self.scaled
+
+    @property
+    def rank(self) -> tuple[bool, bool, bool, bool, int]:
+        """How much it knows of its place, for comparison."""
+        return self.given, self.oriented, self.levelled, self.scaled, self.size
+
+    @property
+    def size(self) -> int:
+        """Number of poses, orientations and coordinates in it."""
+        return len(self.poses) + len(self.kappas) + int(np.isfinite(self.points).sum())
 
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
         return np.asarray(np.isfinite(self.points[points]).all(axis=1))
+
+    def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
+        """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""
+        loose = ~self.fixed if which is None else which & ~self.fixed
+        self.points[loose, 2] -= heights[loose]
 
     def transform(self, similarity: Similarity) -> None:
         """Carry everything over into another system."""

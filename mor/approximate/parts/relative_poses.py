@@ -23,13 +23,13 @@ _SAMPLES = 60
 
 def grow_relative(part: Part, scene: Scene) -> bool:
     """Add what pairs and common tripods tell; true where anything was added."""
-    added = False
+    added, frames = False, scene.rays_for(part)[0]
     for pair in scene.pairs:
-        added |= _follow(part, scene.frames, pair)
+        added |= _follow(part, frames, pair)
     for numbers in scene.shared.values():
         posed = [n for n in numbers if n in part.poses]
         for number in numbers if posed else ():
-            added |= number not in part.poses and _turned(part, scene.frames, posed, number)
+            added |= number not in part.poses and _turned(part, frames, posed, number)
     return added
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from mor.approximate.choices import Choices
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.frames import Frame, given_pose, image_frames, theodolite_frames
-from mor.approximate.parts.sightings import Sightings, sightings
+from mor.approximate.parts.part import Part
+from mor.approximate.parts.sightings import Sightings, bare_frames, sightings, target_heights
 from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
 from mor.arrays import FloatArray, IntArray
@@ -36,7 +38,7 @@ class LocalSystem:
     rotation: int
     points: IntArray
     coordinates: FloatArray
-    """(n, 3) all three known."""
+    """(n, 3) all three known; NaN among those of a system in part."""
     scaled: bool
     """True where its length unit is that of the network."""
 
@@ -49,6 +51,10 @@ class Scene:
     terrestrial: Terrestrial
     seen: Sightings
     """The rays of all frames."""
+    target_heights: FloatArray
+    """(points,) height of the target that a point stands for in parts without vertical or scale."""
+    bare: tuple[tuple[Frame, ...], Sightings]
+    """Frames and rays as such parts use them."""
     points: int
     image_count: int
     measured: IntArray
@@ -57,12 +63,24 @@ class Scene:
     level_lines: tuple[Cluster, ...]
     vector_clusters: tuple[Cluster, ...]
     systems: tuple[LocalSystem, ...]
+    partial_systems: tuple[LocalSystem, ...]
+    """Those of which single coordinates are measured, with all their points."""
+    with_surfaces: IntArray
+    """Points that distances, vertical directions or single coordinates of a system refer to."""
+    sights_to: dict[int, list[int]]
+    """Of these points: the numbers of the levelled sets that see them."""
     attitudes: dict[int, FloatArray]
     """Frame → rotation D that is fixed or observed."""
     distances: tuple[Distances, Distances]
     """Of parts without scale, and of those that have it."""
     shared: dict[tuple[int, float], list[int]]
     """Position block and height above it → the frames with that centre, where there are several."""
+    choices: Choices = field(default_factory=Choices)
+    """Which of several answers that fit alike are taken."""
+
+    def rays_for(self, part: Part) -> tuple[tuple[Frame, ...], Sightings]:
+        """The frames and rays that a part can use."""
+        return (self.frames, self.seen) if part.lifts else self.bare
 
 
 def scene_of(network: Network) -> Scene:
@@ -76,21 +94,44 @@ def scene_of(network: Network) -> Scene:
         used += [lengths.start, lengths.end]
     measured = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *used])).astype(np.int64)
     count = len(network.blocks["point"].ids)
+    partial = _systems(network, partial=True)
+    ends = [sights.slopes.start, sights.slopes.end, sights.verticals.start, sights.verticals.end]
+    surfaced = np.unique(np.concatenate([*ends, *(one.points for one in partial)])).astype(np.int64)
+    seen = sightings(frames, count)
+    heights = target_heights(frames, count, _marks(network, frames, sights))
+    bare = frames, seen
+    if seen.height.any():
+        lowered = bare_frames(frames, heights)
+        bare = lowered, sightings(lowered, count)
     return Scene(
         frames,
         sights,
-        sightings(frames, count),
+        seen,
+        heights,
+        bare,
         count,
         len(images),
         measured,
         _pairs(network, frames),
         tuple(clusters(sights.height_differences)),
         tuple(clusters(sights.vectors)),
-        _systems(network),
+        _systems(network, partial=False),
+        partial,
+        surfaced,
+        _sights_to(sights, surfaced),
         _attitudes(network, frames),
         (Distances(sights, False), Distances(sights, True)),
         _shared(frames),
     )
+
+
+def _marks(network: Network, frames: tuple[Frame, ...], measured: Terrestrial) -> IntArray:
+    """Points that are measured themselves, not only by targets above them: frames, systems, vectors, levelling."""
+    local = [group.blocks[-1] for group in network.groups if group.type.key == "local"]
+    lines = measured.height_differences, measured.vectors
+    ends = [end for lengths in lines for end in (lengths.start, lengths.end)]
+    places = np.array([frame.position for frame in frames], dtype=np.int64)
+    return np.unique(np.concatenate([places, *local, *ends])).astype(np.int64)
 
 
 def _pairs(network: Network, frames: tuple[Frame, ...]) -> tuple[StereoPair, ...]:
@@ -113,27 +154,40 @@ def _pairs(network: Network, frames: tuple[Frame, ...]) -> tuple[StereoPair, ...
     )
 
 
-def _systems(network: Network) -> tuple[LocalSystem, ...]:
-    """Systems in which points are known in all three coordinates; features are none."""
+def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
+    """Systems in which points are known in all three coordinates, or, ``partial``, in single ones; no features."""
     systems = []
     for group in network.groups:
         if group.type.key != "local":
             continue
         _, rotation, scale, offset, point = group.blocks
-        whole = np.isfinite(group.observed).all(axis=1)
-        whole &= (network.start["eccentricity"][offset] == 0.0).all(axis=1)
-        for system in np.unique(rotation[whole]):
-            rows = np.flatnonzero(whole & (rotation == system))
-            if len(rows) >= 3:
-                block = scale[rows[0]]
-                free = bool(network.blocks["scale"].free[block, 0])
-                unit = 1.0 if free else float(network.start["scale"][block, 0])
-                name = network.blocks["rotation"].ids[system]
-                coordinates = group.observed[rows] / unit
-                systems.append(
-                    LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free)
-                )
+        seen = np.isfinite(group.observed)
+        usable = (network.start["eccentricity"][offset] == 0.0).all(axis=1)
+        usable &= seen.any(axis=1) if partial else seen.all(axis=1)
+        about_axes = network.blocks["rotation"].about_axes
+        usable &= True if about_axes is None else ~about_axes[rotation]
+        for system in np.unique(rotation[usable]):
+            rows = np.flatnonzero(usable & (rotation == system))
+            if len(rows) < 3 or (partial and seen[rows].all()):
+                continue
+            block = scale[rows[0]]
+            free = bool(network.blocks["scale"].free[block, 0])
+            unit = 1.0 if free else float(network.start["scale"][block, 0])
+            name = network.blocks["rotation"].ids[system]
+            coordinates = group.observed[rows] / unit
+            systems.append(
+                LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free)
+            )
     return tuple(systems)
+
+
+def _sights_to(measured: Terrestrial, points: IntArray) -> dict[int, list[int]]:
+    found: dict[int, list[int]] = {p: [] for p in points.tolist()}
+    for number, sight in enumerate(measured.sights):
+        for p in sight.points.tolist():
+            if p in found:
+                found[p].append(number)
+    return found
 
 
 def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatArray]:

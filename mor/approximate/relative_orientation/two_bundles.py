@@ -176,17 +176,22 @@ def five_point_seeds(a: Bundle, b: Bundle) -> list[Seed]:
     generator = np.random.default_rng(len(a))
     chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(SAMPLES)])
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
+    return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, SEEDS)]
+
+
+def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatArray]:
+    """Of auxiliary unknowns (k, 3, 3) the ``most`` that fit best and differ from one another."""
     if not len(unknowns):
         return []
     misfits = np.minimum(first_order_residuals(a, b, unknowns), 1e6)
     order = np.argsort(np.sum(misfits**2, axis=1))
     kept: list[FloatArray] = []
     for index in order:
-        if len(kept) == SEEDS:
+        if len(kept) == most:
             break
         if all(_apart(unknowns[index], other) for other in kept):
             kept.append(unknowns[index])
-    return [best_of_four(a, b, ik) for ik in kept]
+    return kept
 
 
 def _apart(first: FloatArray, second: FloatArray) -> bool:

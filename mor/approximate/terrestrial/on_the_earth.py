@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mor.arrays import FloatArray
 from mor.geometry.earth import Horizon
 from mor.observations import OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup, some_rows
 from mor.observations.earth.attitude import in_object_axes
@@ -25,7 +26,11 @@ def to_plane(network: Network) -> Network:
         return network
     horizon = network.world.horizon
     groups = tuple(
-        _PLAIN[group.type.key](group, horizon) if group.type.key in _PLAIN else group
+        _attitudes(group, network.start["rotation"])
+        if group.type.key in _ATTITUDES
+        else _PLAIN[group.type.key](group, horizon)
+        if group.type.key in _PLAIN
+        else group
         for group in network.groups
     )
     return replace(network, groups=groups)
@@ -75,16 +80,23 @@ def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     return replace(group, type=PLAIN_TYPES["bearing"])
 
 
+def _level_bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    start, end = group.blocks
+    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
+
+
 def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     start, end, meter = group.blocks
     flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
     return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
 
 
-def _attitudes(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+def _attitudes(group: ObservationGroup, rotations: FloatArray) -> ObservationGroup:
     kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    observed = in_object_axes(kept.type, kept.observed, kept.constants)
-    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=kept.blocks[1:])
+    _, image, boresight = kept.blocks
+    observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
+    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
 
 
 _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
@@ -99,10 +111,10 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "ellipsoidal_height_difference": _differences,
     "azimuth": _bearings,
     "astronomic_azimuth": _bearings,
+    "projected_bearing": _level_bearings,
     "ellipsoid_arc": _distances,
     "ellipsoid_chord": _distances,
     "mean_sea_level_distance": _distances,
     "height_reduced_distance": _distances,
-    "projected_attitude": _attitudes,
-    "navigation_attitude": _attitudes,
 }
+_ATTITUDES = ("projected_attitude", "navigation_attitude")

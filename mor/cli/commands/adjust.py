@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, TextIO
 
 import click
 
-from mor.cli._domains import Amount, Results, Wanted, adjust_in_domains, needs_domains
+from mor.cli._domains import Amount, Results, Wanted, adjust_in_domains, has_library, needs_domains
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell
 from mor.cli._output import quiet_option
@@ -294,17 +294,6 @@ def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Prob
     if html is None:
         notes.append(Problem("no report.html of very many observations; --html writes it all the same"))
     return notes
-
-
-def has_library(say: Progress) -> bool:
-    """True where the chart library of the page is installed; says so where it is not."""
-    from mor.errors import Problem
-    from mor.report.html.library import library_path
-
-    if library_path() is None:
-        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
-        return False
-    return True
 
 
 def exit_code(solved: Solved, strict: bool) -> ExitCode:

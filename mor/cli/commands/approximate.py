@@ -15,7 +15,7 @@ from mor.cli._output import force_option, quiet_option
 from mor.counting import counted
 
 if TYPE_CHECKING:
-    from mor.approximate.growth.strategy import Approximation
+    from mor.approximate.approximation import Approximation
     from mor.project.network.build import Network
 
 

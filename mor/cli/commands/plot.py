@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mor.report.view import View
     from mor.report.words.language import Words
 
-KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
+KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
 
 
 @click.command(name="plot")
@@ -48,7 +48,7 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram")
 def command(
     kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str
 ) -> None:
-    """Draw a picture of SOURCE: network, ellipses, residuals, camera or histogram.
+    """Draw a picture of SOURCE: network, ellipses, residuals, camera, histogram or overlap.
 
     \b
     Examples:
@@ -57,6 +57,7 @@ def command(
       mor plot residuals project.results --of IMG_4711 -o residuals.png
       mor plot camera project.results -o camera.svg
       mor plot histogram project.results -o w.svg
+      mor plot overlap project.results -o overlap.png
 
     SOURCE is a folder of results, or a project, which is adjusted first. The same results give the same bytes, so
     pictures can be compared. Needs matplotlib: pip install 'mor-adjustment[plot]'.
@@ -97,6 +98,7 @@ def drawn(kind: str, view: View, name: str | None, words: Words, confidence: str
     from mor.report.plots.camera import camera
     from mor.report.plots.histogram import histogram
     from mor.report.plots.network import ellipses, network
+    from mor.report.plots.overlap import overlap_and_rays
     from mor.report.plots.residuals import residuals
 
     if name is not None and kind not in ("residuals", "camera"):
@@ -109,5 +111,5 @@ def drawn(kind: str, view: View, name: str | None, words: Words, confidence: str
         return camera(view, name, words)
     if kind == "ellipses":
         return ellipses(view, words, confidence)
-    simple = {"network": network, "histogram": histogram}
+    simple = {"network": network, "histogram": histogram, "overlap": overlap_and_rays}
     return simple[kind](view, words)

@@ -22,7 +22,8 @@ from mor.formats.metashape.sensors import NAMES
 from mor.formats.written import Written
 from mor.geometry.rotations import rotation_from_angles
 from mor.project.edge import image_scale, split
-from mor.project.file.model import Camera, Value
+from mor.project.file.model import Camera
+from mor.project.file.model_instruments import Value
 from mor.project.file.nodes import Document
 
 _FLIP = np.diag([1.0, -1.0, -1.0])

@@ -12,6 +12,7 @@ from mor.errors import nearest
 from mor.formats.draft import Draft, Row
 from mor.formats.snap.errors import Error, VectorError, error_of, vector_error_of
 from mor.formats.snap.lines import Words, angle, lines_of
+from mor.formats.snap.projections import projection_of
 from mor.formats.snap.stations import Stations
 from mor.formats.snap.vectors import NUMBERS, Member, Set, put_set, put_singles, set_of
 
@@ -42,18 +43,18 @@ KINDS = {
     "LN": Kind("geodetic_position", "longitude", "EW", "ln", point=True),
     "OH": Kind("orthometric_height", "height", default="oh", point=True),
     "EH": Kind("ellipsoidal_height", "height", default="eh", point=True),
-    "PB": Kind("", "", "line", "pb"),
+    "PB": Kind("projected_bearing", "bearing", "line", "az"),
     "GB": Kind("gnss_vector", ""),
     "GX": Kind("gnss_position", "", point=True),
 }
-"""By SNAP's letters; projection bearings are read over."""
+"""By SNAP's letters."""
 _ALSO = {"GPS": "GB"}
 _SETS = ("HA", "DR")
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
 _RAISED = ("orthometric_height", "ellipsoidal_height")
 _FIELDS = ("value", "error", "id", "date", "time")
 _CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
-_COMMENTS = ("date", "time", "note", "projection", "classify", "bearing_orientation_error")
+_COMMENTS = ("date", "time", "note", "classify", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
@@ -87,6 +88,8 @@ class Data:
     vector_form: str = "full"
     classes: set[str] = field(default_factory=set)
     refraction: str = DEFAULT
+    projection: str = ""
+    """EPSG code of the projection that bearings are of."""
     items: list[Item] = field(default_factory=list)
     grouped: bool = False
     heights: bool = True
@@ -120,7 +123,7 @@ def read_data(path: Path, data: Data) -> None:
     """Read one data file. Mistakes are told in the draft."""
     data.path, data.form, data.vector_form, data.refraction = path, "dms", "full", DEFAULT
     data.errors, data.vector_errors, data.classes, data.items = {}, {}, set(), []
-    data.header, data.members, data.covariances = None, [], None
+    data.header, data.members, data.covariances, data.projection = None, [], None, ""
     for number, line in enumerate(lines_of(path, data.draft)):
         data.line = line.number
         try:
@@ -162,6 +165,8 @@ def _command(data: Data, words: Words) -> None:
         data.vector_errors["GB" if name[1] == "p" else "GX"] = vector_error_of(words)
     elif name == "refraction_coefficient":
         data.refraction = words.take("a code").upper()
+    elif name == "projection":
+        data.projection = projection_of(words.take("the name of a projection"))
     elif name == "reference_frame":
         data.skip(f"reference frame {words.take('a code')}: vectors are taken in the frame of the stations")
     elif name.endswith("_error") and name[:-6] in {kind.default for kind in KINDS.values()}:
@@ -278,8 +283,8 @@ def _scalar(
 ) -> None:
     kind = KINDS[code]
     names = [name for name, _ in ends]
-    if code == "PB" or rejected:
-        data.skip("projection bearings (PB)" if code == "PB" else "rejected observations (*)")
+    if rejected:
+        data.skip("rejected observations (*)")
         return
     error = _sigma(data, kind, names, value, sigma)
     if error <= 0.0:
@@ -292,6 +297,10 @@ def _scalar(
     elif code == "ZD":
         instrument = f"refraction {refraction}"
         data.refractions.add(refraction)
+    elif code == "PB":
+        if not data.projection:
+            raise ValueError("nothing says which projection the bearing is of: #projection before it")
+        instrument = data.projection
     cells: list[str | None] = [*names]
     if code in ("LT", "LN"):
         cells += [repr(value), None] if code == "LT" else [None, repr(value)]
@@ -361,5 +370,5 @@ def put_observations(data: Data) -> None:
             file,
             type=kind.type,
             units=units or None,
-            instrument=instrument or None,
+            **({"projection" if code == "PB" else "instrument": instrument} if instrument else {}),
         )

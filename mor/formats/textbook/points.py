@@ -97,7 +97,8 @@ def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]
         return rows
     if all(length == 1 for length in lengths):
         return [
-            [repr(float(row[0]) ** 2) if i == k else "0" for k in range(size)] for i, row in enumerate(rows)
+            [repr(float(row[0]) * float(row[0])) if i == k else "0" for k in range(size)]
+            for i, row in enumerate(rows)
         ]
     lower = lengths == list(range(1, size + 1))
     if lower or lengths == list(range(size, 0, -1)):

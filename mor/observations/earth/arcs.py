@@ -35,7 +35,7 @@ class Reduced(NamedTuple):
 
 def chord(horizon: Horizon, start: FloatArray, end: FloatArray) -> tuple[Reduced, FloatArray]:
     """The chord between the feet on the ellipsoid, and Euler's radius (n,) in its direction."""
-    feet, moves = zip(*(_foot(horizon, place) for place in (start, end)), strict=True)
+    feet, moves = zip(*(foot_with_derivatives(horizon, place) for place in (start, end)), strict=True)
     length, by_vector = spatial_length(feet[1] - feet[0])
     middle = 0.5 * (start + end)
     M, N = horizon.ellipsoid.radii(horizon.to_geodetic(middle)[:, 0])
@@ -46,7 +46,7 @@ def chord(horizon: Horizon, start: FloatArray, end: FloatArray) -> tuple[Reduced
     return Reduced(length, -by_ends[0], by_ends[1]), radius
 
 
-def _foot(horizon: Horizon, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+def foot_with_derivatives(horizon: Horizon, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Feet (n, 3) on the ellipsoid and their derivatives (n, 3, 3) by the positions."""
     foot = horizon.foot(position)
     M, N = horizon.ellipsoid.radii(horizon.to_geodetic(position)[:, 0])

@@ -5,10 +5,14 @@ projection (from true to grid north, clockwise), an image that stands at D in ob
 
     D′ = D Rᵀ Γᵀ,   Γ = (cos γ, −sin γ, 0; sin γ, cos γ, 0; 0, 0, 1)
 
-in the axes of the projection; for navigation γ = 0. Body axes are forward = y*, right = x*, down = −z* of the image,
+in the axes of the projection; for navigation γ = 0. The inertial system stands at B D′, with the misalignment B from
+the axes of the image to its own (boresight), I where nothing is said. Body axes are forward = y*, right = x*,
+down = −z* of the image,
 and R_body = R_z(yaw) R_y(pitch) R_x(roll) leads from them to north, east, down (ARINC 705), so that
 
-    yaw = atan2(D′21, D′22),   pitch = asin D′23,   roll = atan2(−D′13, D′33).
+    yaw = atan2(D′21, D′22),   pitch = asin D′23,   roll = atan2(−D′13, D′33)
+
+with B D′ for D′.
 
 R is evaluated at the adjusted place; that it turns by 1/R_earth with every metre stays out of the Jacobian.
 """
@@ -27,7 +31,11 @@ from mor.units import ANGLE, Component
 
 CONVERGENCE = Component("convergence", ANGLE)
 """Constant of a row: the direction of grid north, clockwise from true north."""
-_SLOTS = (Slot("point", "image", "position"), Slot("rotation", "image", "rotation"))
+_SLOTS = (
+    Slot("point", "image", "position"),
+    Slot("rotation", "image", "rotation"),
+    Slot("rotation", "instrument", "boresight"),
+)
 Reading = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From D′ (n, 3, 3) to its three angles (n, 3), and their derivatives (n, 3, 3) by a small rotation."""
 
@@ -59,23 +67,30 @@ def rotation_from_navigation(angles: FloatArray) -> FloatArray:
     return np.stack([right, forward, up], axis=1)
 
 
-def in_object_axes(type_: ObservationType, angles: FloatArray, constants: FloatArray) -> FloatArray:
-    """ω, φ, κ (n, 3) against east, north, up of observed angles (n, 3): what start values take for observed."""
+def in_object_axes(
+    type_: ObservationType, angles: FloatArray, constants: FloatArray, boresight: FloatArray
+) -> FloatArray:
+    """ω, φ, κ (n, 3) of images against east, north, up of observed angles (n, 3): what start values take for observed.
+
+    ``boresight`` (n, 3, 3) is where the misalignments start.
+    """
     if type_.constants:
-        return angles_from_rotation(rotation_from_angles(angles) @ _to_grid(constants[:, 0]))
-    return angles_from_rotation(rotation_from_navigation(angles))
+        attitude = rotation_from_angles(angles) @ _to_grid(constants[:, 0])
+    else:
+        attitude = rotation_from_navigation(angles)
+    return angles_from_rotation(np.swapaxes(boresight, 1, 2) @ attitude)
 
 
 def _attitude(
     key: str, names: Sequence[str], read: Reading, horizon: Horizon, constants: tuple[Component, ...]
 ) -> ObservationType:
     def equation(blocks: Sequence[FloatArray], given: FloatArray) -> Computed:
-        position, rotation = blocks
+        position, rotation, boresight = blocks
         axes = horizon.local_axes(position)
         if constants:
             axes = _to_grid(given[:, 0]) @ axes
-        angles, by_rotation = read(rotation @ np.swapaxes(axes, 1, 2))
-        return Computed(angles, (np.zeros((len(angles), 3, 3)), by_rotation))
+        angles, by_boresight = read(boresight @ rotation @ np.swapaxes(axes, 1, 2))
+        return Computed(angles, (np.zeros((len(angles), 3, 3)), by_boresight @ boresight, by_boresight))
 
     return ObservationType(
         key=key,

@@ -25,6 +25,7 @@ from mor.observations.earth.geodetic_coordinates import (
 from mor.observations.earth.gnss import gnss_position, gnss_vector
 from mor.observations.earth.height_difference import ellipsoidal_height_difference, height_difference
 from mor.observations.earth.plumb_line import about_normal, about_plumb_line
+from mor.observations.earth.projected_bearing import KEY, open_projection
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.spatial_angle import SPATIAL_ANGLE
@@ -61,6 +62,7 @@ EARTH_TYPES = (
     *(make.__name__ for make in _OF_THE_EARTH if make is not height_difference),
     "projected_position",
     "projected_attitude",
+    KEY,
 )
 """Types that only a project with ``world`` has."""
 NOT_ON_EARTH = {
@@ -79,6 +81,7 @@ def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
         _as("azimuth", about_normal(BEARING, horizon)),
         _as("astronomic_azimuth", about_plumb_line(BEARING, horizon)),
         *(make(horizon) for make in _OF_THE_EARTH),
+        open_projection(),
     ]
     return {type_.key: type_ for type_ in types}
 

@@ -37,6 +37,8 @@ class PartNetwork:
     """Names of points and images that several domains have."""
     first: bool
     """True for the domain that counts what all have, the cameras."""
+    tables: Mapping[str, tuple[int, ...]]
+    """Numbers in the project of its tables of ``points`` and ``images``."""
 
     def common(self, index: Index) -> BoolArray:
         """(u,) unknowns that other domains have, too."""
@@ -95,13 +97,15 @@ def read_part(project: Project, document: Document, parts: Parts, domain: int, s
     changed |= {section: list(tables.values()) for section, tables in things.items()}
     changed |= {"candidates": [], "variants": {}}
     if not lonely:
-        changed |= {"stations": [], "systems": [], "features": [], "instruments": {}}
+        changed |= {"checks": [], "stations": [], "systems": [], "features": [], "instruments": {}}
     changed["datum"] = _datum(project, {name for space in marks.values() for name in space["all"]}, things)
     own = replace(document, frames={**document.frames, **frames}, problems=(), notes=())
-    network = build_network(project.model_copy(update=changed), own, source)
+    others = frozenset(marks["point"]["shared"])
+    network = build_network(project.model_copy(update=changed), own, source, elsewhere=others)
     foreign = {space: frozenset(mark["foreign"]) for space, mark in marks.items()}
     shared = {space: frozenset(mark["shared"]) for space, mark in marks.items()}
-    found = PartNetwork(network, foreign, shared, domain == 0)
+    numbers = {section: tuple(tables) for section, tables in things.items()}
+    found = PartNetwork(network, foreign, shared, domain == 0, numbers)
     return replace(found, network=replace(network, groups=_counted(found)))
 
 

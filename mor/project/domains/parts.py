@@ -41,6 +41,13 @@ class Parts:
     """The domain with all that is not divided; −1 where there is nothing of it."""
     rays: tuple[int, ...]
     """Image points of each domain."""
+    images: int
+    """Number of images."""
+
+    @property
+    def lonely(self) -> int:
+        """The domain that has what is not divided."""
+        return self.ground if self.ground >= 0 else 0
 
     def files(self, section: Section, domain: int) -> list[Path]:
         """Files with the rows of a table in a domain, in their order."""
@@ -86,7 +93,17 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     lone = ground if ground >= 0 else 0
     _divide_images(folder, project, rows, pl.concat(seen), of_images, names, ground)
     _divide_points(folder, project, rows, of_points, names, ground, lone)
-    return Parts(folder, tree, count, ground, tuple(totals.tolist()))
+    return Parts(folder, tree, count, ground, tuple(totals.tolist()), of_images.height)
+
+
+def names_in_order(project: Project, document: Document, source: Path, section: str) -> list[str]:
+    """Names of the points, or images, in the order of the project."""
+    return [
+        name
+        for number, table in enumerate(getattr(project, section))
+        for frame in pieces(table, Place(document, (section, number), source))
+        for name in frame["id"].to_list()
+    ]
 
 
 def _counted(tables: Iterable[Iterable[pl.DataFrame]]) -> pl.DataFrame:
@@ -144,7 +161,7 @@ def _points(rows: Rows, divided: list[int], of_images: pl.DataFrame) -> pl.DataF
 
 def _has_ground(project: Project, divided: list[int]) -> bool:
     others = [k for k in range(len(project.observations)) if k not in divided]
-    return bool(others or project.features or project.stations or project.systems)
+    return bool(others or project.checks or project.features or project.stations or project.systems)
 
 
 def _texts(document: Document, rows: Rows, project: Project, divided: list[int]) -> pl.Series:
@@ -165,9 +182,12 @@ def _texts(document: Document, rows: Rows, project: Project, divided: list[int])
         collect(document.data.get(section))
     entries = document.data.get("observations") or []
     collect([entry for k, entry in enumerate(entries) if k not in divided])
+    collect(document.data.get("checks"))
     tables = [("observations", k) for k in range(len(project.observations)) if k not in divided]
     tables += [
-        (section, k) for section in ("stations", "systems") for k in range(len(getattr(project, section)))
+        (section, k)
+        for section in ("checks", "stations", "systems")
+        for k in range(len(getattr(project, section)))
     ]
     for section, k in tables:
         if getattr(project, section)[k].file is None:

@@ -14,10 +14,10 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     found: list[tuple[str, tuple[str | int, ...]]] = []
     if project.world is not None:
         found.append(("a network on the earth", ("world",)))
+    if project.motions:
+        found.append(("points that move", ("motions",)))
     if project.pairs:
         found.append(("stereo pairs", ("pairs",)))
-    if project.checks:
-        found.append(("checks", ("checks",)))
     settings = project.settings
     if settings.snooping:
         found.append(("data snooping", ("settings", "snooping")))
@@ -43,7 +43,11 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     if not any(is_divided(entry) for entry in project.observations):
         words = "there is nothing to divide: no image coordinates that stand in a file"
         problems.append(Problem(f"{words}; {_INSTEAD}", document.file))
-    files = [table.file for table in (*project.images, *project.points, *project.observations) if table.file]
+    files = [
+        table.file
+        for table in (*project.images, *project.points, *project.observations, *project.checks)
+        if table.file
+    ]
     problems += [
         Problem(
             f"file {name!r} stands for several tables, which cannot be divided; {_INSTEAD}", document.file

@@ -6,7 +6,23 @@ from typing import Literal
 
 from pydantic import Field
 
-from mor.project.file.scalars import Strict, Text
+from mor.project.file.scalars import Measure, Strict, Text
+
+
+class DeflectionGrids(Strict):
+    """Grids of the deflections of the vertical, arc seconds."""
+
+    north: Text = Field(description="Grid of ξ, north positive (GTX, GeoTIFF; arc seconds)")
+    east: Text = Field(description="Grid of η, east positive (GTX, GeoTIFF; arc seconds)")
+
+
+class Origin(Strict):
+    """Where the object system is in the horizon, at height 0."""
+
+    latitude: Measure = Field(
+        description="Latitude, in the unit of angles or with one of its own (49.6412 deg)"
+    )
+    longitude: Measure = Field(description="Longitude, likewise")
 
 
 class World(Strict):
@@ -21,5 +37,14 @@ class World(Strict):
     )
     geoid: Text | None = Field(
         default=None,
-        description="Grid of geoid heights (GTX, GeoTIFF) for points without a value in their column geoid",
+        description="Grid of geoid heights (GTX, GeoTIFF, GSB) for points without a value in their column geoid",
+    )
+    deflections: Text | DeflectionGrids | None = Field(
+        default=None,
+        description="Grid of deflections of the vertical for points without values in their columns: a GSB file with "
+        "geoid heights and deflections, or one grid each for north and east",
+    )
+    origin: Origin | None = Field(
+        default=None,
+        description="Origin of the object system; by itself it is the middle of the points, rounded to 0.0001°",
     )

@@ -7,6 +7,8 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from mor.project.file.earth import World
+from mor.project.file.model_instruments import Centring, Instrument, Setting
+from mor.project.file.model_trajectories import LineTimes, Trajectory
 from mor.project.file.motions import Epochs, Motion
 from mor.project.file.plans import Require, Variant
 from mor.project.file.scalars import Measure, Name, Strict, Text
@@ -37,31 +39,6 @@ class Axes(Strict):
     bearings_from: Literal["north", "east", "south", "west"] = Field(
         default="north", description="Where bearings and orientations count from"
     )
-
-
-class Value(Strict):
-    """A component with its status: exactly one of free, fixed, observed."""
-
-    free: Measure | None = Field(default=None, description="Unknown, starting at this value")
-    fixed: Measure | None = Field(default=None, description="Constant")
-    observed: Measure | None = Field(default=None, description="Unknown, observed with sigma")
-    sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
-    start: Measure | None = Field(
-        default=None, description="Start value, where it differs from the observed one"
-    )
-
-    @model_validator(mode="after")
-    def _one_status(self) -> Value:
-        given = [key for key in ("free", "fixed", "observed") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise ValueError("give exactly one of free, fixed, observed")
-        if (self.observed is not None) != (self.sigma is not None):
-            raise ValueError("sigma belongs to an observed value, and an observed value needs one")
-        return self
-
-
-Setting = Measure | Value
-"""A plain number (with the status its section says) or a value with its status."""
 
 
 class ImageFormat(Strict):
@@ -123,6 +100,15 @@ class Camera(Strict):
     readout_direction: Literal["down", "up", "right", "left"] = Field(
         default="down",
         description="Where the readout goes in the image: down is from the top row to the bottom",
+    )
+    line_time: Measure | None = Field(
+        default=None,
+        description="Of a line scanner: time from one line to the next, with its unit, e.g. 2 ms; a row of the image "
+        "is a line, and x counts along it",
+    )
+    line: Measure | None = Field(
+        default=None,
+        description="y of the line of a scanner in the axes of the camera, e.g. 9.1 mm; default 0",
     )
     image_variant: list[Text] | dict[str, Measure | None] = Field(
         default_factory=list,
@@ -201,28 +187,6 @@ class Pairs(Table):
     )
 
 
-class Instrument(Strict):
-    """Parameters that a group of distances or vertical angles shares; a plain number is fixed."""
-
-    scale: Setting | None = Field(default=None, description="Distance scale m, s_obs = (s - a)/m")
-    offset: Setting | None = Field(default=None, description="Zero offset a")
-    refraction: Setting | None = Field(default=None, description="Refraction coefficient k")
-    frame: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="shift_x, shift_y, shift_z, turn_x, turn_y, turn_z and scale of the frame of a GNSS solution "
-        "against that of the points, geocentric axes, about the middle of the network",
-    )
-
-
-class Centring(Strict):
-    """Set-up errors of instrument and target, added to the σ of an observation as far as they act on it."""
-
-    instrument: Measure = Field(default="0", description="σ of its horizontal position, in either coordinate")
-    target: Measure = Field(default="0", description="The same of the target")
-    instrument_height: Measure = Field(default="0", description="σ of the measured height of the instrument")
-    target_height: Measure = Field(default="0", description="σ of the measured height of the target")
-
-
 class Observations(Table):
     """A group of observations of one type."""
 
@@ -241,6 +205,10 @@ class Observations(Table):
     )
     cluster: Text | None = Field(
         default=None, description="Groups of one cluster name share one covariance matrix"
+    )
+    projection: Text | None = Field(
+        default=None,
+        description="Projection that projected_bearing refers to, where it is not that of world: EPSG code or WKT",
     )
     visible: Visible | None = Field(
         default=None,
@@ -359,7 +327,13 @@ class Project(Strict):
         description="Where on the earth the network is; without it its system is a plane of its own",
     )
     cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
+    trajectories: list[Trajectory] = Field(
+        default_factory=list, description="Tables of knots: poses as a function of time"
+    )
     images: list[Images] = Field(default_factory=list, description="Tables of images")
+    line_times: list[LineTimes] = Field(
+        default_factory=list, description="Tables of the times of lines of scanners: image, row, time"
+    )
     pairs: list[Pairs] = Field(
         default_factory=list, description="Tables of relative orientations of stereo images"
     )

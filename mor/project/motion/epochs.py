@@ -52,6 +52,8 @@ def row_epochs(
     Where two of them differ, that is a mistake, which is told.
     """
     epochs = epochs_of_rows(reading, rows)
+    if not any(reading.motion.epoch_of.values()):
+        return epochs
     for reference, named in zip(references, names, strict=True):
         of_name = np.array([_epoch_of(reading, reference, name) for name in named.known], dtype=np.int64)
         found = of_name[named.numbers] if len(of_name) else epochs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,9 @@ from mor.project.observations.orientations import drop_unused_orientations
 from mor.project.observations.parameters import parameter_groups
 from mor.project.observations.undeclared_points import check_undeclared
 from mor.project.tables.tables import Place
+from mor.project.trajectories.knots import read_trajectories
+from mor.project.trajectories.model import Trajectory
+from mor.project.trajectories.steadiness import steadiness_groups
 from mor.project.world.world import World
 
 
@@ -113,6 +116,14 @@ class Network:
     """Rotation block of the direction of each point block that is at infinity."""
     motion: Motion = field(default_factory=Motion)
     """Epochs, and the points that move between them."""
+    trajectories: Mapping[str, Trajectory] = field(default_factory=dict)
+    """Trajectories by name; the part ``trajectory`` of an image is the number of one."""
+    image_times: Mapping[str, float] = field(default_factory=dict)
+    """Time of each image on a trajectory, of a line scanner that of its first line."""
+    timed_lines: frozenset[str] = frozenset()
+    """Images of line scanners whose lines have a table of their times."""
+    untied: tuple[Problem, ...] = ()
+    """Parts whose place among the others no start values were found for: said where there is no solution."""
 
     @property
     def observations(self) -> int:
@@ -126,6 +137,7 @@ _READERS = {
     "point": read_points,
     "motion": read_motions,
     "pair": read_pairs,
+    "trajectory": read_trajectories,
     "image": read_images,
     "station": read_stations,
     "system": read_systems,
@@ -157,8 +169,11 @@ def build_network(
     folder: Path,
     read: TableWatcher = ignore_table,
     planned: bool = False,
+    elsewhere: Collection[str] = (),
 ) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found.
+
+    ``elsewhere`` are points that observations determine which are not at hand.
 
     Where it is ``planned``, observations need no values: what stands for them is 0.
     """
@@ -175,17 +190,18 @@ def build_network(
         *prior_groups(reading),
         *reading.control,
         *reading.motion_groups,
+        *steadiness_groups(reading),
     ]
     refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
     check_undeclared(reading, [*plain, *others])
-    checks = check_groups(reading, [*plain, *others])
+    checks = check_groups(reading, [*plain, *others], elsewhere)
     candidates = candidate_groups(reading)
     correlated = correlations(reading, read_in) if not problems else ()
     correlated = tuple(replace(c, groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
     _check_pairs(reading)
-    if not problems:
+    if not problems and (plain or others or not elsewhere):
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
     if problems:
         raise InputError(problems)
@@ -241,6 +257,9 @@ def _network(
             for number, table in enumerate(project.stations)
             for name in reading.table_ids.get(("stations", number), [])
         },
+        trajectories=reading.trajectories,
+        image_times=reading.image_times,
+        timed_lines=frozenset(name for name, lines in reading.lines.items() if not lines.steady),
     )
 
 
@@ -269,7 +288,7 @@ def _datum(reading: Reading) -> DatumChoice:
     points = reading.shop.things["point"]
     mask = np.zeros((len(reading.shop.store("point").ids), 3), dtype=bool)
     if chosen == "fixed":
-        return DatumChoice("fixed", False, mask)
+        return DatumChoice(datum_name(chosen), False, mask)
     if chosen == "free":
         chosen = Datum()
     assert isinstance(chosen, Datum)
@@ -277,20 +296,35 @@ def _datum(reading: Reading) -> DatumChoice:
     if chosen.minimal is not None:
         held = {key: [names] if isinstance(names, str) else names for key, names in chosen.minimal.items()}
         _mark(reading, mask, held)
-        words = ", ".join(f"{components} of {', '.join(names)}" for components, names in held.items())
-        return DatumChoice(f"minimal, {words}", True, mask, minimal=True)
+        return DatumChoice(datum_name(chosen), True, mask, minimal=True)
     if chosen.free == "all":
         mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
-        return DatumChoice("free, inner constraints over all points", True, mask, at_reference)
+        return DatumChoice(datum_name(chosen), True, mask, at_reference)
     by_components = (
         chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
     )
     _mark(reading, mask, by_components)
+    return DatumChoice(datum_name(reading.project.datum), True, mask, at_reference)
+
+
+def datum_name(datum: str | Datum) -> str:
+    """What a datum is called."""
+    if datum == "fixed":
+        return "fixed"
+    if not isinstance(datum, Datum) or (datum.minimal is None and datum.free == "all"):
+        return "free, inner constraints over all points"
+    if datum.minimal is not None:
+        held = {key: [names] if isinstance(names, str) else names for key, names in datum.minimal.items()}
+        words = ", ".join(f"{components} of {', '.join(names)}" for components, names in held.items())
+        return f"minimal, {words}"
+    by_components = (
+        datum.free if isinstance(datum.free, dict) else {"".join(datum.components): list(datum.free)}
+    )
     parts = [
         f"{', '.join(components)} of {counted(len(names), 'named point or group', 'named points or groups')}"
         for components, names in by_components.items()
     ]
-    return DatumChoice(f"free, inner constraints over {' and '.join(parts)}", True, mask, at_reference)
+    return f"free, inner constraints over {' and '.join(parts)}"
 
 
 def _check_pairs(reading: Reading) -> None:

@@ -8,12 +8,14 @@ from mor.arrays import IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.parameters.kinds import ECCENTRICITY, INTERIORS, READOUT
 from mor.project.edge import ImageScale, UnitError, image_scale, split
-from mor.project.file.model import Camera, Setting, Value
+from mor.project.file.model import Camera
+from mor.project.file.model_instruments import Setting, Value
 from mor.project.file.nodes import Path
 from mor.project.network.entities import entities, unknown_name
 from mor.project.network.reading import Reading
 from mor.project.tables.statuses import settings
 from mor.project.tables.tables import Column, Rows
+from mor.project.trajectories.scanners import read_scanner
 from mor.units import IMAGE, NUMBER, Component
 
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
@@ -41,6 +43,7 @@ def read_cameras(reading: Reading) -> None:
         models.append(list(CAMERA_MODELS).index(camera.model))
         eccentricities.append(_eccentricity(reading, name, camera))
         readouts.append(_readout(reading, name, camera, scale))
+        read_scanner(reading, name, camera, scale)
     reading.shop.things["camera"] = entities(
         ids,
         {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -12,25 +13,32 @@ from mor.project.network.reading import Reading
 from mor.project.observations.groups import read_groups
 
 
-def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[ObservationGroup, ...]:
+def check_groups(
+    reading: Reading, groups: list[ObservationGroup], elsewhere: Collection[str] = ()
+) -> tuple[ObservationGroup, ...]:
     """Groups of the section ``checks``; ``groups`` are those that take part in the adjustment.
 
-    A point that only checks look at cannot be checked: that is a mistake.
+    A point that only checks look at cannot be checked: that is a mistake, but of those determined ``elsewhere``.
     """
     if not reading.project.checks:
         return ()
     project = reading.project.model_copy(update={"observations": reading.project.checks})
     apart = replace(reading, project=project, section="checks")
     checks = tuple(group.group for group in read_groups(apart))
-    _refuse_unobserved(reading, groups, checks)
+    if reading.broken:
+        return checks  # what is missing may be told by what could not be read
+    _refuse_unobserved(reading, groups, checks, elsewhere)
     return checks
 
 
 def _refuse_unobserved(
-    reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]
+    reading: Reading,
+    groups: list[ObservationGroup],
+    checks: tuple[ObservationGroup, ...],
+    elsewhere: Collection[str],
 ) -> None:
     points = reading.shop.store("point")
-    seen = np.zeros(len(points.ids), dtype=bool)
+    seen = np.array([name in elsewhere for name in points.ids], dtype=bool)
     for group in groups:
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == "point":

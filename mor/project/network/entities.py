@@ -180,7 +180,7 @@ def workshop() -> Workshop:
     return Workshop(stores, {})
 
 
-FRAMES = ("image", "station", "system", "pair")
+FRAMES = ("image", "station", "system", "pair", "knot")
 """Namespaces whose things have blocks that are called after them: ``image 1``."""
 
 
@@ -200,7 +200,10 @@ def said_thing(kind: str, block: str) -> str:
     return f"{_DECLARED_AS.get(space, space)} {name}"
 
 
-_DECLARED_AS = dict.fromkeys(("distance meter", "refraction", "gnss frame"), "instrument")
+_DECLARED_AS = dict.fromkeys(
+    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"),
+    "instrument",
+)
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

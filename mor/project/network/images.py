@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.arrays import IntArray
+from mor.arrays import BoolArray, IntArray
 from mor.errors import Problem
 from mor.parameters.kinds import ECCENTRICITY, HEIGHT, IMAGE_VELOCITY, POINT, ROTATION, ROTATION_RATE
 from mor.project.file.model import Images
 from mor.project.motion.epochs import EPOCH, remember_epochs
 from mor.project.network.cameras import interiors, variant_columns
 from mor.project.network.entities import entities, unknown_name
-from mor.project.network.poses import Seen, check_unique, positions, rotations
+from mor.project.network.poses import Seen, check_unique, position_columns, positions, rotations
 from mor.project.network.reading import Reading
 from mor.project.network.set_ups import eccentricities, heights, motions, set_up_columns, shared_column
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import component_columns
 from mor.project.tables.tables import Column, Place, Rows, read_table
+from mor.project.trajectories.images import TRAJECTORY, pose_blocks, put_on_trajectories, trajectory_columns
+from mor.project.trajectories.scanners import check_line_times, read_line_times
 
 
 def read_images(reading: Reading) -> None:
@@ -25,6 +27,7 @@ def read_images(reading: Reading) -> None:
     ids: list[str] = []
     seen: list[Seen] = []
     leaders: list[tuple[int, str, str, str, int]] = []
+    read_line_times(reading)
     for k, table in enumerate(reading.project.images):
         reading.begin("images", k, table)
         _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
@@ -34,6 +37,7 @@ def read_images(reading: Reading) -> None:
         parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
     reading.shop.things["image"] = entities(ids, parts)
     _follow(reading, leaders)
+    check_line_times(reading, tuple(ids))
 
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
@@ -59,6 +63,7 @@ _IMAGE_PARTS = (
     "image velocity",
     "rotation rate",
     "readout",
+    TRAJECTORY,
 )
 
 
@@ -77,7 +82,9 @@ def _read_images_table(
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
         EPOCH,
+        *trajectory_columns(reading),
         *component_columns((*POINT.components, *ROTATION.components), edge),
+        *position_columns(reading),
         *set_up_columns(reading, HEIGHT),
         *set_up_columns(reading, ECCENTRICITY),
         *(column for kind in _MOTION for column in set_up_columns(reading, kind)),
@@ -100,7 +107,8 @@ def _read_images_table(
         return
     camera = shop.things["camera"]
     own = camera.parts["eccentricity"][cameras]
-    position, rotation, height, eccentricity = _own_poses(reading, rows, names, table, own)
+    trajectory = put_on_trajectories(reading, rows, names)
+    position, rotation, height, eccentricity = _own_poses(reading, rows, trajectory >= 0, table, own)
     none = np.full(len(names), -1, dtype=np.int64)
     velocity, rate = _motions(reading, rows, names, table, camera.parts["readout"][cameras])
     found = {
@@ -116,6 +124,7 @@ def _read_images_table(
         "image velocity": velocity,
         "rotation rate": rate,
         "readout": camera.parts["readout"][cameras],
+        TRAJECTORY: trajectory,
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
         if leader or pair:
@@ -127,15 +136,14 @@ def _read_images_table(
 
 
 def _own_poses(
-    reading: Reading, rows: Rows, names: list[str], table: Images, eccentricity: IntArray
+    reading: Reading, rows: Rows, on_trajectory: BoolArray, table: Images, eccentricity: IntArray
 ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Position, rotation, height and eccentricity blocks; those of followers come from their leading images.
 
-    ``eccentricity`` (n,) are the blocks of the cameras.
+    ``eccentricity`` (n,) are the blocks of the cameras. Images ``on_trajectory`` (n,) have the pose of a time.
     """
+    names = rows.text("id")
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
-    own = rows.take(np.flatnonzero(~follows))
-    labels = [f"image {name}" for name in own.text("id")]
     for i in np.flatnonzero(follows):
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
         if given or any(rows.text(name)[i] for name in _SHARED):
@@ -143,12 +151,21 @@ def _own_poses(
             reading.problems.append(Problem(words, rows.file, int(rows.lines[i])))
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
     eccentricity = eccentricity.copy()
-    if own.count:
-        fixed, free = table.fixed, table.free
-        position[~follows] = positions(reading, own, labels, fixed)
-        rotation[~follows] = rotations(reading, own, labels, fixed)
-        height[~follows] = heights(reading, own, labels, fixed, free)
-        eccentricity[~follows] = eccentricities(reading, own, labels, fixed, free, eccentricity[~follows])
+    labels = [f"image {name}" for name in names]
+    fixed, free = table.fixed, table.free
+    own = np.flatnonzero(~follows & ~on_trajectory)
+    if len(own):
+        mine, called = rows.take(own), [labels[i] for i in own]
+        position[own] = positions(reading, mine, called, fixed)
+        rotation[own] = rotations(reading, mine, called, fixed)
+    timed = np.flatnonzero(on_trajectory & ~follows)
+    if len(timed):
+        position[timed], rotation[timed] = pose_blocks(reading, [labels[i] for i in timed])
+    set_up = np.flatnonzero(~follows)
+    if len(set_up):
+        mine, called = rows.take(set_up), [labels[i] for i in set_up]
+        height[set_up] = heights(reading, mine, called, fixed, free)
+        eccentricity[set_up] = eccentricities(reading, mine, called, fixed, free, eccentricity[set_up])
     return position, rotation, height, eccentricity
 
 
@@ -207,7 +224,9 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> 
             words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
             reading.problems.append(Problem(words, file, line))
         else:
-            for part in ("position", "rotation", "height", "eccentricity"):
+            if leader in reading.image_times:
+                reading.image_times[images.ids[number]] = reading.image_times[leader]
+            for part in ("position", "rotation", "height", "eccentricity", TRAJECTORY):
                 images.parts[part][number] = images.part(leader, part)
             images.parts["relative rotation"][number] = pairs.part(pair, "rotation")
             images.parts["base"][number] = pairs.part(pair, "base")

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mor.arrays import IntArray
-from mor.parameters.kinds import BASE, GNSS_FRAME, ROTATION
-from mor.project.file.model import Instrument
+from mor.parameters.kinds import BASE, ECCENTRICITY, GNSS_FRAME, ROTATION, TIME_OFFSET
+from mor.project.file.model_instruments import Instrument
 from mor.project.file.nodes import Path
 from mor.project.network.entities import entities
 from mor.project.network.poses import Seen, check_unique
@@ -18,22 +18,43 @@ from mor.project.tables.tables import Column, read_table
 
 
 def read_instruments(reading: Reading) -> None:
-    """Distance meters, refraction coefficients, frames of GNSS solutions."""
+    """Distance meters, refraction coefficients, frames of GNSS solutions; where antennas and inertial systems are."""
     ids, meters, refractions, frames = [], [], [], []
+    along: dict[str, list[int]] = {part: [] for part in _ALONG}
     for name, instrument in reading.project.instruments.items():
         ids.append(name)
         reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
         frames.append(_frame(reading, name, instrument))
+        for part, blocks in along.items():
+            blocks.append(_along(reading, name, instrument, part))
     reading.shop.things["instrument"] = entities(
         ids,
         {
             "distance meter": np.array(meters, dtype=np.int64),
             "refraction": np.array(refractions, dtype=np.int64),
             GNSS_FRAME.key: np.array(frames, dtype=np.int64),
+            **{part: np.array(blocks, dtype=np.int64) for part, blocks in along.items()},
         },
     )
+
+
+_ALONG = {"lever arm": ECCENTRICITY, "boresight": ROTATION, TIME_OFFSET.key: TIME_OFFSET}
+"""What instruments along a trajectory have, and the kinds of its blocks."""
+
+
+def _along(reading: Reading, name: str, instrument: Instrument, part: str) -> int:
+    """Block of one of these, -1 where nothing is said of it."""
+    key, kind = part.replace(" ", "_"), _ALONG[part]
+    said = getattr(instrument, key)
+    if not said:
+        return -1
+    given = said if isinstance(said, dict) else {key: said}
+    path: Path = ("instruments", name, key) if isinstance(said, dict) else ("instruments", name)
+    row = settings(given, kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    own = name if kind is TIME_OFFSET else f"{part} of {name}"
+    return int(reading.shop.store(kind.key).add([own], *row)[0])
 
 
 def _instrument(

@@ -17,7 +17,7 @@ from mor.project.network.entities import entities
 from mor.project.network.reading import Reading
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import Statuses, component_rows
-from mor.project.tables.tables import Rows
+from mor.project.tables.tables import Column, Rows
 
 
 def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[str]) -> IntArray:
@@ -25,9 +25,9 @@ def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[s
     shop = reading.shop
     statuses = in_dimensions(component_rows(rows, POINT.components, fixed, reading.problems), reading)
     if reading.project.world is not None:
-        words = "x, y, z of its own have no place in the world; put it on a point (column point)"
-        given = np.any(np.isfinite(np.hstack([statuses.values, statuses.start])), axis=1)
-        tell_rows(reading.problems, given, rows, words)
+        from mor.project.world.frames import start_places  # most projects need nothing of it
+
+        statuses = start_places(reading, rows, statuses)
     named = rows.text("position") if "position" in rows.texts else rows.text("point")
     points = shop.things["point"]
     shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
@@ -54,6 +54,15 @@ def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[s
             result[i] = known[name]
     shop.things["position"] = entities(known, {"position": np.array(list(known.values()), dtype=np.int64)})
     return result
+
+
+def position_columns(reading: Reading) -> list[Column]:
+    """Columns of the positions of frames besides x, y, z: on the earth those of the reference system."""
+    if reading.project.world is None:
+        return []
+    from mor.project.world.frames import frame_columns
+
+    return frame_columns(reading)
 
 
 def in_dimensions(statuses: Statuses, reading: Reading) -> Statuses:

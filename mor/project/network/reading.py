@@ -15,6 +15,7 @@ from mor.project.file.table import Table
 from mor.project.motion.model import Motion
 from mor.project.network.entities import Workshop
 from mor.project.tables.tables import Place
+from mor.project.trajectories.model import Lines, Scanner, Trajectory
 from mor.project.world.world import World
 
 TableWatcher: TypeAlias = Callable[[str | None], None]
@@ -74,6 +75,16 @@ class Reading:
     """Observed points on the earth."""
     motion: Motion = field(default_factory=Motion)
     """Epochs, and the points that move between them."""
+    trajectories: dict[str, Trajectory] = field(default_factory=dict)
+    """Trajectories by name."""
+    image_times: dict[str, float] = field(default_factory=dict)
+    """Time of each image on a trajectory; of a line scanner that of its first line."""
+    scanners: dict[str, Scanner] = field(default_factory=dict)
+    """Cameras that are line scanners."""
+    lines: dict[str, Lines] = field(default_factory=dict)
+    """Times of the rows of images of line scanners, as far as tables give them; of all when images are read."""
+    strips: dict[tuple[str, str], tuple[int, float]] = field(default_factory=dict)
+    """Block of shift and drift of each strip, by kind and name, and the time that its drift counts from."""
     motion_groups: list[ObservationGroup] = field(default_factory=list)
     """Steps of points that are observed."""
 

@@ -10,7 +10,7 @@ from mor.parameters.kinds import ECCENTRICITY, HEIGHT, POINT, ROTATION, SCALE
 from mor.project.file.model import Stations, Systems
 from mor.project.motion.epochs import EPOCH, remember_epochs
 from mor.project.network.entities import entities, unknown_name
-from mor.project.network.poses import Seen, check_unique, positions, rotations
+from mor.project.network.poses import Seen, check_unique, position_columns, positions, rotations
 from mor.project.network.reading import Reading
 from mor.project.network.set_ups import eccentricities, heights, set_up_columns, shared_column
 from mor.project.observations.orientations import set_name
@@ -49,6 +49,7 @@ def _read_stations_table(
         Column("point"),
         EPOCH,
         *component_columns((*POINT.components, *ROTATION.components), edge),
+        *position_columns(reading),
         *set_up_columns(reading, HEIGHT),
         number_column("orientation", ANGLE, edge),
     ]
@@ -138,6 +139,7 @@ def _read_systems_table(
         Column("id", required=True),
         Column("point"),
         *component_columns(kinds, reading.edge),
+        *position_columns(reading),
         *set_up_columns(reading, ECCENTRICITY, shared=False),
     ]
     rows = read_table(table, columns, place, reading.problems)

@@ -16,16 +16,19 @@ from mor.observations import (
     ObservationGroup,
     ObservationType,
     SetUp,
+    Slot,
     to_projection_centres,
 )
 from mor.observations.earth import GEOID
 from mor.observations.earth.catalogue import EARTH_TYPES, NOT_ON_EARTH
+from mor.observations.earth.projected_bearing import is_open
 from mor.project.axes import edge_transform, external
 from mor.project.edge import UnitError, split
 from mor.project.file.model import Observations
 from mor.project.motion.epochs import EPOCH, row_epochs
 from mor.project.motion.rows import at_their_epochs
 from mor.project.network.reading import Reading
+from mor.project.observations.atmosphere import air_columns, corrected
 from mor.project.observations.image_groups import image_groups, raw_image, units_of_values
 from mor.project.observations.instrument_heights import note_points_under_instruments, with_own_height
 from mor.project.observations.names import Resolved, check_different, instrument_blocks, resolve
@@ -34,6 +37,7 @@ from mor.project.observations.planned_rows import planned_rows, without_required
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
+from mor.project.trajectories.navigation import NAVIGATION, navigation_columns, navigation_groups
 from mor.project.world.observed import (
     PLANE,
     convergence_of_rows,
@@ -57,15 +61,28 @@ def read_groups(reading: Reading) -> list[Group]:
         place = reading.at("observations", number)
         if entry.type in ("parameter", "difference"):
             continue
-        if entry.type != "image" and entry.type not in reading.types:
+        if entry.type != "image" and entry.type not in NAVIGATION and entry.type not in reading.types:
             if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:
                 reading.problems.append(place.problem(_unknown_type(reading, entry.type), "type"))
+            continue
+        if entry.type in NAVIGATION:
+            columns = navigation_columns(entry.type, reading.edge)
+            rows = read_table(entry, columns, place, reading.problems)
+            result += navigation_groups(reading, entry, number, rows, place) if rows is not None else []
+            reading.watch(entry.file)
             continue
         if entry.visible is not None:
             if not reading.planned or reading.section == "checks":
                 reading.problems.append(place.problem(_NOT_PLANNED, "visible"))
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
+        if is_open(type_) or entry.projection is not None:
+            found = _in_projection(reading, entry, type_, place)
+            if found is None:
+                continue
+            type_ = found
+        if entry.ppm and not _grows(type_):
+            reading.problems.append(place.problem(_NO_LENGTH.format(entry.type), "ppm"))
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
@@ -86,8 +103,21 @@ def read_groups(reading: Reading) -> list[Group]:
     return at_their_epochs(reading, result)
 
 
+def _in_projection(
+    reading: Reading, entry: Observations, type_: ObservationType, place: Place
+) -> ObservationType | None:
+    """The type in the projection that it refers to; ``None`` where there is a mistake in that."""
+    if not is_open(type_):
+        words = f"projection: {entry.type} refers to none; expected it with projected_bearing"
+        reading.problems.append(place.problem(words, "projection"))
+        return None
+    from mor.project.world.plane import in_its_projection  # most projects need nothing of it
+
+    return in_its_projection(reading, entry, place)
+
+
 def _unknown_type(reading: Reading, name: str) -> str:
-    known = ("image", *reading.types, "parameter", "difference")
+    known = ("image", *reading.types, *NAVIGATION, "parameter", "difference")
     if reading.world is not None and name in NOT_ON_EARTH:
         return f"{name} does not say what it refers to on the earth, expected {NOT_ON_EARTH[name]}"
     if reading.world is None and name in EARTH_TYPES:
@@ -119,6 +149,8 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
     if type_.slots[0].of == "station":
         columns.append(Column("set"))
     columns.append(EPOCH)
+    if type_.through_air:
+        columns += air_columns(edge)
     if needs_place(type_):
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
@@ -153,7 +185,7 @@ def _plain_group(
     if not different or not instrument or not all(found.blocks for found in named.values()):
         return None
     blocks = tuple(
-        np.full(rows.count, instrument[slot.part], dtype=np.int64)
+        np.full(rows.count, _of_instrument(reading, instrument, slot), dtype=np.int64)
         if slot.of == "instrument"
         else with_own_height(reading, rows, slot.of, named[slot.of].blocks[slot.part], number)
         if slot.part == "height"
@@ -163,6 +195,8 @@ def _plain_group(
     note_points_under_instruments(reading, type_, named, rows)
     given = np.stack([rows.number(component.name) for component in type_.components], axis=1)
     constants = _constants(reading, type_, rows, given, named)
+    if type_.through_air:
+        given = corrected(reading, entry, rows, given, place)
     if any(found.at_centre.any() for found in named.values()):
         type_ = to_projection_centres(type_) if reading.world else PROJECTION_CENTRE_TYPES[type_.key]
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
@@ -196,6 +230,12 @@ def _plain_group(
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
     return Group(group, number, everything, transform, factors, covariance_of_rows(rows, type_), epochs)
+
+
+def _of_instrument(reading: Reading, instrument: Mapping[str, int], slot: Slot) -> int:
+    """Block of an instrument, a neutral one where nothing is said of it."""
+    block = instrument[slot.part]
+    return reading.shop.neutral(slot.kind) if block < 0 else block
 
 
 def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:
@@ -278,6 +318,17 @@ def _constants(
         else:
             columns.append(np.full(rows.count, constant.default / reading.edge.metres))
     return np.stack(columns, axis=1) if columns else np.zeros((rows.count, 0))
+
+
+_NO_LENGTH = (
+    "found ppm for observations of type {}, expected it where lengths are measured between two points, "
+    "as of type distance, height_difference or coordinate_difference: σ grows with the distance between them"
+)
+
+
+def _grows(type_: ObservationType) -> bool:
+    """True where some component is a length measured between two places."""
+    return type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
 
 
 def _centring(reading: Reading, entry: Observations, place: Place) -> SetUp:

@@ -9,8 +9,10 @@ import numpy as np
 
 from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup, ObservationType
 from mor.observations.names import Names
+from mor.observations.time.line_scanner import line_scanner
+from mor.observations.time.trajectory import CUBIC, on_trajectory
 from mor.project.axes import external_image
 from mor.project.edge import ImageScale, UnitError, beyond, split
 from mor.project.file.model import Camera, Observations
@@ -21,6 +23,8 @@ from mor.project.observations.names import named_things
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Column, Place, Rows
+from mor.project.trajectories.images import TRAJECTORY, RowClocks, clocks_of_rows
+from mor.project.trajectories.model import Scanner
 from mor.units import IMAGE
 
 Repeated = TypeVar("Repeated", FloatArray, SmallIntArray)
@@ -64,7 +68,10 @@ def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows,
     if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
     epochs = row_epochs(reading, rows, IMAGE_TYPES["mor"].references, (image, point))
-    kinds = images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)
+    trajectory = images.parts[TRAJECTORY]
+    order = np.array([0, *(found.order for found in reading.trajectories.values())])[trajectory + 1]
+    follows = images.parts["relative rotation"] >= 0
+    kinds = (images.parts["camera"] * 2 + follows) * (CUBIC + 1) + order
     keys = kinds.astype(np.int32)[image.numbers]
     result = []
     for key in np.unique(keys):
@@ -87,11 +94,18 @@ def _image_group(
     chosen: IntArray,
 ) -> Group | None:
     images, points = reading.shop.things["image"], reading.shop.things["point"]
-    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][image.numbers[0]]]
+    first = image.numbers[0]
+    camera_name = reading.shop.things["camera"].ids[images.parts["camera"][first]]
     camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
-    follows = bool(images.parts["relative rotation"][image.numbers[0]] >= 0)
-    moves = bool(images.parts["readout"][image.numbers[0]] >= 0) and not follows
-    type_ = (MOVING_TYPES if moves else FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
+    follows = bool(images.parts["relative rotation"][first] >= 0)
+    timed = bool(images.parts[TRAJECTORY][first] >= 0)
+    scanner = reading.scanners.get(camera_name)
+    moves = bool(images.parts["readout"][first] >= 0) and not follows
+    if scanner is not None and (follows or not timed):
+        if follows:
+            words = f"image {image[0]!r} is of a line scanner; it cannot follow another one"
+            reading.problems.append(place.problem(words))
+        return None  # its own mistake is told already
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
     except UnitError as error:
@@ -100,19 +114,30 @@ def _image_group(
     r0 = 0.0
     if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
         r0 = reading.edge.number(camera.r0, IMAGE, "", scale)  # its unit is checked where the camera is read
+    if (moves or scanner is not None) and not _all_timed(reading, camera, scanner, observed, rows, chosen):
+        return None
+    constants = _constants(CAMERA_MODELS[camera.model], observed, r0, camera if moves else None, scale)
+    type_ = (MOVING_TYPES if moves else FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
+    knots: tuple[IntArray, ...] = ()
+    if timed:
+        own = rows.take(chosen)
+        found = clocks_of_rows(reading, own, image, observed[:, 1], scale if scanner is not None else None)
+        if found is None:
+            return None
+        type_, knots, constants = _along(type_, camera, scanner, observed, constants, found)
     blocks = tuple(
         _blocks_of(points.parts["position"], point)
         if slot.of == "point"
         else _once(_blocks_of(images.parts[slot.part], image))
-        for slot in type_.slots
+        for slot in type_.slots[len(knots) :]
     )
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
-        blocks=blocks,
+        blocks=(*knots, *blocks),
         observed=observed,
         sigma=_once(sigma * entry.factor),
-        constants=_constants(CAMERA_MODELS[camera.model], observed, r0, camera if moves else None, scale),
+        constants=constants,
         references=(image, point),
         external=external_image(scale),
         image_unit=scale.unit,
@@ -121,12 +146,46 @@ def _image_group(
     )
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
-    if moves:
-        timeless = np.zeros(rows.count, dtype=bool)
-        timeless[chosen] = np.isnan(observed[:, int(camera.readout_direction in ("down", "up"))])
-        words = "no row (or column) was measured along the readout of the camera: the point has no time"
-        tell_rows(reading.problems, timeless, rows, words)
     return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _along(
+    type_: ObservationType,
+    camera: Camera,
+    scanner: Scanner | None,
+    observed: FloatArray,
+    constants: FloatArray,
+    found: RowClocks,
+) -> tuple[ObservationType, tuple[IntArray, ...], FloatArray]:
+    """Type, blocks of the knots and constants of the rows of images on a trajectory."""
+    count = len(found.knots) // 2
+    if scanner is None:
+        type_ = on_trajectory(type_, count)
+    else:
+        type_ = line_scanner(camera.model, count)
+        crossed = np.stack([observed[:, 0], np.full(len(observed), scanner.line)], axis=1)
+        constants = np.concatenate([crossed, constants[:, 2:]], axis=1)
+    return type_, found.knots, np.concatenate([constants, found.constants], axis=1)
+
+
+def _all_timed(
+    reading: Reading,
+    camera: Camera,
+    scanner: Scanner | None,
+    observed: FloatArray,
+    rows: Rows,
+    chosen: IntArray,
+) -> bool:
+    """False where a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
+    missing = np.zeros(rows.count, dtype=bool)
+    if scanner is not None:
+        missing[chosen] = np.isnan(observed).any(axis=1)
+        words = "a point in an image of a line scanner needs both coordinates: its row is its time"
+    else:
+        missing[chosen] = np.isnan(observed[:, int(camera.readout_direction in ("down", "up"))])
+        words = "no row (or column) was measured along the readout of the camera: the point has no time"
+    tell_rows(reading.problems, missing, rows, words)
+    return not missing.any()
 
 
 def _constants(

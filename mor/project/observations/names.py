@@ -22,12 +22,15 @@ from mor.project.observations.undeclared_points import declare
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Place, Rows
 
+_NEUTRAL = ("distance meter", "refraction", "gnss frame")
+"""Parts of instruments whose block 0 is that of none; others have none."""
+
 
 def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> dict[str, int]:
-    """Blocks of the instrument of a group, the neutral ones where it names none; nothing where it is unknown."""
+    """Blocks of the instrument of a group, neutral ones or -1 where it names none; nothing where it is unknown."""
     instruments = reading.shop.things["instrument"]
     if entry.instrument is None:
-        return dict.fromkeys(instruments.parts, 0)
+        return {part: 0 if part in _NEUTRAL else -1 for part in instruments.parts}
     if entry.instrument not in instruments.numbers:
         if "instrument" not in reading.broken:
             words = unknown_name("instrument", entry.instrument, instruments.ids)
@@ -83,6 +86,8 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
             of_name[here] = numbers
         blocks[part] = of_name[names.numbers]
     resolved = Resolved(names, blocks, centre[names.numbers])
+    if "image" in reference.among:
+        _refuse_timed(reading, resolved, rows)
     if reference.among == POSITIONS:
         _refuse_followers(reading, resolved, rows)
     return resolved
@@ -100,6 +105,17 @@ def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
         "image {0!r} follows another one and is no position of its own; centre:{0} is its projection centre"
     )
     tell_rows(reading.problems, wrong, rows, lambda row: words.format(resolved.names[row]))
+
+
+def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
+    """Tell images on a trajectory that are named as positions: theirs is a function of time."""
+    timed = resolved.blocks.get("trajectory")
+    if timed is None or not (timed >= 0).any():
+        return
+    words = (
+        "image {0!r} is on a trajectory: its projection centre cannot be named here (image coordinates can)"
+    )
+    tell_rows(reading.problems, timed >= 0, rows, lambda row: words.format(resolved.names[row]))
 
 
 def _tell_unknown(

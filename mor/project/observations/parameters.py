@@ -35,8 +35,9 @@ PARTS = {
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
+    "knot": ("position", "rotation"),
     "point": ("position", "velocity", "sine", "cosine"),
-    "instrument": ("distance meter", "refraction", "gnss frame"),
+    "instrument": ("distance meter", "refraction", "gnss frame", "lever arm", "boresight", "time offset"),
 }
 """Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
 
@@ -159,6 +160,8 @@ def _find(reading: Reading, name: str, component: str) -> _Place:
         if space in reading.broken:
             raise _UnknownThingError
         raise ValueError(unknown_name(space, bare, things.ids))
+    if space == "image" and bare in reading.image_times:
+        raise ValueError(f"{name} is on a trajectory: it has no {component} of its own; name a knot of that")
     known: list[str] = []
     for part in PARTS[space]:
         if part not in things.parts:
@@ -199,7 +202,13 @@ def _camera(reading: Reading, space: str, name: str) -> str:
 def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
     if camera is not None:
         return INTERIORS[reading.project.cameras[camera].model]
-    plain = {"position": "point", "relative rotation": "rotation", "offset": "eccentricity"}
+    plain = {
+        "position": "point",
+        "relative rotation": "rotation",
+        "offset": "eccentricity",
+        "lever arm": "eccentricity",
+        "boresight": "rotation",
+    }
     return KINDS[plain.get(part, part)]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Problem, nearest
 from mor.project.edge import Edge, ImageScale, UnitError
-from mor.project.file.model import Value
+from mor.project.file.model_instruments import Value
 from mor.project.file.nodes import Path
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Column, Place, Rows

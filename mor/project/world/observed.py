@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationType
 from mor.observations.earth import GEOID
 from mor.observations.earth.attitude import CONVERGENCE
@@ -12,12 +12,12 @@ from mor.observations.names import Names
 from mor.project.network.reading import Reading
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Rows
-from mor.project.world.geoid import GeoidError, geoid_heights
+from mor.project.world.grids import GridError, geoid_heights
 from mor.project.world.world import World
 
 PLANE = ("east", "north")
 """Columns of the place at which angles refer to the axes of a projection."""
-_MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
+MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
 
 
 def known_at(
@@ -25,7 +25,7 @@ def known_at(
 ) -> FloatArray:
     """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
     values = world.of_points(known, blocks)
-    tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {_MEANT}")
+    tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {MEANT}")
     return values
 
 
@@ -33,15 +33,15 @@ def place_of_observed(
     reading: Reading, world: World, blocks: IntArray, rows: Rows, given: FloatArray
 ) -> FloatArray:
     """Constants (n, 10) of positions (n, 3) that were observed in the projection of the project."""
-    N = np.zeros(rows.count)
+    N, planned = np.zeros(rows.count), _planned(reading, given)
     if world.orthometric:
         N = rows.number(GEOID)
         N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
         N = np.where(np.isnan(N), _of_grid(reading, world, given), N)
-        tell_rows(reading.problems, np.isnan(N), rows, _MEANT)
+        tell_rows(reading.problems, np.isnan(N) & ~planned, rows, MEANT)
     lost = np.any(np.isnan(given), axis=1)
     tell_rows(reading.problems, lost, rows, "a position on the earth needs all of east, north, height")
-    place = world.to_object(given, N)
+    place = world.to_object(np.where(planned[:, None], world.inside(), given), N)
     return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
 
 
@@ -50,12 +50,17 @@ def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
     return world.convergence(np.stack([rows.number(name) for name in PLANE], axis=1))
 
 
+def _planned(reading: Reading, given: FloatArray) -> BoolArray:
+    """(n,) rows that nobody has measured: their place is that of the plan, and zeros stand for their values."""
+    return np.asarray((given == 0.0).all(axis=1) & reading.planned)
+
+
 def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
     if world.geoid is None:
         return np.full(len(given), np.nan)
     try:
         return geoid_heights(world.geoid, world.system.to_geodetic(given * world.metres)) / world.metres
-    except GeoidError:  # told with the points
+    except GridError:  # told with the points
         return np.full(len(given), np.nan)
 
 

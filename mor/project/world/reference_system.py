@@ -101,10 +101,12 @@ class ReferenceSystem:
         area = self.crs.area_of_use
         if area is None:
             return np.zeros(len(geodetic), dtype=bool)
-        latitude, longitude = np.degrees(geodetic[:, :2]).T
+        with np.errstate(over="ignore", invalid="ignore"):  # what is no angle at all does not lie inside
+            latitude, longitude = np.degrees(geodetic[:, :2]).T
+            east = (longitude - area.west + _MARGIN) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
-        across = (longitude - area.west + _MARGIN) % 360.0 > width + 2.0 * _MARGIN
-        outside: BoolArray = across | (latitude < area.south - _MARGIN) | (latitude > area.north + _MARGIN)
+        north = (latitude >= area.south - _MARGIN) & (latitude <= area.north + _MARGIN)
+        outside: BoolArray = ~(north & (east <= width + 2.0 * _MARGIN))
         return outside
 
 

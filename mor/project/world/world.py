@@ -10,7 +10,7 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.geometry.earth import Ellipsoid, Horizon
 from mor.observations.earth import DEFLECTIONS, GEOID
-from mor.project.world.geoid import geoid_heights
+from mor.project.world.grids import geoid_heights
 from mor.project.world.reference_system import ReferenceSystem
 
 
@@ -24,6 +24,8 @@ class World:
     """Metres per unit of length."""
     orthometric: bool
     """True where heights of points are above the geoid."""
+    extent: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
+    """(2, 2) least and largest object coordinates x, y of the points whose places are given."""
     geoid: Path | None = None
     """Grid of geoid heights."""
     at_points: dict[str, FloatArray] = field(default_factory=dict)
@@ -47,11 +49,20 @@ class World:
 
     def to_object(self, coordinates: FloatArray, geoid: FloatArray) -> FloatArray:
         """Object coordinates (n, 3) of coordinates (n, 3) in the system; lengths and radians."""
-        geodetic = self.system.to_geodetic(_scaled(self.system, coordinates, self.metres))
+        geodetic = self.system.to_geodetic(self.in_metres(coordinates))
         geodetic[:, 2] = geodetic[:, 2] / self.metres
         if self.orthometric:
             geodetic[:, 2] += geoid
         return self.horizon.from_geodetic(geodetic)
+
+    def inside(self) -> FloatArray:
+        """Coordinates (3,) in the system of the origin of the object system, at height 0: a place for what has none."""
+        there: FloatArray = self.from_object(np.zeros((1, 3)), np.zeros(1))[0]
+        return there
+
+    def in_metres(self, coordinates: FloatArray) -> FloatArray:
+        """Coordinates (n, 3) in the system with their lengths (not their angles) in metres."""
+        return _scaled(self.system, coordinates, self.metres)
 
     def grid(self, position: FloatArray) -> FloatArray:
         """∂(east, north)/∂(e, n) (n, 2, 2) at object coordinates (n, 3): scale and convergence of the projection."""
@@ -95,7 +106,7 @@ _STEP = 1e-4
 
 
 def middle(ellipsoid: Ellipsoid, geodetic: FloatArray) -> Horizon:
-    """The object system at the middle of places (n, 3)."""
+    """The object system at the middle of places (n, 3), rounded."""
     directions = np.mean(ellipsoid.geocentric(geodetic), axis=0)
     latitude, longitude, _ = np.degrees(ellipsoid.geodetic(directions[None])[0])
     rounded = np.radians(np.round(np.array([latitude, longitude]) / _STEP) * _STEP)

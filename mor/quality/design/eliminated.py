@@ -9,13 +9,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 
-_RAYS = 200_000
-_POINTS = 1_000
+_RAYS = 20_000
+"""At a time: larger arrays than these make are had from the system anew each time, which clears them first."""
+_POINTS = 200
 
 
 class Eliminated(NamedTuple):
@@ -34,12 +36,13 @@ class Eliminated(NamedTuple):
     parts: tuple[tuple[IntArray, int], ...]
     """Points that are worked on together, by how many unknowns their rays have, and the most of them."""
 
-    def solutions(self, reduced: FloatArray, right: FloatArray) -> FloatArray:
-        """(P, 3, m) what they do where the reduced unknowns do x (r, m), with their own right-hand sides (P, 3, m)."""
-        found = self.inverse @ right
+    def put_solutions(
+        self, found: FloatArray, reduced: FloatArray, chosen: IntArray, right: FloatArray
+    ) -> None:
+        """Put what they do (u, m) where the reduced unknowns do x (r, m), with right-hand sides (c, 3, m) of some."""
         for some, most in self.parts:
-            found[some] -= self.back[some, :, :most] @ reduced[self.others[some, :most]]
-        return found
+            found[self.columns[some]] = -(self.back[some, :, :most] @ reduced[self.others[some, :most]])
+        found[self.columns[chosen]] += self.inverse[chosen] @ right
 
     def cofactors(self, reduced: FloatArray) -> FloatArray:
         """(P, 3, 3) N⁻¹ + N⁻¹Cᵀ Q_rr C N⁻¹."""
@@ -75,7 +78,7 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
             J = part.jacobian * weight[:, :, None]
             by_point, by_others = J[:, :, -3:], J[:, :, :-3]
             number = place[group.blocks[-1][rows]]
-            np.add.at(normals, number, by_point.transpose(0, 2, 1) @ by_point)
+            normals += _summed(number, by_point.transpose(0, 2, 1) @ by_point, len(blocks))
             coupling = by_others.transpose(0, 2, 1) @ by_point
             others = part.columns[:, :-3]
             free = others >= 0
@@ -86,16 +89,29 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
     return Eliminated(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
 
 
+def _summed(number: IntArray, parts: FloatArray, count: int) -> FloatArray:
+    """(count, 3, 3) sums of matrices (n, 3, 3) by their numbers (n,)."""
+    flat = parts.reshape(len(parts), 9)
+    sums = np.stack([np.bincount(number, flat[:, k], count) for k in range(9)], axis=1)
+    return np.asarray(sums.reshape(count, 3, 3))
+
+
 def _padded(
     inverse: FloatArray, keys: list[IntArray], values: list[FloatArray], size: int
 ) -> tuple[IntArray, FloatArray, tuple[tuple[IntArray, int], ...]]:
     """Unknowns (P, k) of the rays of each point, each once, N⁻¹Cᵀ (P, 3, k), and the parts to work in."""
-    key, number = np.unique(np.concatenate(keys), return_inverse=True)
+    point, other = np.divmod(np.concatenate(keys), size)
     all_values = np.concatenate(values)
-    coupling = np.stack([np.bincount(number, all_values[:, c], len(key)) for c in range(3)], axis=1)
-    point, other = np.divmod(key, size)
-    count = np.bincount(point, minlength=len(inverse))
-    within = np.arange(len(key)) - np.repeat(np.cumsum(count) - count, count)
+    by_axis = []  # each a matrix of points by unknowns, in which equal places are added
+    for c in range(3):
+        matrix = csr_matrix((all_values[:, c], (point, other)), shape=(len(inverse), size))
+        matrix.sum_duplicates()
+        by_axis.append(matrix)
+    other, coupling = by_axis[0].indices, np.stack([matrix.data for matrix in by_axis], axis=1)
+    begin = by_axis[0].indptr.astype(np.int64)
+    count = np.diff(begin)
+    point = np.repeat(np.arange(len(inverse)), count)
+    within = np.arange(len(other)) - begin[point]
     most = int(count.max(initial=0))
     others = np.zeros((len(inverse), most), dtype=np.int64)
     padded = np.zeros((len(inverse), most, 3))

@@ -229,19 +229,24 @@ def datum_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[FloatArr
 
     With them (points, 3) the row of each coordinate, −1 where it is fixed or not looked at.
     """
-    index = quality.adjustment.problem.index
-    columns = index.columns["point"]
-    places = np.full(columns.shape, -1)
-    own = columns[blocks]
-    free = own >= 0
-    chosen = own[free]
-    dense = np.zeros((len(chosen), index.count))
+    chosen, places = coordinates_at(quality, blocks, first)
+    dense = np.zeros((len(chosen), quality.adjustment.problem.index.count))
     dense[np.arange(len(chosen)), chosen] = 1.0
     datum = quality.datum
     if datum.null.shape[1]:
         normals = quality.adjustment.constraint.normals
         dense -= datum.null[chosen] @ datum.binding @ normals.T
+    return dense, places
+
+
+def coordinates_at(quality: Quality, blocks: IntArray, first: int) -> tuple[IntArray, IntArray]:
+    """Columns (t,) of the free coordinates of point blocks, and the rows of :func:`datum_rows` they have."""
+    columns = quality.adjustment.problem.index.columns["point"]
+    places = np.full(columns.shape, -1)
+    own = columns[blocks]
+    free = own >= 0
+    chosen = own[free]
     within = np.full(own.shape, -1)
     within[free] = np.arange(first, first + len(chosen))
     places[blocks] = within
-    return dense, places
+    return chosen, places

@@ -66,7 +66,8 @@ def by_worth(found: Sequence[Ranked], present: Outcome, candidates: bool) -> lis
 
 def of_units(units: Sequence[Unit], found: Outcome) -> list[Ranked]:
     """Units with what the plan would be with each."""
-    return [_one(found, k)._replace(unit=unit) for k, unit in enumerate(units)]
+    columns = (found.shortfall, found.precision, found.largest_ratio, found.smallest_r, found.possible)
+    return list(map(Ranked, units, *(column.tolist() for column in columns)))
 
 
 def _rounded(value: float) -> float:
@@ -195,9 +196,8 @@ def _scored(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: flo
         at_a_time = max(1, _CELLS // (len(interest.cofactors) * size))
         for first in range(0, len(here), at_a_time):
             some = here[first : first + at_a_time].tolist()
-            found = outcomes(interest, wanted, [units[k] for k in some], sign)
-            for number, k in enumerate(some):
-                scores[k] = _one(found, number)._replace(unit=units[k])
+            chosen = [units[k] for k in some]
+            scores |= zip(some, of_units(chosen, outcomes(interest, wanted, chosen, sign)), strict=True)
     return (scores[k] for k in range(len(units)))
 
 

@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix, vstack
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.arrays import BoolArray, FloatArray, IntArray
@@ -25,7 +26,7 @@ from mor.observations import ObservationGroup, some_rows
 from mor.observations.sigma import with_sigma_model
 from mor.quality.assess import Quality
 from mor.quality.design.eliminated import Eliminated, eliminated
-from mor.quality.design.interest import Interest, Unit, datum_rows
+from mor.quality.design.interest import Interest, Unit, coordinates_at, datum_rows
 from mor.quality.design.shortfall import Outcome, Wanted, judged_outcome, solvable
 
 MOST_REDUCED = 12_000
@@ -33,7 +34,7 @@ MOST_REDUCED = 12_000
 MOST_LOOKED_AT = 600
 _WEAKEST = 40
 """Observations whose redundancy numbers are followed, whatever is required."""
-_AT_A_TIME = 4_000
+_AT_A_TIME = 1_000
 _SOLVED = 48
 _NULL = 1e-6
 
@@ -75,25 +76,37 @@ def wide_interest(
         group = problem.groups[number]
         chosen = some_rows(group, some[:, 0])
         part = linearise(chosen, problem.index, adjustment.values, tangent, slice(None))
-        dense = np.zeros((len(some), problem.index.count + 1))
         own = np.arange(len(some))
         weighted = part.jacobian[own, some[:, 1]] / chosen.sigma[own, some[:, 1]][:, None]
-        np.add.at(dense, (own[:, None], part.columns), weighted)
-        rows.append(dense[:, :-1])
+        row = np.broadcast_to(own[:, None], part.columns.shape)
+        free = part.columns >= 0
+        shape = (len(some), problem.index.count)
+        rows.append(csr_matrix((weighted[free], (row[free], part.columns[free])), shape=shape))
         groups.append(np.full(len(some), number))
-    first = sum(len(part) for part in rows)
-    dense, places = datum_rows(quality, blocks, first)
-    M = np.concatenate([*rows, dense])
+    first = sum(part.shape[0] for part in rows)
+    of_datum, places = _coordinate_rows(quality, blocks, first)
+    M = csr_matrix(vstack([*rows, of_datum]))
     reduced = inverse.scale[:, None] * inverse.factor.solve(np.diag(inverse.scale))
-    there = np.flatnonzero(M.any(axis=0))
+    there = np.unique(M.indices).astype(np.int64)
     used = problem.index.block_of[there[plan.reduced[there] < 0]]
     met = [_points_of(group) for group in candidates]
     points = eliminated(adjustment, np.concatenate([used.astype(np.int64), *met]))
     solutions = _solutions(quality, M, reduced, points)
-    K = M[:, there] @ solutions[there]
-    group_of = np.concatenate([*groups, np.full(len(dense), -1)]).astype(np.int64)
+    K = np.asarray(M @ solutions)
+    group_of = np.concatenate([*groups, np.full(of_datum.shape[0], -1)]).astype(np.int64)
     interest = Interest(0.5 * (K + K.T), group_of >= 0, group_of, (), (), places, ())
     return Wide(interest, solutions, reduced, points, points.cofactors(reduced))
+
+
+def _coordinate_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[csr_matrix, IntArray]:
+    """Rows of :func:`datum_rows`, of which few entries are not 0 where no datum is free."""
+    if quality.datum.null.shape[1]:
+        dense, places = datum_rows(quality, blocks, first)
+        return csr_matrix(dense), places
+    chosen, places = coordinates_at(quality, blocks, first)
+    count = quality.adjustment.problem.index.count
+    rows = csr_matrix((np.ones(len(chosen)), (np.arange(len(chosen)), chosen)), shape=(len(chosen), count))
+    return rows, places
 
 
 def _check_size(looked_at: int, reduced: int) -> None:
@@ -106,7 +119,7 @@ def _check_size(looked_at: int, reduced: int) -> None:
         raise InputError([Mistake(words)])
 
 
-def _solutions(quality: Quality, M: FloatArray, reduced: FloatArray, points: Eliminated) -> FloatArray:
+def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eliminated) -> FloatArray:
     """(u, m) Q Mᵀ at the reduced unknowns and at the points; 0 at all other points.
 
     The rows of M are 0 at these, but for coordinates in a free datum, whose inner constraints reach all points.
@@ -114,18 +127,23 @@ def _solutions(quality: Quality, M: FloatArray, reduced: FloatArray, points: Eli
     adjustment = quality.adjustment
     inverse, plan = adjustment.inverse, adjustment.plan
     if quality.datum.null.shape[1]:
-        parts = [inverse.solve(np.ascontiguousarray(M[k : k + _SOLVED].T)) for k in range(0, len(M), _SOLVED)]
+        starts = range(0, M.shape[0], _SOLVED)
+        parts = [inverse.solve(np.ascontiguousarray(M[k : k + _SOLVED].toarray().T)) for k in starts]
         return np.concatenate(parts, axis=1)
-    right = M[:, points.columns].transpose(1, 2, 0)  # (P, 3, m)
-    alone = np.ascontiguousarray(M[:, plan.kept].T)
-    for k in np.flatnonzero((right != 0.0).any(axis=(1, 2))).tolist():
-        np.subtract.at(alone, points.others[k], points.back[k].T @ right[k])
+    index = adjustment.problem.index
+    met = np.unique(M.indices)
+    own = points.place[index.block_of[met[plan.reduced[met] < 0]]]
+    own = np.unique(own[own >= 0])
+    right = M[:, points.columns[own].ravel()].toarray().T.reshape(len(own), 3, M.shape[0])
+    alone = np.ascontiguousarray(M[:, plan.kept].toarray().T)
+    for k, its_right in zip(own.tolist(), right, strict=True):
+        np.subtract.at(alone, points.others[k], points.back[k].T @ its_right)
     x = reduced @ alone
-    found = np.zeros((adjustment.problem.index.count, len(M)))
+    found = np.zeros((index.count, M.shape[0]))
     found[plan.kept] = x
-    found[points.columns] = points.solutions(x, right)
+    points.put_solutions(found, x, own, right)
     weak = inverse.weak
-    return found + weak @ (weak.T @ M.T) if weak.shape[1] else found
+    return found + weak @ np.asarray(M @ weak).T if weak.shape[1] else found
 
 
 def _points_of(group: ObservationGroup) -> IntArray:

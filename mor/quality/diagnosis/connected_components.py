@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +42,14 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
             first[kind] = count
             count += len(blocks[kind].ids)
     links: list[tuple[IntArray, IntArray]] = []
+    timed = network.things["image"].parts["trajectory"] >= 0
+    poses = network.things["image"].parts["position"][timed]
     for kind, start in first.items():
         held = np.flatnonzero(~blocks[kind].free.any(axis=1))
+        held = np.setdiff1d(held, poses) if kind == "point" else held
         if kind == "point":
             links.append((np.zeros_like(held), held + start))
+    links += [(ends[0], ends[1]) for ends in _on_trajectories(network, first["point"])]
     for group in groups:
         nodes = [
             numbers + first[slot.kind]
@@ -63,6 +67,15 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
     graph = coo_array((np.ones(len(ends[0])), (ends[0], ends[1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
     return _parts(network, labels.astype(np.int64), first["point"])
+
+
+def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntArray, IntArray]]:
+    """Nodes of the positions of images on trajectories, each with those of all its knots: a trajectory is one thing."""
+    images = network.things["image"]
+    for number, trajectory in enumerate(network.trajectories.values()):
+        poses = images.parts["position"][images.parts["trajectory"] == number]
+        knots = trajectory.positions + first_point
+        yield np.repeat(poses + first_point, len(knots)), np.tile(knots, len(poses))
 
 
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, ...]:

@@ -36,7 +36,7 @@ def checked(quality: Quality) -> Adjustment:
     adjustment = quality.adjustment
     useless = beyond_use(quality)
     if useless:
-        defect = replace(adjustment.defect, undetermined=tuple(useless))
+        defect = replace(adjustment.defect, beyond_use=tuple(useless))
         return replace(adjustment, outcome=Outcome.SINGULAR, reason=BEYOND_USE, defect=defect)
     if not is_complete(quality.redundancy_sum, quality.redundancy):
         return replace(adjustment, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)

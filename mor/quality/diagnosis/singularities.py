@@ -34,8 +34,15 @@ _CURES = {
     "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
     "readout": "fix or observe the readout time, or the motion of an image: points tell only their product",
     "image velocity": "fix or observe the velocity, or the readout time if that is unknown too",
+    "position shift": "fix or observe the component, or points that the images see: a strip is shifted as a whole",
+    "attitude shift": "fix or observe the component or the boresight: both turn the attitudes of a strip alike",
+    "time offset": "fix or observe the time offset: it shows only where the motion changes",
     "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
 }
+_KNOT = (
+    "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a constancy or "
+    "smoothness, or lay its knots further apart"
+)
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
 _ALONG_AXIS = 0.999
@@ -241,14 +248,14 @@ def weakness(solved: Solved, say: Say = english) -> list[str]:
             say(
                 "These move together, within one standard deviation: {parts}. It would help to {cure}.",
                 parts=", ".join(parts),
-                cure=_cure(direction.unknowns[0][0], say),
+                cure=_cure(*direction.unknowns[0][:2], say),
             )
         )
     return lines
 
 
 def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) -> str:
-    cure = _cure(kind, say)
+    cure = _cure(kind, block, say)
     if len(directions) == 1 and len(directions[0].unknowns) > 1:
         return say(
             "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
@@ -267,9 +274,11 @@ def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) 
 
 def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) -> list[str]:
     named = [f"{_name(kind, block, say)} ({_components(direction, kind, block)})" for kind, block in blocks]
-    kinds = dict.fromkeys(kind for kind, _ in blocks)
+    firsts: dict[str, str] = {}
+    for kind, block in blocks:
+        firsts.setdefault(kind, block)
     cures = "; ".join(
-        f"{_name(kind, next(b for k, b in blocks if k == kind), say)}: {_cure(kind, say)}" for kind in kinds
+        f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items()
     )
     names = enumerated(named, _SHOWN, say)
     return [
@@ -297,5 +306,5 @@ def _name(kind: str, block: str, say: Say) -> str:
     return thing
 
 
-def _cure(kind: str, say: Say) -> str:
-    return say(_CURES[kind.split("/")[0]])
+def _cure(kind: str, block: str, say: Say) -> str:
+    return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])

@@ -25,7 +25,15 @@ NO_DATUM = "the datum is not defined"
 AT_THE_START = (
     "singular at the start values, not by the observations: at other values they determine everything"
 )
+PUT_ANYWHERE = (
+    "but parts of the network were put anywhere, for want of start values: "
+    "observations may determine it all the same"
+)
 """Reasons of outcomes."""
+OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
+"""Those that say nothing of the observations."""
+MISFIT = 10.0
+"""vᵀPv by the number of observations, from which on values do not fit them."""
 STEPS = 5
 """Further steps that are looked at."""
 LISTED = 20
@@ -59,8 +67,11 @@ def last_movements(adjustment: Adjustment) -> Movements:
     return Movements(labels, steps[order], 1.0 - net[order] / way[order])
 
 
-def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
-    """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray."""
+def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustment:
+    """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray.
+
+    ``untied``: parts of the network lie anywhere, because nothing was found that ties them to the rest.
+    """
     if adjustment.outcome is Outcome.NOT_CONVERGED:
         return _hardly_determined(adjustment)
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
@@ -72,7 +83,13 @@ def with_fitting_reason(adjustment: Adjustment) -> Adjustment:
         return replace(adjustment, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
         return replace(adjustment, reason=AT_THE_START)
+    if untied and not _fits(adjustment):
+        return replace(adjustment, reason=PUT_ANYWHERE)
     return adjustment
+
+
+def _fits(adjustment: Adjustment) -> bool:
+    return adjustment.normals.objective <= MISFIT * adjustment.problem.observations
 
 
 def _hardly_determined(adjustment: Adjustment) -> Adjustment:
@@ -92,7 +109,7 @@ def only_here(adjustment: Adjustment) -> bool:
     problem = adjustment.problem
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.iterations:
         return False
-    if adjustment.normals.objective <= 10.0 * problem.observations:
+    if _fits(adjustment):
         return False
     there = adjust(problem, beside(problem, adjustment.values), Settings(max_iterations=0))
     return there.outcome is not Outcome.SINGULAR

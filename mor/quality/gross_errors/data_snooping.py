@@ -26,6 +26,8 @@ from mor.quality.tests.test_statistics import comparable
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round."""
 _MOST_ROUNDS = 500
+_MOST_OUT = 0.5
+"""Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
 _LOCAL = ("point", "rotation", "base")
 """Kinds of blocks two observations must not share to be taken out at once."""
 
@@ -91,6 +93,8 @@ def snoop(
             clean = not any((flags & ~bad).any() for flags, bad in zip(quality.flagged, cannot, strict=True))
             clean = clean and not any(bad.any() for bad in cannot)
             break
+        if _taken_out(out, kept_out) > _MOST_OUT * first.redundancy:
+            break  # it is not single errors that do not fit
         for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
             tried = _changed(out, change)
             found = state.assessed(quality.adjustment, tried)
@@ -123,6 +127,10 @@ class _State:
         if not adjustment.outcome.is_solution:
             return None
         return assess(adjustment, self.levels, self.aposteriori)
+
+
+def _taken_out(out: tuple[BoolArray, ...], kept_out: tuple[BoolArray, ...]) -> int:
+    return sum(int(np.count_nonzero(now & ~before)) for now, before in zip(out, kept_out, strict=True))
 
 
 def _mark(masks: tuple[BoolArray, ...], entries: Entries) -> None:

@@ -29,10 +29,11 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import Factors, normalised_misclosures, reweighted_plan
 from mor.adjustment.state import Iteration, Watcher, counting_on
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import LARGEST, BoolArray, FloatArray
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values, move
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
+from mor.sparse.cholesky import NotFiniteError
 
 WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
@@ -166,9 +167,13 @@ def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:
     """One step that makes the weighted sum of squares smaller, damped as the gain ratio asks for (H. B. Nielsen)."""
     damping, raise_by = place.damping, 2.0
     while damping < _MOST_DAMPED:
-        tried = damped_step(weighted, place.values, damping)
+        try:
+            tried = damped_step(weighted, place.values, damping)
+        except NotFiniteError:
+            break  # derivatives beyond all size: no step leads on from there
         moved = move(weighted.problem.index, place.values, tried.step)
-        gain = (tried.objective - objective(weighted, moved)) / max(tried.gain, 1e-300)
+        within = all(float(np.abs(values).max(initial=0.0)) <= LARGEST for values in moved.values())
+        gain = (tried.objective - objective(weighted, moved)) / max(tried.gain, 1e-300) if within else -np.inf
         if gain > 0.0:
             easier = max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
             sizes, change = _sizes_of_all(weighted, moved, factors), float(np.sqrt(max(tried.gain, 0.0)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mor.errors import Problem
 from mor.project.network.build import Network
+from mor.quality.plausibility.full_circle import beyond_a_circle
 from mor.quality.plausibility.images import measured_twice, outside_the_format
 from mor.quality.plausibility.known_points import contradicting_known_points
 from mor.quality.plausibility.levelling_loops import open_loops
@@ -14,6 +15,7 @@ _LOOKS = (
     outside_the_format,
     measured_twice,
     implausible_sigmas,
+    beyond_a_circle,
     contradicting_known_points,
     open_loops,
     unsupported_poses,

@@ -80,5 +80,5 @@ def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) 
         return np.ones(len(observed))
     if kind == "length":
         return np.where(observed == 0.0, np.nan, np.abs(observed))
-    widest = float(np.nanmax(np.abs(group.observed)))
+    widest = float(np.fmax.reduce(np.abs(group.observed), axis=None))
     return np.full(len(observed), widest if widest > 0.0 else np.nan)

@@ -31,19 +31,34 @@ def carried_points(quality: Quality, entries: list[Entry]) -> list[IntArray]:
     columns = problem.index.columns["point"]
     sigma = np.array([problem.groups[e.group].sigma[e.row, e.component] for e in entries])
     moved = movements(quality, entries, sigma)
-    roots = _inverse_roots(quality.cofactors["point"])
+    Q = np.nan_to_num(quality.cofactors["point"])
+    least = _HALF * _below_eigenvalues(Q)
     found = []
     for k in range(len(entries)):
         x = np.where(columns >= 0, moved[columns, k], 0.0)
-        share = np.sum(np.einsum("pij,pj->pi", roots, x) ** 2, axis=1)
-        carried = np.flatnonzero(share > _HALF)
-        found.append(carried[np.argsort(-np.round(share[carried], 6), kind="stable")])
+        some = np.flatnonzero(np.einsum("pi,pi->p", x, x) >= least)
+        share = np.sum(np.einsum("pij,pj->pi", _inverse_roots(Q[some]), x[some]) ** 2, axis=1)
+        carried = share > _HALF
+        order = np.argsort(-np.round(share[carried], 6), kind="stable")
+        found.append(some[carried][order])
     return found
+
+
+def _below_eigenvalues(Q: FloatArray) -> FloatArray:
+    """(p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones.
+
+    The product of two of the three is at most the square of half of their sum. What round-off does to the determinant
+    is taken off.
+    """
+    trace = np.trace(Q, axis1=1, axis2=2)
+    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
+    above = np.maximum(determinant - _FLAT * trace**3, 0.0)
+    return np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
 
 
 def _inverse_roots(Q: FloatArray) -> FloatArray:
     """(p, 3, 3) roots of the pseudo-inverses of cofactor matrices."""
-    eigenvalues, axes = np.linalg.eigh(np.nan_to_num(Q))
+    eigenvalues, axes = np.linalg.eigh(Q)
     used = eigenvalues > _FLAT * np.maximum(eigenvalues[:, -1:], 1e-300)
     scale = np.where(used, 1.0 / np.sqrt(np.where(used, eigenvalues, 1.0)), 0.0)
     roots: FloatArray = scale[:, :, None] * np.swapaxes(axes, 1, 2)

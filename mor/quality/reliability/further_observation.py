@@ -11,26 +11,21 @@ in its order, until none that is left can be better. What determines a movement 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import Linearised, linearise, rotation_tangents
-from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup, some_rows
-from mor.parameters.index import Values
+from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
-from mor.quality.reliability.influence_on_position import OF_IMAGES
+from mor.quality.reliability.candidate_places import CandidatePlaces, Candidates, candidate_places
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
 from mor.quality.reliability.local_system import LocalSystem, local_system
 
 _AT_A_TIME = 8
 _MOST = 64
 """Candidates that are worked out for one weak observation."""
-_NULL = 1e-6
-"""Part of a candidate's derivatives along a movement that nothing determines, from which on it is no control."""
 
 
 class Further(NamedTuple):
@@ -45,80 +40,116 @@ class Further(NamedTuple):
     """Redundancy number that the weak observation would have then."""
 
 
-class _Candidates(NamedTuple):
-    group: int
-    rows: IntArray
-    target: int
-    jacobian: FloatArray
-    """(k, m, K) whitened."""
-    columns: IntArray
+def best_further(quality: Quality, wanted: Sequence[tuple[Entry, list[int]]]) -> list[Further]:
+    """What raises the redundancy number of each of some observations most.
 
-
-def best_further(quality: Quality, entry: Entry, targets: list[int]) -> Further:
-    """What raises the redundancy number of an observation most; targets are the free point blocks it refers to.
-
-    The same observation once more controls it, but repeats what is wrong with its place: it is taken where none from
-    another place does half as much.
+    Each comes with the free point blocks it refers to. The same observation once more controls it, but repeats what is
+    wrong with its place: it is taken where none from another place does half as much. All are looked for together: a
+    solution for many right-hand sides takes hardly longer than one for a few.
     """
-    adjustment = quality.adjustment
-    columns, values = gradient(adjustment, entry)
-    group = adjustment.problem.groups[entry.group]
+    places = candidate_places(quality)
+    searches = [_begun(quality, places, entry, targets) for entry, targets in wanted]
+    open_ = [one for one in searches if one.found]
+    if open_:
+        used = [one.columns for one in open_] + [f.columns.ravel() for one in open_ for f in one.found]
+        system = local_system(quality.adjustment, np.concatenate(used))
+        _rank(system, open_)
+        while open_ := [one for one in open_ if one.take()]:
+            for one, gains in zip(open_, _gains(system, open_), strict=True):
+                one.heed(gains)
+    return [one.best if one.best.target >= 0 else one.repeated for one in searches]
+
+
+@dataclass
+class _Search:
+    """The search for the best further observation of one."""
+
+    columns: IntArray
+    """(k,) unknowns that the observation depends on."""
+    whitened: FloatArray
+    """(k,) a_i."""
+    r: float
+    repeated: Further
+    best: Further
+    found: list[Candidates]
+    h: list[FloatArray] = field(default_factory=list)
+    """(k, m) of each of the candidates."""
+    bound: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """(n,) hᵀh of all of them, one after the other."""
+    order: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    taken: list[tuple[int, int]] = field(default_factory=list)
+    """Those that are worked out now: which of the candidates, and its row."""
+
+    def take(self) -> bool:
+        """Take the next ones that may be better than the best so far; false where there are none."""
+        some, self.order = self.order[:_AT_A_TIME], self.order[_AT_A_TIME:]
+        some = some[self.bound[some] + self.r > self.best.r]
+        ends = np.cumsum([len(one.rows) for one in self.found])
+        which = np.searchsorted(ends, some, side="right")
+        starts = np.concatenate([[0], ends])[which]
+        self.taken = list(zip(which.tolist(), (some - starts).tolist(), strict=True))
+        return bool(self.taken)
+
+    def heed(self, gains: list[float]) -> None:
+        """Keep the best of those that were worked out."""
+        for (which, place), gain in zip(self.taken, gains, strict=True):
+            if self.r + gain > self.best.r:
+                one = self.found[which]
+                self.best = Further(one.group, int(one.rows[place]), one.target, float(self.r + gain))
+
+
+def _begun(quality: Quality, places: CandidatePlaces, entry: Entry, targets: list[int]) -> _Search:
+    columns, values = gradient(quality.adjustment, entry)
+    group = quality.adjustment.problem.groups[entry.group]
     sigma = float(group.sigma[entry.row, entry.component])
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     again = (1.0 - r) ** 2 / (2.0 - r)
     repeated = Further(entry.group, entry.row, -1, r + again)
-    best = repeated._replace(r=r + 0.5 * again)
-    found = [one for target in targets for one in _candidates(quality, target)]
-    if not found:
-        return repeated
-    used = np.concatenate([columns, *(one.columns.ravel() for one in found)])
-    system = local_system(adjustment, used)
-    right = np.zeros((len(system.columns), 1))
-    np.add.at(right[:, 0], np.searchsorted(system.columns, columns), values * sigma)
-    answer = system.solve(right)[:, 0]
-    h = [_image(one, system, answer) for one in found]
-    bound = np.concatenate([np.sum(part**2, axis=1) for part in h])
-    which = np.concatenate([np.full(len(one.rows), k) for k, one in enumerate(found)])
-    place = np.concatenate([np.arange(len(one.rows)) for one in found])
-    order = np.argsort(-bound, kind="stable")[:_MOST]
-    for first in range(0, len(order), _AT_A_TIME):
-        some = order[first : first + _AT_A_TIME]
-        some = some[bound[some] + r > best.r]
-        if not len(some):
-            break
-        for k, gain in zip(some, _gains(system, found, h, which[some], place[some]), strict=True):
-            if r + gain > best.r:
-                one = found[which[k]]
-                best = Further(one.group, int(one.rows[place[k]]), one.target, float(r + gain))
-    return best if best.target >= 0 else repeated
+    found = [one for target in targets for one in places.candidates(target)]
+    return _Search(columns, values * sigma, r, repeated, repeated._replace(r=r + 0.5 * again), found)
 
 
-def _image(one: _Candidates, system: LocalSystem, x: FloatArray) -> FloatArray:
+def _rank(system: LocalSystem, searches: list[_Search]) -> None:
+    """Give each search h and the bounds of its candidates, and the order in which they are worked out."""
+    right = np.zeros((len(system.columns), len(searches)))
+    for k, one in enumerate(searches):
+        np.add.at(right[:, k], np.searchsorted(system.columns, one.columns), one.whitened)
+    answer = system.solve(right)
+    for k, one in enumerate(searches):
+        one.h = [_image(some, system, answer[:, k]) for some in one.found]
+        one.bound = np.concatenate([np.sum(part**2, axis=1) for part in one.h])
+        one.order = np.argsort(-one.bound, kind="stable")[:_MOST]
+
+
+def _image(one: Candidates, system: LocalSystem, x: FloatArray) -> FloatArray:
     """(k, m) A_j x."""
     moved = np.where(one.columns >= 0, x[_places(system, one.columns)], 0.0)
     image: FloatArray = np.einsum("kmc,kc->km", one.jacobian, moved)
     return image
 
 
-def _gains(
-    system: LocalSystem, found: list[_Candidates], h: list[FloatArray], which: IntArray, place: IntArray
-) -> list[float]:
-    """hᵀ R_jj⁻¹ h of some candidates, all solved for together."""
-    rows = [(found[w].jacobian[p], found[w].columns[p]) for w, p in zip(which, place, strict=True)]
-    right = np.zeros((len(system.columns), sum(len(jacobian) for jacobian, _ in rows)))
+def _gains(system: LocalSystem, searches: list[_Search]) -> list[list[float]]:
+    """hᵀ R_jj⁻¹ h of the candidates that are taken, those of all searches solved for together."""
+    rows = [
+        (one.found[which].jacobian[place], one.found[which].columns[place], one.h[which][place])
+        for one in searches
+        for which, place in one.taken
+    ]
+    right = np.zeros((len(system.columns), sum(len(jacobian) for jacobian, _, _ in rows)))
     at = 0
-    for jacobian, columns in rows:
+    for jacobian, columns, _ in rows:
         free = columns >= 0
         for component in jacobian:
             np.add.at(right[:, at], _places(system, columns[free]), component[free])
             at += 1
     answer, at, gains = system.solve(right), 0, []
-    for (jacobian, columns), w, p in zip(rows, which, place, strict=True):
+    for jacobian, columns, h in rows:
         m, free = len(jacobian), columns >= 0
         q = jacobian[:, free] @ answer[_places(system, columns[free]), at : at + m]
         at += m
-        gains.append(_gain(h[w][p], 0.5 * (q + q.T)))
-    return gains
+        gains.append(_gain(h, 0.5 * (q + q.T)))
+    ends = np.cumsum([len(one.taken) for one in searches]).tolist()
+    return [gains[end - len(one.taken) : end] for one, end in zip(searches, ends, strict=True)]
 
 
 def _gain(own: FloatArray, q: FloatArray) -> float:
@@ -136,93 +167,3 @@ def _gain(own: FloatArray, q: FloatArray) -> float:
 def _places(system: LocalSystem, columns: IntArray) -> IntArray:
     """Places of columns among the unknowns of the system; anything where fixed."""
     return np.minimum(np.searchsorted(system.columns, columns), len(system.columns) - 1)
-
-
-def _candidates(quality: Quality, target: int) -> Iterator[_Candidates]:
-    """Observations of every table that sees points, from each place of it that does not see the target yet."""
-    adjustment = quality.adjustment
-    index, values = adjustment.problem.index, adjustment.values
-    tangent = rotation_tangents(index, values)
-    null = adjustment.inverse.null
-    for number, group in enumerate(adjustment.problem.groups):
-        rows = _templates(group, target)
-        if not len(rows):
-            continue
-        further = aimed_at(group, rows, target)
-        part = linearise(further, index, values, tangent, slice(None))
-        seen = _in_view(group, further, part, values) & _estimable(part, null)
-        if seen.any():
-            weight = np.where(further.mask, 1.0 / further.sigma, 0.0)
-            jacobian = part.jacobian * weight[:, :, None]
-            yield _Candidates(number, rows[seen], target, jacobian[seen], part.columns[seen])
-
-
-def aimed_at(group: ObservationGroup, rows: IntArray, target: int) -> ObservationGroup:
-    """The rows of a group with a point block as their target; what would be observed is set to 0."""
-    further, place = some_rows(group, rows), _target_slot(group)
-    aimed = np.full(len(rows), target)
-    return replace(
-        further,
-        blocks=tuple(aimed if k == place else own for k, own in enumerate(further.blocks)),
-        observed=np.where(further.mask, 0.0, np.nan),
-        sigma=further.given_sigma,
-        excluded=None,
-    )
-
-
-def _target_slot(group: ObservationGroup) -> int:
-    """Slot of the position of the last thing a type refers to, −1 where it is no point that is looked at."""
-    last = group.type.references[-1].name if len(group.type.references) > 1 else ""
-    for k, slot in enumerate(group.type.slots):
-        if slot.of == last and slot.kind == "point" and slot.part == "position":
-            return k
-    return -1
-
-
-def _templates(group: ObservationGroup, target: int) -> IntArray:
-    """One row for each place of a group that does not see the target, the most complete one."""
-    place = _target_slot(group)
-    if place < 0 or len(group.type.references) != 2 or group.type.references[-1].name == "system":
-        return np.zeros(0, dtype=np.int64)
-    inside = (group.mask & ~group.left_out).any(axis=1)
-    standpoint = group.references[0].numbers
-    sees = np.unique(standpoint[inside & (group.blocks[place] == target)])
-    usable = np.flatnonzero(inside & ~np.isin(standpoint, sees))
-    own = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and k != place]
-    usable = usable[np.all([group.blocks[k][usable] != target for k in own], axis=0)] if own else usable
-    order = usable[np.argsort(-group.mask[usable].sum(axis=1), kind="stable")]
-    _, first = np.unique(standpoint[order], return_index=True)
-    return np.sort(order[first])
-
-
-def _in_view(
-    group: ObservationGroup, further: ObservationGroup, part: Linearised, values: Values
-) -> BoolArray:
-    """True (k,) where an image would show the target: before the camera, and inside what its images have measured."""
-    if group.type.key not in OF_IMAGES:
-        return np.ones(further.count, dtype=bool)
-    slots = {(slot.of, slot.part): k for k, slot in enumerate(group.type.slots)}
-    interior = group.blocks[slots["image", "interior"]]
-    seen = np.ones(further.count, dtype=bool)
-    computed = -part.misclosure  # of an observation that is 0
-    for camera in np.unique(further.blocks[slots["image", "interior"]]):
-        here = further.blocks[slots["image", "interior"]] == camera
-        measured = group.observed[interior == camera]
-        low, high = np.nanmin(measured, axis=0), np.nanmax(measured, axis=0)
-        seen[here] = ((computed[here] >= low) & (computed[here] <= high)).all(axis=1)
-    if ("image", "base") in slots:
-        return seen
-    D = values["rotation"][further.blocks[slots["image", "rotation"]]]
-    sight = values["point"][further.blocks[-1]] - values["point"][further.blocks[slots["image", "position"]]]
-    before: BoolArray = np.einsum("kj,kj->k", D[:, 2], sight) < 0.0
-    return seen & before
-
-
-def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
-    """True (k,) for rows that no movement left open by the observations changes."""
-    if null.shape[1] == 0:
-        return np.ones(len(part.jacobian), dtype=bool)
-    moved = np.where((part.columns >= 0)[:, :, None], null[part.columns], 0.0)
-    image = np.abs(part.jacobian @ moved)
-    size = np.abs(part.jacobian) @ np.abs(moved)
-    return np.asarray((image <= _NULL * np.maximum(size, 1e-300)).all(axis=(1, 2)))

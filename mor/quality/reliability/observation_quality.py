@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -105,15 +106,16 @@ class ObservationQuality:
     @property
     def precision(self) -> FloatArray:
         """Diagonal of P."""
-        return self._active("precision", lambda one: one._weight)
+        return self._active("precision", lambda one: one._weight.copy())
 
     @property
     def q_weighted(self) -> FloatArray:
         """Diagonal of P Q_vv P, the cofactors of P v."""
         return self._active("q_weighted", lambda one: np.clip(1.0 - one.absorbed, 0.0, 1.0) * one._weight)
 
-    @property
+    @cached_property
     def _weight(self) -> FloatArray:
+        """Of a piece of the group, whose columns all ask for it; nobody may change it."""
         return 1.0 / np.where(np.isfinite(self.v), self.sigma, np.nan) ** 2
 
     def _of_row(self, values: FloatArray | SmallestIntArray) -> FloatArray:
@@ -125,7 +127,7 @@ class ObservationQuality:
         return values
 
     def _corrected(self, name: str, of_rows: _OfRows) -> FloatArray:
-        plain = replace(self, correlated=None)
+        plain = replace(self, correlated=None) if self.correlated is not None else self
         values = in_pieces(self.v.shape, lambda rows: of_rows(plain.at(rows)))
         if self.correlated is not None:
             values[self.correlated.rows, self.correlated.components] = getattr(self.correlated, name)

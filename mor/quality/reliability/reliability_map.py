@@ -59,8 +59,13 @@ class _Seen(NamedTuple):
     number: int
     rows: slice
     classes: IntArray
-    r: FloatArray
-    external: FloatArray
+    tests: Reliability
+
+    def external(self) -> FloatArray:
+        """δ̄0 (k, m): infinite where an observation is not controlled, NaN where there is none."""
+        r, known = self.tests.quality.r, self.tests.external
+        external = np.where(np.isfinite(r) & ~np.isfinite(known), np.inf, known)
+        return np.where(np.isfinite(r), external, np.nan)
 
 
 def uncontrolled(quality: Quality, number: int) -> BoolArray:
@@ -109,9 +114,10 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
                 for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
                 if slot.kind == "point" and slot.of not in _OF_FRAMES
             ]
-            for rows, r, external in _pieces(quality.reliability[number]):
+            for rows in _pieces(group.count):
+                some = quality.reliability[number].at(rows)
                 for blocks in named:
-                    yield _Seen(number, rows, place[blocks[rows]], r, external)
+                    yield _Seen(number, rows, place[blocks[rows]], some)
 
     return _gathered("point", names, seen, axes)
 
@@ -119,22 +125,17 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
 def _of_partition(quality: Quality, partition: Partition, axes: FloatArray) -> Controlled:
     def seen() -> Iterator[_Seen]:
         for number, tests in enumerate(quality.reliability):
-            for rows, r, external in _pieces(tests):
+            for rows in _pieces(len(tests.quality.v)):
                 classes = partition.of_rows(number, rows)
                 if classes is not None:
-                    yield _Seen(number, rows, classes, r, external)
+                    yield _Seen(number, rows, classes, tests.at(rows))
 
     return _gathered(partition.of, tuple(partition.names), seen, axes)
 
 
-def _pieces(tests: Reliability) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-    """Rows with their r and δ̄0 (k, m): infinite where an observation is not controlled, NaN where there is none."""
-    for first in range(0, len(tests.quality.v), ROWS_AT_A_TIME):
-        rows = slice(first, first + ROWS_AT_A_TIME)
-        some = tests.at(rows)
-        r = some.quality.r
-        external = np.where(np.isfinite(r) & ~np.isfinite(some.external), np.inf, some.external)
-        yield rows, r, np.where(np.isfinite(r), external, np.nan)
+def _pieces(count: int) -> Iterator[slice]:
+    for first in range(0, count, ROWS_AT_A_TIME):
+        yield slice(first, first + ROWS_AT_A_TIME)
 
 
 def _gathered(
@@ -146,15 +147,15 @@ def _gathered(
     smallest, largest = np.full(count, np.inf), np.zeros(count)
     for one in seen():
         inside = one.classes >= 0
-        classes, r = one.classes[inside], np.nan_to_num(one.r[inside], nan=np.inf)
+        classes, r = one.classes[inside], np.nan_to_num(one.tests.quality.r[inside], nan=np.inf)
         observations += np.bincount(classes, np.isfinite(r).sum(axis=1), count).astype(np.int64)
         np.minimum.at(smallest, classes, r.min(axis=1))
-        np.maximum.at(largest, classes, np.nan_to_num(one.external[inside], posinf=np.inf).max(axis=1))
+        np.maximum.at(largest, classes, np.nan_to_num(one.external()[inside], posinf=np.inf).max(axis=1))
     weakest = np.full((count, 3), -1, dtype=np.int64)
     for one in seen():
         wanted = np.where(one.classes >= 0, smallest[one.classes], np.nan)
         # Of observations that are equally weak, to round-off, the first: the same ones in every run.
-        row, component = np.nonzero(one.r <= wanted[:, None] * (1.0 + _ALIKE) + _ALIKE)
+        row, component = np.nonzero(one.tests.quality.r <= wanted[:, None] * (1.0 + _ALIKE) + _ALIKE)
         classes, first = np.unique(one.classes[row], return_index=True)
         new = weakest[classes, 0] < 0
         classes, first = classes[new], first[new]

@@ -9,6 +9,7 @@ the global test.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -79,6 +80,12 @@ class GroupTests:
         """Those that reject, the worst beside all others first."""
         return sorted((test for test in self.tests if test.rejected), key=lambda test: test.log_p_beside_rest)
 
+    @property
+    def all_alike(self) -> bool:
+        """True where some reject, but none of them beside the others: all σ seem wrong by one factor."""
+        limit, rejected = float(np.log(self.level_of_each)), self.rejected
+        return bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
+
     def rows(self, test: GroupTest, problem: Problem) -> list[BoolArray]:
         """(n, m) of each group of observations: those of a test."""
         return rows_of(self.partitions[test.partition], test.number, problem.groups)
@@ -86,29 +93,82 @@ class GroupTests:
 
 def group_tests(quality: Quality, network: Network) -> GroupTests:
     """Tests of all groups that are not the whole."""
-    problem, level = quality.adjustment.problem, quality.levels.overall
+    problem = quality.adjustment.problem
     found = partitions(problem, network)
-    several = sets_beside_others(network)
-    summed = [one for one in _summed(quality, found) if one.of != "set" or one.name in several]
-    tests = _without_twins(summed, problem.observations)
-    if not tests:
-        return GroupTests(level, level, (), tuple(found))
-    each = sidak(level, len(tests))
-    return GroupTests(level, each, tuple(_decided(quality, tests, found, each)), tuple(found))
+
+    def exactly(one: Summed) -> Moments:
+        return moments(_rows(quality, found[one.partition], one.number), float(one.sums[1]))
+
+    whole = TestedWhole(problem.observations, quality.redundancy, quality.omega, quality.levels.overall)
+    return tests_of_sums(summed_groups(quality, network), whole, exactly, found)
 
 
-class _Summed(NamedTuple):
+class TestedWhole(NamedTuple):
+    """The network that groups are parts of."""
+
+    observations: int
+    redundancy: int
+    omega: float
+    """vᵀPv."""
+    level: float
+    """Of all tests of groups together."""
+
+
+class Summed(NamedTuple):
+    """Sums over the observations of one thing."""
+
     partition: int
     number: int
     of: str
     name: str
     sums: FloatArray
+    """(4,) Σ v·Pv, Σ r, number of observations, and the number that tells which ones."""
 
 
-def _summed(quality: Quality, found: list[Partition]) -> list[_Summed]:
+def tests_of_sums(
+    summed: list[Summed],
+    whole: TestedWhole,
+    exactly: Callable[[Summed], Moments | None],
+    found: Sequence[Partition],
+) -> GroupTests:
+    """Tests of sums over groups; ``exactly`` works the moments out of those that their sums do not decide.
+
+    Where it gives none, those of largest variance are taken: such a test rejects less often than its level.
+    """
+    controlled = [one for one in summed if one.sums[1] > CONTROLLED]
+    tests = _without_twins(controlled, whole.observations)
+    if not tests:
+        return GroupTests(whole.level, whole.level, (), tuple(found))
+    each = sidak(whole.level, len(tests))
+    return GroupTests(whole.level, each, tuple(_decided(tests, whole, each, exactly)), tuple(found))
+
+
+def undecided(summed: Sequence[Summed], redundancy: int, level: float) -> list[bool]:
+    """Which of the groups need exact moments, each tested with a level."""
+    if not summed:
+        return []
+    omega, some, count, _ = np.stack([one.sums for one in summed], axis=1)
+    some = np.maximum(some, CONTROLLED)
+    rejects = [log_tail(omega, each) < np.log(level) for each in bounds(some, count, float(redundancy))]
+    return [bool(one) for one in rejects[0] != rejects[1]]
+
+
+def exact_moments(quality: Quality, network: Network, one: Summed) -> Moments:
+    """Moments of the part that the observations of one thing have in vᵀPv, all of them being at hand."""
+    partition = partitions(quality.adjustment.problem, network)[one.partition]
+    return moments(_rows(quality, partition, one.number), float(one.sums[1]))
+
+
+def summed_groups(quality: Quality, network: Network, seed: int = 0) -> list[Summed]:
+    """Sums over everything that is tested; those of parts of a network add up, each part having its own ``seed``."""
+    found, several = partitions(quality.adjustment.problem, network), sets_beside_others(network)
+    return [one for one in _summed(quality, found, seed) if one.of != "set" or one.name in several]
+
+
+def _summed(quality: Quality, found: list[Partition], seed: int) -> list[Summed]:
     """Sums over the classes of all partitions."""
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
-    random = np.random.default_rng(1977)
+    random = np.random.default_rng(1977 + seed)
     for number, one in enumerate(quality.groups):
         for first in range(0, len(one.v), ROWS_AT_A_TIME):
             rows = slice(first, first + ROWS_AT_A_TIME)
@@ -120,9 +180,9 @@ def _summed(quality: Quality, found: list[Partition]) -> list[_Summed]:
     for k, partition in enumerate(found):
         _take_out_shared(quality, partition, sums[k])
     return [
-        _Summed(k, c, partition.of, partition.names[c], sums[k][:, c])
+        Summed(k, c, partition.of, partition.names[c], sums[k][:, c])
         for k, partition in enumerate(found)
-        for c in np.flatnonzero(sums[k][1] > CONTROLLED).tolist()
+        for c in np.flatnonzero(sums[k][2] > 0.0).tolist()
     ]
 
 
@@ -171,10 +231,10 @@ def shared_between(quality: Quality, partition: Partition) -> list[tuple[IntArra
 
 
 def _without_twins(
-    summed: list[_Summed], observations: int
-) -> list[tuple[_Summed, tuple[tuple[str, str], ...]]]:
+    summed: list[Summed], observations: int
+) -> list[tuple[Summed, tuple[tuple[str, str], ...]]]:
     """Each set of observations once, with all its names; that of all observations not at all."""
-    twins: dict[tuple[int, float], list[_Summed]] = {}
+    twins: dict[tuple[int, float], list[Summed]] = {}
     for one in summed:
         twins.setdefault((int(one.sums[2]), round(float(one.sums[3]), 7)), []).append(one)
     return [
@@ -185,34 +245,31 @@ def _without_twins(
 
 
 def _decided(
-    quality: Quality,
-    tests: list[tuple[_Summed, tuple[tuple[str, str], ...]]],
-    found: list[Partition],
+    tests: list[tuple[Summed, tuple[tuple[str, str], ...]]],
+    whole: TestedWhole,
     level: float,
+    exactly: Callable[[Summed], Moments | None],
 ) -> list[GroupTest]:
     omega, redundancy, count, _ = np.stack([one.sums for one, _ in tests], axis=1)
-    limit, both = float(np.log(level)), bounds(redundancy, count, float(quality.redundancy))
+    limit, both = float(np.log(level)), bounds(redundancy, count, float(whole.redundancy))
     rejects = [log_tail(omega, some) < limit for some in both]
     decided = []
     for k, (one, also) in enumerate(tests):
         numbers = int(count[k]), float(redundancy[k]), float(omega[k])
-        if rejects[0][k] == rejects[1][k]:
-            some = Moments(*(part[k : k + 1] for part in both[int(rejects[0][k])]))
-        else:
-            some = moments(_rows(quality, found[one.partition], one.number), numbers[1])
+        known = exactly(one) if rejects[0][k] != rejects[1][k] else None
+        least = rejects[0][k] == rejects[1][k] and not rejects[0][k]
+        some = known or Moments(*(part[k : k + 1] for part in both[0 if least else 1]))
         log_p = float(log_tail(omega[k : k + 1], some)[0])
         test = GroupTest(
             one.partition, one.number, one.of, one.name, also, *numbers, some, log_p, log_p < limit
         )
-        decided.append(
-            replace(test, log_p_beside_rest=_beside_rest(quality, test)) if test.rejected else test
-        )
+        decided.append(replace(test, log_p_beside_rest=_beside_rest(whole, test)) if test.rejected else test)
     return decided
 
 
-def _beside_rest(quality: Quality, test: GroupTest) -> float:
+def _beside_rest(whole: TestedWhole, test: GroupTest) -> float:
     """ln of the two-sided probability of F(freedom, rest)."""
-    rest, rest_omega = quality.redundancy - test.redundancy, quality.omega - test.omega
+    rest, rest_omega = whole.redundancy - test.redundancy, whole.omega - test.omega
     if rest <= CONTROLLED or rest_omega <= 0.0:
         return 0.0
     ratio, freedom = test.omega / test.redundancy / (rest_omega / rest), test.freedom

@@ -68,7 +68,15 @@ def components(quality: Quality, method: Method = "simplified") -> Components:
     A group whose component comes out negative, which Helmert's estimate allows, has neither factor nor σ.
     """
     redundancy = group_sums(quality)[1]
-    found = _estimate(quality, method, redundancy >= _REPORTED)
+    return _told(_estimate(quality, method, redundancy >= _REPORTED))
+
+
+def components_of_sums(omega: FloatArray, redundancy: FloatArray) -> Components:
+    """The simplified ones of groups (g,) of which the parts of vᵀPv and Σr are known."""
+    return _told(_simplified(omega, redundancy, redundancy >= _REPORTED))
+
+
+def _told(found: _Estimate) -> Components:
     possible = found.variances >= 0.0
     factors = np.sqrt(np.where(possible, found.variances, 1.0))
     sigma = np.where(possible, factors * found.spread, np.nan)
@@ -127,6 +135,10 @@ def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estima
             variances[estimated] = inverse @ (omega[estimated] - rest.sum(axis=1))
             spread[estimated] = np.sqrt(0.5 * np.diagonal(inverse))
             return _Estimate(variances, spread, "helmert")
+    return _simplified(omega, redundancy, estimated)
+
+
+def _simplified(omega: FloatArray, redundancy: FloatArray, estimated: BoolArray) -> _Estimate:
     safe = np.where(estimated, redundancy, np.nan)
     return _Estimate(np.where(estimated, omega / safe, 1.0), 1.0 / np.sqrt(2.0 * safe), "simplified")
 

@@ -13,6 +13,8 @@ from mor.escapes import escaped
 from mor.quality.tests.test_statistics import GlobalTest
 from mor.report.columns import paragraphs
 from mor.report.layout import fixed, heading, short, table
+from mor.report.text import checks
+from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
 SCHEMA = "mor domains 1"
@@ -28,10 +30,21 @@ class Solution:
     test: GlobalTest
     critical: float
     flagged: int
-    groups: pl.DataFrame
+    groups: list[dict[str, Any]]
     cameras: list[dict[str, Any]]
     worst: pl.DataFrame
     """Rows of the table of residuals."""
+    verdict: dict[str, Any]
+    reliability: dict[str, Any] | None
+    checks: list[dict[str, Any]]
+    """As ``results.json`` has them."""
+    length: str
+    """Unit of lengths."""
+
+    @property
+    def accepted(self) -> bool:
+        """True where the global test and the tests of all groups accept."""
+        return self.test.accepted and not self.verdict["rejected"]
 
 
 @dataclass(frozen=True)
@@ -99,7 +112,7 @@ def _of_solution(one: Solution) -> dict[str, Any]:
         },
         "critical": one.critical,
         "flagged": one.flagged,
-        "groups": one.groups.to_dicts(),
+        "groups": one.groups,
         "cameras": one.cameras,
         "worst": one.worst.head(_LISTED).to_dicts(),
     }
@@ -110,7 +123,14 @@ def as_text(summary: Summary, words: Words = ENGLISH) -> str:
     sections = [_head(summary, words)]
     if summary.solution is not None:
         one = summary.solution
-        sections += [_groups(one, words), _cameras(one, words), _worst(one, words)]
+        sections += [
+            checks.section_of(one.checks, one.length, words),
+            sentences.section_of(one.verdict, words),
+            words_of_reliability.section_of(one.reliability, one.length, words),
+            _groups(one, words),
+            _cameras(one, words),
+            _worst(one, words),
+        ]
     sections += [_iterations(summary, words), _domains(summary, words)]
     return escaped("\n\n".join(section for section in sections if section) + "\n")
 
@@ -136,25 +156,28 @@ def _head(summary: Summary, words: Words) -> str:
 
 
 def verdict(summary: Summary, words: Words) -> str:
-    """One sentence of what came out."""
+    """What came out, in a few sentences."""
     one = summary.solution
     if one is None:
         said = words("No solution: {reason}.", reason=words.told(summary.reason or summary.outcome))
         names = ", ".join(summary.loose[:12])
         return f"{said} {words('Not determined: {names}.', names=names)}" if names else said
+    count, limit = one.flagged, fixed(one.critical, 2)
     if not one.test.accepted:
-        return words(
+        told = words(
             "The adjustment converged; the global test rejects. "
             "{count:observation exceeds|observations exceed} |w| = {limit}.",
-            count=one.flagged,
-            limit=fixed(one.critical, 2),
+            count=count,
+            limit=limit,
         )
-    return words(
-        "The adjustment converged; the global test accepts. "
-        "{count:observation exceeds|observations exceed} |w| = {limit}.",
-        count=one.flagged,
-        limit=fixed(one.critical, 2),
-    )
+    else:
+        told = words(
+            "The adjustment converged; the global test accepts. "
+            "{count:observation exceeds|observations exceed} |w| = {limit}.",
+            count=count,
+            limit=limit,
+        )
+    return " ".join([told, *sentences.contradictions(one.verdict, words)])
 
 
 def _groups(one: Solution, words: Words) -> str:
@@ -168,7 +191,7 @@ def _groups(one: Solution, words: Words) -> str:
             fixed(row["largest_w"], 2),
             str(row["flagged"]),
         ]
-        for row in one.groups.to_dicts()
+        for row in one.groups
     ]
     headers = ["group", "type", "observations", "sum r", "sigma0", "largest w", "flagged"]
     return f"{heading(words('Observation groups'))}\n{table(headers, rows, 2, words)}"

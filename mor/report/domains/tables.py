@@ -12,9 +12,10 @@ from typing import Literal
 
 import polars as pl
 
-from mor.project.tables.guarded import csv_lines
+from mor.project.tables.guarded import csv_lines, plain_column
 from mor.report.results.folder import Writer
 from mor.report.tables.files import table_writer
+from mor.report.tables.observations import SCHEMA
 
 Kind = Literal["csv", "parquet"]
 
@@ -52,6 +53,20 @@ def _with_sums(frame: pl.DataFrame, sums: pl.DataFrame, name: str) -> pl.DataFra
         }
     columns = [pl.when(known).then(value).otherwise(pl.col(key)).alias(key) for key, value in new.items()]
     return joined.with_columns(columns).select(frame.columns)
+
+
+def read_parts(folder: Path) -> pl.DataFrame:
+    """All rows of a table in parts."""
+    files = sorted(file for file in folder.iterdir() if file.suffix in (".csv", ".parquet"))
+    read = [pl.read_parquet(file) if file.suffix == ".parquet" else read_residuals(file) for file in files]
+    return pl.concat(read)
+
+
+def read_residuals(path: Path) -> pl.DataFrame:
+    """A part of the table of residuals as CSV."""
+    frame = pl.read_csv(path, schema_overrides=SCHEMA, infer_schema_length=None)
+    texts = frame.select(pl.col(pl.String).fill_null(""))
+    return frame.with_columns(*map(plain_column, texts))
 
 
 def writers(folder: Path, names: Sequence[str], kind: Kind) -> dict[str, Writer]:

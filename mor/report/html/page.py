@@ -14,6 +14,7 @@ from mor.parameters.kinds import INTERIORS
 from mor.report.html.derived import checked_coordinates, control_table, deviations
 from mor.report.html.figures.camera import camera_figures
 from mor.report.html.figures.layout import small_unit
+from mor.report.html.figures.overlap import overlap, overlap_map
 from mor.report.html.figures.tests import test_figures
 from mor.report.html.library import chart_library
 from mor.report.html.page_data import PageData, page_data
@@ -35,6 +36,7 @@ SCRIPTS = (
     "overlays.js",
     "images.js",
     "multiples.js",
+    "overlap.js",
     "main.js",
 )
 MOST_LISTED = 200
@@ -74,11 +76,13 @@ def page(view: View, words: Words = ENGLISH) -> str:
     figures: dict[str, Any] = dict(test_figures(data))
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
+    covered = overlap_map(overlap(view, data.rays))
     template = environment().get_template("page.html.j2")
     return template.render(
         **_content(data),
         figures=figures,
-        payload=Markup(payload(data, figures)),
+        overlap=covered is not None,
+        payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
         style=Markup(asset("page.css")),
         running=running_heads(

@@ -8,9 +8,11 @@ import numpy as np
 import polars as pl
 
 from mor.quality.tests.test_statistics import comparable
+from mor.report.html.ellipsoids import directions_of_semi_axes
 from mor.report.html.packing import Packer
 from mor.report.html.page_data import PageData
-from mor.report.html.sights import detectable_effects, relative_ellipses, sights, with_given
+from mor.report.html.sights import detectable_effects, relative_ellipses, scale_of_effects, sights, with_given
+from mor.report.tables.rays import scanned_images
 from mor.report.view import View
 
 MOST_ROWS = 50_000
@@ -48,25 +50,27 @@ RESIDUAL_COLUMNS = (
     *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
 MOST_ELLIPSES = 20_000
-"""Points whose ellipses in plan the page lists."""
+"""Points whose ellipses in plan, and directions of ellipsoids, the page lists."""
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
-def payload(data: PageData, figures: dict[str, Any]) -> str:
-    """Everything the page draws, packed."""
+def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None = None) -> str:
+    """Everything the page draws, packed; ``overlap`` is that of :func:`mor.report.html.figures.overlap.overlap_map`."""
     view, packer = data.view, Packer()
     worst = worst_first(view)
-    vectors = shown_vectors(data.measured)
+    vectors, effects = shown_vectors(data.measured), detectable_effects(view)
     head = {
-        "meta": meta(data),
+        "meta": {**meta(data), "effects_scale": scale_of_effects(view, effects)},
         "figures": figures,
+        "overlap": overlap,
         "points": packer.table(_to_sigma(_points(data)), _EXACT),
         "images": packer.table(_to_sigma(_columns(data.images, IMAGE_COLUMNS)), _EXACT),
         "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
-        "effects": packer.table(detectable_effects(view)),
+        "effects": packer.table(effects),
         "relative": packer.table(relative_ellipses(view)),
+        "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), _EXACT),
         "vectors": packer.table(vectors.drop("unit")),
         "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
     }
@@ -76,8 +80,9 @@ def payload(data: PageData, figures: dict[str, Any]) -> str:
 def _points(data: PageData) -> pl.DataFrame:
     """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
     points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
-    plane = [name for name in points.columns if name.startswith("ellipse_")]
-    return points.drop(plane) if points.height > MOST_ELLIPSES else points
+    if points.height > MOST_ELLIPSES:
+        return points.drop(name for name in points.columns if name.startswith("ellipse_"))
+    return points.hstack(directions_of_semi_axes(data.view)) if points.height else points
 
 
 def _to_sigma(frame: pl.DataFrame) -> pl.DataFrame:
@@ -125,6 +130,7 @@ def meta(data: PageData) -> dict[str, Any]:
         "datum": data.datum,
         "language": data.words.language,
         "words": dict(data.words.catalogue),
+        "scanned": scanned_images(view),
         "axes": drawn_axes(view.summary["axes"]["xy"]),
         "windows": {
             name: {"x": area.x, "y": area.y, "down": area.down, "known": area.known}

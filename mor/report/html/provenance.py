@@ -36,11 +36,15 @@ def used_in_words(data: PageData) -> str:
 
 
 def datum_in_words(data: PageData) -> str:
-    """The datum that coordinates and σ refer to, and what that means for another epoch."""
+    """The datum that coordinates and σ refer to."""
+    return data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum)
+
+
+def epoch_in_words(data: PageData) -> str:
+    """How it is compared with another epoch, and how it is not."""
     return data.words(
-        "{datum}. Coordinates and σ refer to it. With another epoch: mor compare OTHER THIS --epochs carries both into "
-        "the datum of their common points; bare differences of coordinates of two datums are no movements.",
-        datum=data.datum,
+        "mor compare OTHER THIS --epochs carries both into the datum of their common points and tests the movements; "
+        "bare differences of coordinates of two datums are no movements."
     )
 
 

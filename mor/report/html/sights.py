@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import polars as pl
 
 from mor.report.html.derived import control_table
+from mor.report.html.figures.layout import round_length
+from mor.report.tables.rays import places
 from mor.report.view import View
 
 MOST_SIGHTS = 20_000
+_SHARE = 0.06
+"""Share of the extent that large vectors are drawn with."""
 KINDS = {
     "direction": "directions|^bearing$|angle|vertical_direction",
     "distance": "distance",
@@ -59,24 +64,25 @@ def sights(view: View) -> pl.DataFrame:
 
 
 def detectable_effects(view: View) -> pl.DataFrame:
-    """External reliability of the observations looked at first, (point, dx, dy, dz) by number of point.
+    """External reliability of the points, (point, dx, dy, dz) by number of point."""
+    numbers = pl.DataFrame({"id": view.points["id"].cast(pl.String)}).with_row_index("number")
+    found = view.external.join(numbers, left_on="point", right_on="id", maintain_order="left")
+    return found.select(pl.col("number").cast(pl.Int32).alias("point"), "dx", "dy", "dz")
 
-    The vector is the movement of the point that an error of the size ∇, found with the power asked for, would cause
-    unseen; the estimated error's movement is known, and effects are proportional to errors.
-    """
-    numbers = {str(name): k for k, name in enumerate(view.points["id"])} if view.points.height else {}
-    rows = []
-    for row in view.gross_errors.get("suspicious", []):
-        if row["movement"] and row["error"] and row["nabla"] and str(row["point"]) in numbers:
-            factor = abs(row["nabla"] / row["error"])
-            rows.append((numbers[str(row["point"])], *(factor * part for part in row["movement"])))
-    schema = {"point": pl.Int32, "dx": pl.Float64, "dy": pl.Float64, "dz": pl.Float64}
-    return pl.DataFrame(rows, schema=schema, orient="row")
+
+def scale_of_effects(view: View, effects: pl.DataFrame) -> float:
+    """Enlargement with which large ones of the vectors take a share of the extent of the network."""
+    sizes = np.linalg.norm(effects.select("dx", "dy", "dz").to_numpy(), axis=1)
+    extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) if view.points.height else 0.0
+    large = float(np.quantile(sizes, 0.9)) if len(sizes) else 0.0
+    return round_length(_SHARE * extent / large) if large > 0.0 and extent > 0.0 else 1.0
 
 
 def relative_ellipses(view: View) -> pl.DataFrame:
     """Relative ellipses of the pairs that were asked for: numbers of the points, a, b, direction of a in plan."""
-    numbers = {str(name): k for k, name in enumerate(view.points["id"])} if view.points.height else {}
+    asked = {name for row in view.relative for name in (row["from"], row["to"])}
+    names = view.points["id"].to_list() if asked else []
+    numbers = {str(name): k for k, name in enumerate(names) if str(name) in asked}
     rows = [
         (numbers[row["from"]], numbers[row["to"]], row["a"], row["b"], *row["direction"])
         for row in view.relative

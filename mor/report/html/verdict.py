@@ -12,7 +12,7 @@ from mor.errors import Undeterminable
 from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
-from mor.report.html.provenance import datum_in_words, help_in_words, used_in_words
+from mor.report.html.provenance import datum_in_words, epoch_in_words, help_in_words, used_in_words
 from mor.report.tables.worst import component_of
 from mor.report.text.gross_errors.hypotheses import sentence
 from mor.report.text.gross_errors.suspects import sentences
@@ -38,6 +38,8 @@ class Statement(NamedTuple):
     state: str
     title: str
     words: str
+    link: str = ""
+    """Section of the page, or table of it, that has more."""
 
 
 def statements(data: PageData) -> list[Statement]:
@@ -104,10 +106,20 @@ def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
     say = data.words
     return [
-        Statement(PLAIN, say("Datum"), datum_in_words(data)),
-        Statement(PLAIN, say("What was used"), used_in_words(data)),
-        Statement(PLAIN, say("What would help"), help_in_words(data)),
+        Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
+        _another_epoch(data),
+        Statement(PLAIN, say("What was used"), used_in_words(data), "files"),
+        Statement(PLAIN, say("What would help"), help_in_words(data), "points"),
     ]
+
+
+def _another_epoch(data: PageData) -> Statement:
+    """Whether it may be compared with another epoch."""
+    say, accepted = data.words, data.view.summary["global_test"]["accepted"]
+    if accepted and headline(data).state != BAD:
+        return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
+    first = say("Not yet: this one is not accepted, and movements would be tested with σ that do not hold.")
+    return Statement(DOUBT, say("Another epoch"), f"{first} {epoch_in_words(data)}")
 
 
 def _causes(data: PageData) -> list[Statement]:
@@ -185,7 +197,7 @@ def _global(data: PageData) -> Statement | None:
             "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
         )
     state = GOOD if test["accepted"] else BAD if larger else DOUBT
-    return Statement(state, say("Global test"), f"{advice} {numbers}")
+    return Statement(state, say("Global test"), f"{advice} {numbers}", "key-figures")
 
 
 def _groups(data: PageData) -> Statement | None:
@@ -206,7 +218,7 @@ def _groups(data: PageData) -> Statement | None:
         ]
     found += said_conventions(tested, say)
     state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
-    return Statement(state, say("Tests of groups"), " ".join(found)) if found else None
+    return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
 
 
 def _worst(data: PageData) -> Statement | None:
@@ -230,7 +242,7 @@ def _worst(data: PageData) -> Statement | None:
     )
     many = summary["flagged"] > expected + 3.0 * np.sqrt(max(expected, 1.0))
     state = GOOD if not summary["flagged"] else BAD if many else DOUBT
-    return Statement(state, say("Single observations"), sentence)
+    return Statement(state, say("Single observations"), sentence, "residuals")
 
 
 def place(row: dict[str, Any]) -> str:
@@ -255,7 +267,7 @@ def _controlled(data: PageData) -> Statement | None:
     if found is not None:
         words = " ".join([words, *_uncontrolled(found, say)])
     state = DOUBT if low > 0.05 * used.height or free else GOOD
-    return Statement(state, say("Reliability"), words)
+    return Statement(state, say("Reliability"), words, "tests")
 
 
 def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
@@ -281,7 +293,7 @@ def _checks(data: PageData) -> Statement | None:
         unit=worst["unit"],
         beyond=beyond,
     )
-    return Statement(DOUBT if beyond else GOOD, say("Checks kept out"), words)
+    return Statement(DOUBT if beyond else GOOD, say("Checks kept out"), words, "control")
 
 
 def _points(data: PageData) -> Statement | None:
@@ -302,7 +314,7 @@ def _points(data: PageData) -> Statement | None:
     if worst["ellipsoid_a"]:
         axis = f"{factor * worst['ellipsoid_a']:.3g}"
         words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
-    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}")
+    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
 
 
 def _geometry(data: PageData) -> Statement | None:
@@ -319,7 +331,7 @@ def _geometry(data: PageData) -> Statement | None:
         limit=f"{_NARROW[data.angle_unit]:g}",
         unit=data.angle_unit,
     )
-    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words)
+    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")
 
 
 def _cameras(data: PageData) -> list[Statement]:
@@ -347,7 +359,7 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         )
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
     doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
-    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words)
+    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
 
 
 def _insignificant(name: str, component: dict[str, Any]) -> bool:

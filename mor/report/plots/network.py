@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.report.html.ellipsoids import covariances
 from mor.report.html.figures.layout import round_length, small_unit
 from mor.report.html.payload import drawn_axes
 from mor.report.palette import BLUE, GREY, ORANGE, RED
-from mor.report.plots.overlays import draw_effects, draw_given, draw_relative, draw_sights
+from mor.report.plots.labels import draw_names
+from mor.report.plots.overlays import draw_effects, draw_given, draw_paths, draw_relative, draw_sights
 from mor.report.plots.sheet import scale_bar, sheet
 from mor.report.tables.rays import centres, places, rays_of
 from mor.report.view import View
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_RAYS = 5000
-_MOST_LABELS = 40
 _SHARE = 0.03
 """Share of the extent that a large ellipse is drawn with."""
 
@@ -38,10 +39,12 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
         x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
         axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
     draw_sights(view, axes, chosen, words)
+    draw_paths(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
     _finish(view, axes, words)
+    draw_names(view, axes, chosen)
     return figure
 
 
@@ -52,7 +55,7 @@ CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
 def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figure:
     """Error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
 
-    With the relative ellipses that the project asks for, and the external reliability of what is looked at first.
+    With the relative ellipses that the project asks for, and the external reliability of the points.
     """
     from matplotlib.collections import LineCollection
 
@@ -80,7 +83,7 @@ def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figur
         )
         draw_relative(view, axes, chosen, drawn, words)
         axes.autoscale_view()
-        draw_effects(view, axes, chosen, scale, words)
+        draw_effects(view, axes, chosen, words)
         _finish(view, axes, words)
         length = round_length(0.1 * extent / scale)
         unit, finer = small_unit(view.length, length)
@@ -89,18 +92,8 @@ def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figur
         )
     else:
         _finish(view, axes, words)
+    draw_names(view, axes, chosen)
     return figure
-
-
-def covariances(view: View) -> FloatArray:
-    """(n, 3, 3) covariance matrices of the table of points."""
-    points = view.points.fill_null(0.0)
-    sigma = points.select("sx", "sy", "sz").to_numpy()
-    matrix = np.tile(np.eye(3), (points.height, 1, 1))
-    for name, (i, j) in {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}.items():
-        matrix[:, i, j] = matrix[:, j, i] = points[name].to_numpy()
-    covariance: FloatArray = matrix * sigma[:, :, None] * sigma[:, None, :]
-    return covariance
 
 
 def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> FloatArray:
@@ -151,9 +144,6 @@ def _frames(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
 def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     xyz = places(view)[:, chosen]
     axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label=words("points"), zorder=4)
-    if view.points.height <= _MOST_LABELS:
-        for name, place in zip(view.points["id"], xyz, strict=True):
-            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
 
 
 def _finish(view: View, axes: Axes, words: Words) -> None:

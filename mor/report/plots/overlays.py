@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mor.arrays import FloatArray
-from mor.report.html.sights import detectable_effects, relative_ellipses, sights, with_given
+from mor.report.html.sights import detectable_effects, relative_ellipses, scale_of_effects, sights, with_given
 from mor.report.palette import BLUE, GREEN, GREY, ORANGE, RED
 from mor.report.tables.rays import places
 from mor.report.view import View
@@ -39,6 +39,17 @@ def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None
         if 0 < len(pairs) <= _MOST:
             x, y = _lines(xyz[pairs[:, 0]], xyz[pairs[:, 1]])
             axes.plot(x, y, line, color=colour, lw=width, label=words(name), zorder=1.5)
+
+
+def draw_paths(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """Paths of instruments: knots of trajectories one after the other, a line for each stretch."""
+    if not view.trajectories.height:
+        return
+    stretches = view.trajectories.partition_by("trajectory", "stretch", maintain_order=True)
+    for number, knots in enumerate(stretches):
+        xyz = knots.select("x", "y", "z").to_numpy()[:, chosen]
+        label = words("trajectories") if number == 0 else None
+        axes.plot(xyz[:, 0], xyz[:, 1], color=ORANGE, lw=1.2, label=label, zorder=2)
 
 
 def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
@@ -79,11 +90,12 @@ def draw_relative(view: View, axes: Axes, chosen: list[int], scale: float, words
         axes.plot(line[:, 0], line[:, 1], color=GREEN, lw=0.8, label=label, zorder=3)
 
 
-def draw_effects(view: View, axes: Axes, chosen: list[int], scale: float, words: Words) -> None:
-    """External reliability of the observations looked at first: where an error that stays unseen moves their point."""
+def draw_effects(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """External reliability of the points: where an error that stays unseen moves them."""
     found = detectable_effects(view)
     if not found.height:
         return
+    scale = scale_of_effects(view, found)
     start = places(view)[found["point"].to_numpy()][:, chosen]
     vectors = scale * found.select("dx", "dy", "dz").to_numpy()[:, chosen]
     label = words("external reliability × {scale}", scale=f"{scale:g}")

@@ -75,14 +75,14 @@ def save(figure: Figure, path: Path) -> None:
     if suffix not in FORMATS:
         words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
         raise InputError([Problem(words, str(path))])
-    _spell_out(figure)
+    spell_out(figure)
     with warnings.catch_warnings():
         # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
         warnings.filterwarnings("ignore", message="Glyph")
         figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
 
 
-def _spell_out(figure: Figure) -> None:
+def spell_out(figure: Figure) -> None:
     """Names with control characters, which no picture may contain as they are, or longer than a sheet is wide."""
     from matplotlib.text import Text
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mor.approximate.growth.strategy import Approximation
+from mor.approximate.approximation import Approximation
 from mor.arrays import FloatArray, IntArray
 from mor.project.network.build import Network
 from mor.report.html.payload import drawn_axes

@@ -28,6 +28,7 @@ RESULT_FILES = (
     "residuals",
     "undetermined.csv",
     "reference.csv",
+    "external_reliability.csv",
     "adjusted.yaml",
     "start_*.csv",
     "given_*.csv",

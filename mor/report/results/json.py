@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from mor.report.tables.gross_errors.hypotheses import hypotheses
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.trajectories.table import boresight_rows, knot_table
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
 
@@ -56,6 +58,8 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
         "images": _with_interiors(_rows(images, beside), solved),
         "motions": motion_table(solved).to_dicts(),
         "epochs": epoch_rows(solved),
+        "trajectories": _rows(knot_table(solved), beside) if solved.network.trajectories else [],
+        "boresights": boresight_rows(solved),
         "cameras": interior_rows(solved),
         "stations": station_table(solved).to_dicts(),
         "systems": system_table(solved).to_dicts(),
@@ -89,11 +93,18 @@ def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list
     """Images with the interior orientation they have of their own."""
     if images is None:
         return None
-    interiors = _image_interiors(solved)
+    interiors = image_interiors(solved)
+    return with_interiors(images, interiors)
+
+
+def with_interiors(
+    images: list[dict[str, Any]], interiors: Mapping[str, dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """The same with those interiors, by image."""
     return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
 
 
-def _image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
+def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
     """Components of the interior orientation that an image has of its own, by image, where it has some."""
     images, cameras = solved.network.things["image"], solved.network.project.cameras
     found = {}

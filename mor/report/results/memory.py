@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import Literal
 
 from mor.project.network.build import Network
+from mor.report.results.json import INLINE
 
 _LIBRARIES = 30e6
 _ROWS_TOGETHER = 500_000
 """Rows of the long table that are in memory at a time."""
 _OF_ROW = 120
-_PAGE = 30e6
+_PAGE = 15e6
 _OF_RAY_ON_PAGE, _OF_OTHER_ON_PAGE = 1200, 1000
 """Bytes of a row of the network beside the adjustment: in the tables, and on the page."""
+_OF_LISTED = 5_500
+"""Bytes of a point that ``results.json`` lists, as Python objects."""
 FEWER = "--no-html, and --tables worst"
 """Advice."""
 
@@ -21,7 +24,8 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
     """Bytes that reports and tables take beside the adjusted network."""
     rays = sum(group.count for group in network.groups if len(group.type.components) == 2)
     others = sum(group.count for group in network.groups) - rays
-    size = _LIBRARIES
+    points = len(network.things["point"].ids)
+    size = _LIBRARIES + _OF_LISTED * (points if points <= INLINE else 0)
     if tables == "all" or html:
         size += _OF_ROW * min(rays + others, _ROWS_TOGETHER)
     if html:

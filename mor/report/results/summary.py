@@ -2,44 +2,82 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mor import __version__
+from mor.adjustment.state import Iteration
+from mor.project.file.model import Project
 from mor.project.network.entities import said_thing
 from mor.quality.diagnosis.singularities import weakness
 from mor.quality.reliability.reliability_map import uncontrolled_count
 from mor.quality.solved import Solved
-from mor.report.edge import angle_unit
+from mor.report.edge import angle_unit_of
 from mor.report.tables.undeterminable import undeterminable_rows
 
 SCHEMA = "mor-results"
 SCHEMA_VERSION = 2
 
 
+class Ended(NamedTuple):
+    """How an adjustment ended, as a whole."""
+
+    outcome: str
+    reason: str
+    solution: bool
+    observations: int
+    unknowns: int
+    movements: Sequence[str]
+    datum: str
+    iterations: Sequence[Iteration]
+
+
 def summary(solved: Solved) -> dict[str, Any]:
     """Outcome, counts, σ0, global test, datum, conventions."""
-    adjustment, project = solved.adjustment, solved.network.project
+    adjustment = solved.adjustment
+    ended = Ended(
+        adjustment.outcome.value,
+        adjustment.reason,
+        solved.quality is not None,
+        adjustment.problem.observations,
+        adjustment.problem.index.count,
+        adjustment.defect.movements,
+        adjustment.problem.datum.name,
+        adjustment.iterations,
+    )
+    things = undeterminable_rows(solved)
+    return summary_of(solved.network.project, ended, _undetermined(solved), things, statistics(solved))
+
+
+def summary_of(
+    project: Project,
+    ended: Ended,
+    undetermined: list[dict[str, Any]],
+    undeterminable: list[dict[str, Any]],
+    numbers: dict[str, Any],
+) -> dict[str, Any]:
+    """The same of an adjustment with its ``numbers`` as :func:`statistics` has them."""
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
         "program": f"mor {__version__}",
         "title": project.title,
-        "units": {"length": project.units.length, "angle": angle_unit(solved)},
+        "units": {"length": project.units.length, "angle": angle_unit_of(project)},
         "axes": project.axes.model_dump(),
-        "outcome": adjustment.outcome.value,
-        "reason": adjustment.reason,
-        "solution": solved.quality is not None,
-        "iterations": len(adjustment.iterations),
-        "observations": adjustment.problem.observations,
-        "unknowns": adjustment.problem.index.count,
-        "defect": int(adjustment.defect.datum.shape[1]),
-        "movements": list(adjustment.defect.movements),
-        "undetermined": _undetermined(solved),
-        "undeterminable": undeterminable_rows(solved),
-        "datum": adjustment.problem.datum.name,
-        **_statistics(solved),
+        "outcome": ended.outcome,
+        "reason": ended.reason,
+        "solution": ended.solution,
+        "iterations": len(ended.iterations),
+        "observations": ended.observations,
+        "unknowns": ended.unknowns,
+        "defect": len(ended.movements),
+        "movements": list(ended.movements),
+        "undetermined": undetermined,
+        "undeterminable": undeterminable,
+        "datum": ended.datum,
+        **numbers,
         "iteration_log": [
             {
                 "number": step.number,
@@ -47,7 +85,7 @@ def summary(solved: Solved) -> dict[str, Any]:
                 "largest_change": step.largest_change,
                 "damping": step.damping,
             }
-            for step in adjustment.iterations
+            for step in ended.iterations
         ],
     }
 
@@ -62,16 +100,17 @@ def _undetermined(solved: Solved) -> list[dict[str, Any]]:
     ]
 
 
-def _statistics(solved: Solved) -> dict[str, Any]:
+NO_STATISTICS: dict[str, Any] = dict.fromkeys(
+    ("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged")
+)
+"""What :func:`statistics` says where there is no solution."""
+
+
+def statistics(solved: Solved) -> dict[str, Any]:
+    """Redundancy, σ0, global test and what the tests of single observations count."""
     quality = solved.quality
     if quality is None:
-        return {
-            "redundancy": None,
-            "redundancy_sum": None,
-            "sigma0": None,
-            "global_test": None,
-            "flagged": None,
-        }
+        return NO_STATISTICS
     apriori = solved.network.project.settings.sigma0
     aposteriori = apriori * quality.sigma0
     test = quality.global_test

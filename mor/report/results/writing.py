@@ -32,6 +32,9 @@ from mor.report.tables.shared import forget
 from mor.report.tables.undeterminable import FILE, undeterminable_rows, undeterminable_table
 from mor.report.tables.worst import worst_residuals
 from mor.report.text_report import text_report
+from mor.report.trajectories.table import knot_table
+from mor.report.verdict.external_reliability import FILE as EXTERNAL
+from mor.report.verdict.external_reliability import external_reliability
 from mor.report.words.language import LANGUAGES, words_of, words_of_page
 
 PROJECT = "project.yaml"
@@ -86,7 +89,7 @@ def write_results(
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
     starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    starts |= _undeterminable(solved)
+    starts |= _undeterminable(solved) | _external(solved, choice)
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, of, names, choice).items()}
         reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
@@ -107,6 +110,13 @@ def _undeterminable(solved: Solved) -> dict[str, Writer]:
     """The table of what nothing determines, where there is any."""
     rows = undeterminable_rows(solved)
     return {FILE: table_writer(undeterminable_table(rows))} if rows else {}
+
+
+def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
+    """The table of the external reliability of points, where there is any, and tables are wanted at all."""
+    if solved.quality is None or choice.tables == "none" or not external_reliability(solved).height:
+        return {}
+    return {EXTERNAL: lambda path: table_writer(external_reliability(solved))(path)}
 
 
 def _reports(
@@ -163,6 +173,8 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     if found_movements(solved) is not None:
         tables["motions"] = lambda path: table_writer(motion_table(solved), kind)(path)
         tables["movements"] = lambda path: table_writer(movement_rows(solved), kind)(path)
+    if solved.network.trajectories:
+        tables["trajectories"] = lambda path: table_writer(knot_table(solved), kind)(path)
     if solved.network.world is not None:
         tables["places"] = lambda path: table_writer(place_table(solved), kind)(path)
     if choice.tables == "all":

@@ -21,14 +21,15 @@ from mor.project.file.model import Observations
 from mor.project.file.nodes import Document
 from mor.project.motion.model import AT
 from mor.project.network.build import Network
+from mor.project.observations.atmosphere import AIR
 from mor.project.tables.columns import Place, Source
 from mor.project.tables.sources import from_file, from_rows
 from mor.quality.simulation.planted import Planted
 from mor.report.edge import said, said_differences, said_values
-from mor.report.results.adjusted.adjusted_project import adjusted_project
+from mor.report.results.adjusted.adjusted_project import adjusted_project, grids_moved
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.tables.observations import named_places
-from mor.units import ANGLE, ANGLE_UNITS, LENGTH
+from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
 
 _OF_VALUES = ("parameter", "difference")
 
@@ -39,7 +40,7 @@ def simulated_project(
     """YAML text of a project with the observations of the network, to stand in ``target``, and its tables.
 
     ``source`` is the folder of the original project; start values are those of the ``place``. Rows without any value
-    are left out.
+    are left out. Simulated distances are corrected for the air already, and their tables have none.
     """
     text_of: dict[str, Any] = {}
     tables: dict[str, pl.DataFrame] = {}
@@ -63,6 +64,8 @@ def simulated_project(
             data[section] = {
                 name: _with_observed(network, section[:-1], name, one) for name, one in data[section].items()
             }
+    if data.get("world"):
+        data["world"] = grids_moved(data["world"], source, target)
     data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
     begun = replace(document, data=data)
     text, starts = adjusted_project(Placed(network, place), begun, target, target)
@@ -89,7 +92,7 @@ def _simulated(
 ) -> dict[str, Any]:
     """An entry whose table stands in a file of its own, with simulated values."""
     found = _raw(document, source, section, number, entry)
-    columns = {name: cells.cast(pl.String) for name, cells in found.columns.items()}
+    columns = {name: cells.cast(pl.String) for name, cells in found.columns.items() if name not in AIR}
     label = entry.name or entry.file or f"{entry.type} {number + 1}"
     mine = [
         group
@@ -120,8 +123,10 @@ def _simulated(
     for key in ("rows", "columns", "delimiter", "file", "values", "units"):
         data.pop(key, None)
     data |= {"name": label, "file": name}
-    constants = {key: text for key, text in entry.values.items() if key not in {*measured, *values}}
-    units = _units(network, entry, [*columns, *constants], measured)
+    constants = {key: text for key, text in entry.values.items() if key not in {*measured, *values, *AIR}}
+    type_ = mine[0].type if mine else PLAIN_TYPES.get(entry.type)
+    components = {one.name: one.quantity for one in type_.components} if type_ is not None else {}
+    units = _units(network, entry, components, [*columns, *constants], measured)
     covariance = data.get("covariance")
     if isinstance(covariance, str):
         data["covariance"] = str((source / covariance).resolve())
@@ -193,24 +198,27 @@ def _raw(document: Document, source: Path, section: str, number: int, entry: Obs
 
 
 def _units(
-    network: Network, entry: Observations, names: Sequence[str], measured: dict[str, str]
+    network: Network,
+    entry: Observations,
+    components: dict[str, Quantity],
+    names: Sequence[str],
+    measured: dict[str, str],
 ) -> dict[str, str]:
     """Units of the columns that stay as they are given, and of those that are simulated."""
     if not isinstance(entry.units, str):
         units = {key: unit for key, unit in entry.units.items() if key in names}
     else:
-        units = {name: entry.units for name in names if _fits(network, entry, name)}
+        units = {name: entry.units for name in names if _fits(network, entry, components, name)}
     return {**units, **{name: unit for name, unit in measured.items() if unit not in ("", "1")}}
 
 
-def _fits(network: Network, entry: Observations, name: str) -> bool:
+def _fits(network: Network, entry: Observations, components: dict[str, Quantity], name: str) -> bool:
     """True for a column of numbers that the one unit of all columns fits."""
     if entry.type == "image":
         return name.startswith("sigma")
     if name.endswith("_height"):
         quantity = LENGTH
-    elif name.startswith(("sigma", "cov_")) and entry.type in PLAIN_TYPES:
-        components = {one.name: one.quantity for one in PLAIN_TYPES[entry.type].components}
+    elif name.startswith(("sigma", "cov_")) and components:
         parts = [part for part in name.split("_")[1:] if part in components]
         quantity = components[parts[0]] if parts else next(iter(components.values()))
     else:

@@ -14,7 +14,7 @@ import numpy as np
 
 from mor.adjustment.local_precision import Local, local_precision
 from mor.adjustment.problem import Problem
-from mor.approximate.growth.strategy import Approximation
+from mor.approximate.approximation import Approximation
 from mor.approximate.parts.rule import Rule, rule
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation

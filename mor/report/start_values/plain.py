@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mor.approximate.growth.strategy import Approximation
+from mor.approximate.approximation import Approximation
 from mor.approximate.parts.history import Join
 from mor.project.network.build import Network
 from mor.report.orientation.numbers import number, numbers

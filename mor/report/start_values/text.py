@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mor.approximate.growth.strategy import Approximation
+from mor.approximate.approximation import Approximation
 from mor.approximate.parts.history import Join
 from mor.approximate.parts.rule import Rule
 from mor.report.layout import heading, short, table

@@ -44,7 +44,7 @@ def check_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
-def largest_length_error(solved: Solved) -> float | None:
-    """Largest length measurement error of all check distances, project unit (VDI/VDE 2634)."""
-    errors = [abs(row["largest"]) for row in check_rows(solved) if "distance" in row["type"]]
+def largest_length_error(rows: list[dict[str, Any]]) -> float | None:
+    """Largest length measurement error of all check distances among the checks, project unit (VDI/VDE 2634)."""
+    errors = [abs(row["largest"]) for row in rows if "distance" in row["type"]]
     return float(np.max(errors)) if errors else None

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray, IntArray
+from mor.project.edge import Edge
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors
 from mor.quality.precision.ellipses import error_ellipses, error_ellipsoids
@@ -148,8 +149,13 @@ def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -
 
 def bearings(solved: Solved, azimuth: FloatArray) -> FloatArray:
     """Azimuths (radians, clockwise from north) as the project counts bearings, in its unit, within the circle."""
-    edge, unit = solved.network.edge, ANGLE_UNITS[angle_unit(solved)]
-    return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / unit % (2.0 * _half_circle(solved)))
+    return bearings_of(solved.network.edge, angle_unit(solved), azimuth)
+
+
+def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
+    """The same by the axes of a project and a unit of angles."""
+    size = ANGLE_UNITS[unit]
+    return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
 
 
 def _half_circle(solved: Solved) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
-from mor.observations.names import Names, one_name
+from mor.observations.names import Coded, Names, one_name
 from mor.quality.solved import Solved
 from mor.report.edge import said, said_differences, said_sizes, said_values
 from mor.report.tables.assessed_observations import AssessedGroups, AssessedRows
@@ -41,38 +41,49 @@ SHOWN = (
 
 def observation_table(solved: Solved, columns: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
     """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty where there was no solution."""
-    parts = [table_of(rows).select(columns) for rows in AssessedGroups(solved).pieces()]
+    parts = [table_of(rows, columns) for rows in AssessedGroups(solved).pieces()]
     return pl.concat(parts) if parts else pl.DataFrame(schema={name: SCHEMA[name] for name in columns})
 
 
-def table_of(rows: AssessedRows) -> pl.DataFrame:
-    """Rows of the table for some rows of a group, one for each component that was observed."""
-    group, one = rows.group, rows.one
+def table_of(rows: AssessedRows, wanted: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
+    """Rows of the table for some rows of a group, one for each component that was observed; of it some columns."""
+    group = rows.group
     out = said(group)
     mask = group.mask[:, out.source]
     row, component = np.nonzero(mask)
+    whole = bool(mask.all())
+    number_of = {key: make() for key, make in _numbers(rows).items() if key in wanted}
+    texts = {
+        key: names.column().expression(row) for key, names in named_places(group).items() if key in wanted
+    }
+    texts["component"] = _among([of.name for of in group.type.components]).expression(component)
+    texts["unit"] = _among(out.external.units).expression(component)
+    texts["flag"] = Coded(pl.Series(FLAGS), flags(rows)[mask]).expression(np.arange(len(row)))
+    said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
+    texts = {**{key: pl.lit(text) for key, text in said_of_all.items()}, **texts}
+    frame = pl.DataFrame(
+        {key: values.ravel() if whole else values[mask] for key, values in number_of.items()}
+    )
+    columns = [text.alias(key) for key, text in texts.items()]
+    return frame.with_columns(pl.all().fill_nan(None), *columns).select(wanted)
+
+
+def _among(names: Sequence[str]) -> Coded:
+    return Coded(pl.Series(names, dtype=pl.String), np.arange(len(names)))
+
+
+def _numbers(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
+    """What makes each column of numbers, (k, m), in the units and axes of the project."""
+    group, one = rows.group, rows.one
     observed = said_values(group, group.observed)
-    numbers = {
-        "observed": observed,
-        "adjusted": observed + said_differences(group, one.v),
-        "v": said_differences(group, one.v),
-        "sigma": said_sizes(group, group.given_sigma),
-        "sigma_adjusted": said_sizes(group, _sigma_adjusted(rows)),
+    return {
+        "observed": lambda: observed,
+        "adjusted": lambda: observed + said_differences(group, one.v),
+        "v": lambda: said_differences(group, one.v),
+        "sigma": lambda: said_sizes(group, group.given_sigma),
+        "sigma_adjusted": lambda: said_sizes(group, _sigma_adjusted(rows)),
         **tested_columns(rows),
     }
-    whole = bool(mask.all())
-    columns = {
-        **{key: names.texts().gather(row) for key, names in named_places(group).items()},
-        "component": pl.Series([c.name for c in group.type.components]).gather(component),
-        "unit": pl.Series(out.external.units).gather(component),
-        "flag": pl.Series(FLAGS).gather(flags(rows)[mask]),
-        **{key: values.ravel() if whole else values[mask] for key, values in numbers.items()},
-    }
-    said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
-    literals = [pl.lit(text).alias(key) for key, text in said_of_all.items() if key not in columns]
-    return (
-        pl.DataFrame(columns).with_columns(*literals, pl.col(pl.Float64).fill_nan(None)).select(list(SCHEMA))
-    )
 
 
 def named_places(group: ObservationGroup) -> dict[str, Names]:

@@ -46,9 +46,30 @@ def _numbers(ids: pl.Series, key: str, name: str, first: int) -> pl.DataFrame:
 
 
 def centres(view: View) -> FloatArray:
-    """(n, 3) places the rays start from: projection centres, then stations."""
-    parts = [frame.select("x", "y", "z").to_numpy() for frame in (view.images, view.stations) if frame.height]
+    """(n, 3) places the rays start from: projection centres, then stations; NaN for images that were scanned.
+
+    What was scanned along a trajectory has a place for every line, and that of the table is the first line's.
+    """
+    parts = [
+        frame.select("x", "y", "z").to_numpy().copy()
+        for frame in (view.images, view.stations)
+        if frame.height
+    ]
+    if view.images.height:
+        parts[0][view.images["id"].is_in(scanned_images(view)).to_numpy()] = np.nan
     return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+def scanned_images(view: View) -> list[str]:
+    """Images that line scanners took while they moved along a trajectory."""
+    if not view.trajectories.height:
+        return []
+    lines = [
+        camera["id"]
+        for camera in view.cameras
+        if camera["model"] != "panorama" and (camera.get("format") or {}).get("height") == 1
+    ]
+    return view.images.filter(pl.col("camera").is_in(lines))["id"].to_list()
 
 
 def places(view: View) -> FloatArray:
@@ -92,6 +113,11 @@ def window(camera: dict[str, Any], unit: str, xy: FloatArray) -> Window:
         return Window((float(low[0]), float(high[0])), (float(low[1]), float(high[1])), False, False)
     factor = 1.0 if unit == "px" else size["pixel"] * _per_camera_unit(camera["unit"], unit)
     width, height = size["width"] * factor, size["height"] * factor
+    if size["height"] == 1 and len(xy):  # a line scanner: its images have as many rows as lines were taken
+        across = (0.0, width) if size["origin"] == "corner" else (-width / 2.0, width / 2.0)
+        return Window(
+            across, (float(xy[:, 1].min()), float(xy[:, 1].max())), size["origin"] == "corner", False
+        )
     if size["origin"] == "corner":
         return Window((0.0, width), (0.0, height), True, True)
     return Window((-width / 2.0, width / 2.0), (-height / 2.0, height / 2.0), False, True)

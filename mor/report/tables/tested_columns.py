@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import polars as pl
 
@@ -35,35 +37,47 @@ TESTED = {
 FLAGS = ("", "uncontrolled", "gross", "excluded", "check")
 
 
-def tested_columns(rows: AssessedRows) -> dict[str, FloatArray]:
-    """The columns but for the flag, (k, m) each, in the units, axes and senses of the project; NaN without a test."""
+def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
+    """What makes each of the columns but the flag, (k, m) each, in the units, axes and senses of the project.
+
+    NaN without a test.
+    """
     group, one, tests, quality = rows.group, rows.one, rows.tests, rows.whole
     if quality is None:
-        return {name: np.full(group.observed.shape, np.nan) for name in TESTED if name != "flag"}
+        return {name: lambda: np.full(group.observed.shape, np.nan) for name in TESTED if name != "flag"}
     out = group.left_out
-    r = np.where(out, _as_if_inside(group, one.q_adjusted), one.r)
-    w = np.where(out, rows.test, rows.w)
-    square = np.where(out, np.nan, student_square(rows.test, quality.omega, quality.redundancy))
-    several = np.nan_to_num(one.freedom) > 1.0
-    joint, freedom = (np.where(several, array, np.nan) for array in (one.joint, one.freedom))
-    p_joint = np.exp(log_p_chi2(joint, freedom)) if several.any() else joint
+    freedom = quality.redundancy
     sigma0 = quality.sigma0 if quality.sigma0 > 0.0 else np.nan
+
+    def w() -> FloatArray:
+        return np.where(out, rows.test, rows.w)
+
+    def square() -> FloatArray:
+        return np.where(out, np.nan, student_square(rows.test, quality.omega, freedom))
+
+    def of_several(values: FloatArray) -> FloatArray:
+        return np.where(np.nan_to_num(one.freedom) > 1.0, values, np.nan)
+
     return {
-        "r": said_numbers(group, r),
-        "w": said_signs(group, rows.test),
-        "normalised": said_signs(group, w),
-        "tau": said_signs(group, np.where(out, np.nan, w) / sigma0),
-        "p": said_numbers(group, np.exp(log_p_normal(rows.test))),
-        "t2": said_numbers(group, square),
-        "p_t": said_numbers(group, np.exp(log_p_student(square, quality.redundancy - 1))),
-        "error": said_differences(group, tests.error),
-        "nabla": said_sizes(group, tests.smallest),
-        "external": said_numbers(group, tests.external),
-        "influence": said_signs(group, tests.influence),
-        "joint": said_numbers(group, joint),
-        "joint_freedom": said_numbers(group, freedom),
-        "p_joint": said_numbers(group, p_joint),
+        "r": lambda: said_numbers(group, np.where(out, _as_if_inside(group, one.q_adjusted), one.r)),
+        "w": lambda: said_signs(group, rows.test),
+        "normalised": lambda: said_signs(group, w()),
+        "tau": lambda: said_signs(group, np.where(out, np.nan, w()) / sigma0),
+        "p": lambda: said_numbers(group, np.exp(log_p_normal(rows.test))),
+        "t2": lambda: said_numbers(group, square()),
+        "p_t": lambda: said_numbers(group, np.exp(log_p_student(square(), freedom - 1))),
+        "error": lambda: said_differences(group, tests.error),
+        "nabla": lambda: said_sizes(group, tests.smallest),
+        "external": lambda: said_numbers(group, tests.external),
+        "influence": lambda: said_signs(group, tests.influence),
+        "joint": lambda: said_numbers(group, of_several(one.joint)),
+        "joint_freedom": lambda: said_numbers(group, of_several(one.freedom)),
+        "p_joint": lambda: said_numbers(group, _p_joint(of_several(one.joint), of_several(one.freedom))),
     }
+
+
+def _p_joint(joint: FloatArray, freedom: FloatArray) -> FloatArray:
+    return np.exp(log_p_chi2(joint, freedom)) if np.isfinite(joint).any() else joint
 
 
 def _as_if_inside(group: ObservationGroup, q: FloatArray) -> FloatArray:

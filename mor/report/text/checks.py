@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from mor.quality.solved import Solved
 from mor.report.layout import heading, short, table
 from mor.report.tables.checks import check_rows, largest_length_error
@@ -10,6 +12,11 @@ from mor.report.words.language import ENGLISH, Words
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
     """Deviations of what was kept out, by group and component."""
+    return section_of(check_rows(solved), solved.network.project.units.length, words)
+
+
+def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
+    """The same of checks as :func:`mor.report.tables.checks.check_rows` has them, and a unit of lengths."""
     rows = [
         [
             row["group"],
@@ -19,7 +26,7 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
             *(short(row[key], 4) for key in ("mean", "rms", "largest")),
             str(row["exceeding"]),
         ]
-        for row in check_rows(solved)
+        for row in checks
     ]
     if not rows:
         return ""
@@ -28,9 +35,8 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         heading(words("Checks, kept out of the adjustment (adjusted - known)")),
         table(headers, rows, 3, words),
     ]
-    error = largest_length_error(solved)
+    error = largest_length_error(checks)
     if error is not None:
-        unit = solved.network.project.units.length
         lines.append(
             words(
                 "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}",

@@ -110,7 +110,7 @@ def _snooping(data: dict[str, Any] | None, words: Words, shown: int) -> list[str
     back = len(data["steps"]) - out
     lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
-        lines.append(words("NOT CLEAN: something that is still flagged could not be excluded."))
+        lines.append(words("NOT CLEAN: something is still flagged that was not excluded."))
     lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:shown]]
     rows = [
         [str(step["round"]), step["action"], in_words(step, words), fixed(step["w"], 2)]

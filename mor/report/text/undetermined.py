@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from mor.adjustment.state import Outcome
 from mor.errors import Undeterminable
 from mor.quality.diagnosis.singularities import explain_singularity, turned_about, weakness
+from mor.quality.diagnosis.unsettled import OF_THE_START
 from mor.quality.solved import Solved
 from mor.report.layout import heading, table
 from mor.report.words.language import ENGLISH, Words
@@ -21,6 +22,8 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     weak = weakness(solved, words)
     if weak:
         return "\n".join([heading(words("What is hardly determined")), *weak])
+    if solved.adjustment.reason in OF_THE_START:
+        return ""  # what is singular there is so because of where things were put
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("What is hardly determined")), *turned]) if turned else ""

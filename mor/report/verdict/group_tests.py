@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,27 +25,46 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     judged = solved.verdict
     if solved.quality is None or judged is None:
         return None
-    tests, loose = judged.tests, uncontrolled_count(solved.quality)
+    accepted = solved.accepted if solved.quality.redundancy > 0 else None
+    explanations = [_explanation(solved, one) for one in judged.explained]
+    return rows_of_verdict(
+        judged, accepted, uncontrolled_count(solved.quality), explanations, solved.adjustment.defect.movements
+    )
+
+
+def rows_of_verdict(
+    judged: Verdict,
+    accepted: bool | None,
+    uncontrolled: int,
+    explanations: list[dict[str, Any]],
+    movements: Sequence[str],
+) -> dict[str, Any]:
+    """A verdict with its explanations; ``accepted`` is nothing without redundancy."""
+    tests = judged.tests
     listed = tests.tests if len(tests.tests) <= MOST else tuple(tests.rejected)
     return {
-        "accepted": solved.accepted if solved.quality.redundancy > 0 else None,
-        "says": _says(solved, loose),
-        "uncontrolled": loose,
+        "accepted": accepted,
+        "says": _says(accepted, uncontrolled),
+        "uncontrolled": uncontrolled,
         "level_of_groups": tests.level,
         "level_of_each_group": tests.level_of_each,
         "tests": len(tests.tests),
         "rejected": len(tests.rejected),
         "all_alike": judged.all_alike,
         "groups": [group_test_row(test) for test in listed],
-        "explanations": [_explanation(solved, one) for one in judged.explained],
-        "conventions": _conventions(solved, judged),
+        "explanations": explanations,
+        "conventions": {
+            "movements": list(movements),
+            "scale": "scale" in movements,
+            "fixed_coordinates_uncontrolled": judged.chosen_only,
+        },
     }
 
 
-def _says(solved: Solved, uncontrolled: int) -> str:
-    if solved.quality is None or solved.quality.redundancy == 0:
+def _says(accepted: bool | None, uncontrolled: int) -> str:
+    if accepted is None:
         return "not tested"
-    if not solved.accepted:
+    if not accepted:
         return "not accepted"
     return "accepted, observations uncontrolled" if uncontrolled else "accepted"
 
@@ -100,14 +120,4 @@ def _effect(solved: Solved, effect: CommonEffect, suffices: bool) -> dict[str, A
         "vtpv_falls_by": float(effect.test**2),
         "sigma_factor_left": effect.factor if np.isfinite(effect.factor) else None,
         "suffices": suffices,
-    }
-
-
-def _conventions(solved: Solved, judged: Verdict) -> dict[str, Any]:
-    """What no observation says."""
-    movements = list(solved.adjustment.defect.movements)
-    return {
-        "movements": movements,
-        "scale": "scale" in movements,
-        "fixed_coordinates_uncontrolled": judged.chosen_only,
     }

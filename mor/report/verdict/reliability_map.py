@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mor.arrays import BoolArray, IntArray
 from mor.observations import ObservationGroup
 from mor.quality.assess import Quality
 from mor.quality.reliability.carried_points import carried_points, most_at_a_time
@@ -23,7 +24,7 @@ NAMED = 200
 """Uncontrolled observations that are listed with what they carry."""
 CURED = 12
 """Weak spots for which a further observation is looked for."""
-_KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
+KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
 
 
 @once
@@ -39,18 +40,24 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
         "observations": _observations(solved, quality, entries[:NAMED]),
     }
     found = {one.of: one for one in solved.reliability_map}
-    rows["points_barely_determined"] = _barely_determined(solved, found["point"])
-    for kind, key in _KINDS.items():
-        rows[key] = _things(solved, quality, found[kind]) if kind in found else []
+    unknown = unknown_coordinates(solved)
+    rows["points_barely_determined"] = int(
+        np.count_nonzero(barely_determined(unknown, found["point"].observations))
+    )
+    for kind, key in KINDS.items():
+        rows[key] = _things(solved, found[kind]) if kind in found else []
     return rows
 
 
-def _barely_determined(solved: Solved, points: Controlled) -> int:
-    """Number of points with at most one observation more than they have unknown coordinates, of whatever kind."""
+def unknown_coordinates(solved: Solved) -> IntArray:
+    """(p,) number of unknown coordinates of each point."""
     blocks = solved.network.things["point"].parts["position"]
-    unknown = np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1)
-    seen = points.observations > 0
-    return int(np.count_nonzero(seen & (unknown > 0) & (points.observations <= unknown + 1)))
+    return np.asarray(np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1))
+
+
+def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
+    """Points with at most one observation more than they have unknown coordinates, of whatever kind."""
+    return (observations > 0) & (unknown > 0) & (observations <= unknown + 1)
 
 
 def _uncontrolled(quality: Quality) -> list[Entry]:
@@ -71,15 +78,15 @@ def _uncontrolled(quality: Quality) -> list[Entry]:
 def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> list[dict[str, Any]]:
     told = entries[: most_at_a_time(quality)]
     carried = carried_points(quality, told)
+    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
     names = solved.network.blocks["point"].ids
     rows = []
     for k, entry in enumerate(entries):
-        cure = best_further(quality, entry, _targets(solved, entry)) if k < CURED else None
         rows.append(
             {
                 **_weakest(quality, entry),
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
-                "cure": _cure(solved, cure) if cure is not None else None,
+                "cure": _cure(solved, cures[k]) if k < CURED else None,
             }
         )
     return rows
@@ -129,11 +136,16 @@ def _cure(solved: Solved, further: Further) -> dict[str, Any]:
     return {"again": again, "type": group.type.name, "group": group.name, "names": names, "r": further.r}
 
 
-def _things(solved: Solved, quality: Quality, one: Controlled) -> list[dict[str, Any]]:
+def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
     """Things of one kind: all in their order, or the weakest of very many."""
     few = len(one.names) <= MOST
-    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
-    nabla = detectable(quality, one.weakest[numbers])
+    return thing_rows(solved, one, np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST))
+
+
+def thing_rows(solved: Solved, one: Controlled, numbers: IntArray) -> list[dict[str, Any]]:
+    """Some things (k,) of one kind."""
+    assert solved.quality is not None
+    nabla = detectable(solved.quality, one.weakest[numbers])
     groups = solved.adjustment.problem.groups
     rows = []
     for k, size in zip(numbers.tolist(), nabla.tolist(), strict=True):

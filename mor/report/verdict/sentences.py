@@ -17,7 +17,11 @@ SHOWN = 40
 
 def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """All that rejects, and the tests of tables."""
-    data = verdict_rows(solved)
+    return section_of(verdict_rows(solved), words, shown)
+
+
+def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> str:
+    """The same of a verdict as :func:`mor.report.verdict.group_tests.verdict_rows` has it."""
     if data is None or not (data["tests"] or said_conventions(data, words)):
         return ""
     lines = [heading(words("Tests of groups"))]

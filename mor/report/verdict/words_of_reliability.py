@@ -21,11 +21,17 @@ _HEADERS = ("weakest", "id", "observation", "n", "smallest r [1]", "nabla", "uni
 
 def section(solved: Solved, words: Words = ENGLISH, weakest: int = WEAKEST, named: int = NAMED) -> str:
     """So many uncontrolled observations, then so many weakest of each kind."""
-    data = reliability_rows(solved)
+    unit = solved.network.project.units.length
+    return section_of(reliability_rows(solved), unit, words, weakest, named)
+
+
+def section_of(
+    data: dict[str, Any] | None, unit: str, words: Words, weakest: int = WEAKEST, named: int = NAMED
+) -> str:
+    """The same of a map (:func:`mor.report.verdict.reliability_map.reliability_rows`), with the unit of lengths."""
     if data is None:
         return ""
     lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words, named)]
-    unit = solved.network.project.units.length
     rows = [
         [words(kind), *_cells(row, words)]
         for key, kind in _KINDS.items()

@@ -13,6 +13,7 @@ from scenes import (
     plane_network,
 )
 
+from mor.adjustment.datum import undetermined
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.geometry.rotations import rotation_from_angles
@@ -215,3 +216,18 @@ def test_levels_as_object_angles_leave_the_turn_determined_with_a_huge_sigma():
     # the mean tilt is a tilt of the whole network and tells nothing of the turn
     tilts = np.array([[1.3, -0.7], [-0.4, 1.1], [0.9, 0.8]])
     np.testing.assert_allclose(sigma, 1.0 / np.linalg.norm(tilts - tilts.mean(axis=0)), rtol=1e-2)
+
+
+def test_a_large_null_space_is_told_in_echelon_form(monkeypatch):
+    """As many directions, of the same blocks, each with an unknown of its own that no other one moves."""
+    scene, points = photo_block()
+    for name, place in (("I8", [-3.0, -9.0, 5.0]), ("I9", [3.0, -9.0, 5.0])):
+        add_image(scene, name, place, points[:2])
+    sparse = defect_of(scene, points)
+    monkeypatch.setattr(undetermined, "_SPARSEST", 0)
+    echelon = defect_of(scene, points)
+    assert len(echelon.defect.undetermined) == len(sparse.defect.undetermined) == 4
+    assert set.union(*loose_blocks(echelon)) == set.union(*loose_blocks(sparse))
+    named = [set(one.unknowns) for one in echelon.defect.undetermined]
+    for k, own in enumerate(named):
+        assert own - set.union(*(other for j, other in enumerate(named) if j != k))

@@ -16,7 +16,7 @@ from scenes import (
     solve,
 )
 
-from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask
+from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask, into_datum
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
@@ -221,3 +221,14 @@ def test_constraints_that_bind_too_little_are_recognised():
     everything = scene.problem(None, points)
     assert binds(null, constraint(null, everything, scene.values()))
     assert binds(null[:, :0], constraint(null[:, :0], everything, scene.values()))
+
+
+def test_a_step_beyond_all_size_is_moved_all_the_same():
+    """A network that runs away asks for it: what B changes by is then no number, and its first derivatives do."""
+    scene, _, problem = noisy("bundle")
+    adjustment = adjust(problem, scene.start(5e-3))
+    null = adjustment.defect.datum
+    values = {**adjustment.values, "point": 1e156 * adjustment.values["point"]}
+    step, gain = into_datum(np.full(len(null), 1e159), null, adjustment.constraint, problem, values)
+    assert np.isfinite(step).all()
+    assert gain == 1.0

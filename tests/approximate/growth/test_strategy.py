@@ -68,7 +68,15 @@ def assert_same_solution(found: Solved, expected: Solved) -> None:
     assert found.quality.sigma0 == pytest.approx(expected.quality.sigma0, rel=1e-7, abs=1e-8)
 
 
-@pytest.mark.parametrize("name", sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml")))
+def _begins_with_something(project: Path) -> bool:
+    """Knots of trajectories begin at what satellites and inertial systems say."""
+    return "trajectories:" in project.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "name",
+    sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml") if not _begins_with_something(p)),
+)
 def test_sample_projects_from_nothing(name: str) -> None:
     network = of_project(SAMPLES / name / "project.yaml")
     assert_same_solution(solve_network(without_start(network)), solve_network(network))

@@ -57,3 +57,11 @@ def test_one_point_far_off_does_not_spoil_the_rest():
     target[3] += 2.0
     found = movement(Ties(source, target, NONE, NONE), Turn.ANY, False)
     np.testing.assert_allclose(found.rotation, R, atol=1e-2)
+
+
+def test_a_single_place_far_off_tells_no_scale():
+    """A part of a millionth of its size begins an adjustment that is singular there."""
+    source, target, R, _ = systems(3, 1, 1e6)
+    found = movement(Ties(source, target, np.eye(3), R.T), Turn.ANY, False)
+    assert found.open == 1
+    assert found.scale == pytest.approx(1.0)

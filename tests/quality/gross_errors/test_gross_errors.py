@@ -319,3 +319,13 @@ def test_a_point_held_at_a_wrong_place_is_named(block):
     found = snoop(problem, quality, Levels(), aposteriori=True)
     assert [(one.kind, one.block) for one in mostly_out(found)] == [("point", 2)]
     assert mostly_out(found)[0].observations == 9
+
+
+def test_snooping_ends_where_it_is_not_single_errors_that_do_not_fit(block):
+    scene, start = block
+    sizes = np.random.default_rng(9).uniform(-60.0, 60.0, (270, 2))
+    problem, quality = _assessed(scene, start, 9, lambda problem: plant(problem, 0, np.arange(270), sizes))
+    found = snoop(problem, quality, Levels(), True)
+    assert not found.clean
+    left = found.quality.redundancy
+    assert left > 0.3 * quality.redundancy, "one round may go beyond the half"

@@ -11,7 +11,7 @@ from small_projects import mor
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
-from mor.errors import ExitCode, NoStartValuesError
+from mor.errors import ExitCode
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import index_unknowns
 from mor.project.network.build import Network
@@ -41,7 +41,7 @@ def _situation(solved: Solved) -> Situation:
 
 
 def _elevations_at(station: str) -> Survey:
-    """The bridge with elevations for zenith angles at one of its pillars, which gets no start values so."""
+    """The bridge with elevations for zenith angles at one of its pillars."""
     bridge = survey("bridge")
     for row in bridge.tables["directions.csv"]:
         if row["station"] == station:
@@ -84,15 +84,12 @@ def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "nicht erprobt: das hätte länger gedauert als 3 Ausgleichungen dieser Größe." in report
 
 
-def test_where_there_are_no_start_values_a_cause_is_named_and_not_as_certain(tmp_path: Path) -> None:
-    network = _network(_elevations_at("P1"), tmp_path)
-    with pytest.raises(NoStartValuesError) as raised:
-        pipeline.solve_network(network)
-    first = raised.value.causes[0]
-    assert first.hypothesis.cause == "elevation for zenith"  # type: ignore[attr-defined]
-    assert "P1" in first.hypothesis.things  # type: ignore[attr-defined]
-    assert "Possible cause, to be checked: zenith angles may be elevations (P1" in str(raised.value)
-    assert any(thing.name == "P1" for thing in raised.value.things)
+def test_the_station_with_elevations_for_zenith_angles_is_named(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(_elevations_at("P1"), tmp_path))
+    assert solved.found is not None
+    first = solved.found.offered[0].hypothesis
+    assert first.cause == "elevation for zenith"
+    assert "P1" in first.things
 
 
 def test_the_station_that_does_not_fit_is_changed_before_all_of_them(tmp_path: Path) -> None:

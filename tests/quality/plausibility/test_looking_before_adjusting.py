@@ -188,3 +188,16 @@ def test_check_and_adjust_say_it(changed) -> None:  # type: ignore[no-untyped-de
         assert run.code == 0
         assert "note: " in run.err
         assert "twice, in line 12, too" in run.err
+
+
+def test_readings_in_gon_declared_as_radians(tmp_path: Path) -> None:
+    """They are told before the adjustment, which comes to an end in words however far from sense it is."""
+    shutil.copytree(SAMPLES / "bridge", tmp_path / "bridge")
+    project = tmp_path / "bridge" / "project.yaml"
+    project.write_text(project.read_text().replace("angle: gon", "angle: rad"))
+    notes = [note for note in notes_of(project) if "full circle" in note]
+    assert len(notes) == 2
+    assert all("directions.csv:2" in note and "59 of 59 angles" in note for note in notes)
+    run = mor("adjust", project, "--no-html")
+    assert run.code == 3
+    assert "NO SOLUTION" in run.out + run.err

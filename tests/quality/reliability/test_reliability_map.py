@@ -14,8 +14,9 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
 from mor.observations import ObservationGroup
 from mor.quality.assess import Quality, assess
+from mor.quality.reliability.candidate_places import aimed_at
 from mor.quality.reliability.carried_points import carried_points
-from mor.quality.reliability.further_observation import Further, aimed_at, best_further
+from mor.quality.reliability.further_observation import Further, best_further
 from mor.quality.reliability.influence_on_unknowns import Entry
 from mor.quality.reliability.local_influence import point_movements
 from mor.quality.reliability.reliability_map import detectable, uncontrolled
@@ -89,8 +90,9 @@ def joined(group: ObservationGroup, more: ObservationGroup) -> ObservationGroup:
 def test_a_further_observation_controls_as_much_as_adjusting_with_it_says(name: str) -> None:
     quality = quality_of(name)
     adjustment = quality.adjustment
-    for entry in entries_of(quality, 0.05)[:4]:
-        found = best_further(quality, entry, targets(quality, entry))
+    entries = entries_of(quality, 0.05)[:4]
+    wanted = [(entry, targets(quality, entry)) for entry in entries]
+    for entry, found in zip(entries, best_further(quality, wanted), strict=True):
         again = adjust(with_row(adjustment.problem, adjustment.values, found), adjustment.values)
         r = assess(again).groups[entry.group].r[entry.row, entry.component]
         assert found.r == pytest.approx(r, rel=2e-3)
@@ -101,9 +103,11 @@ def test_the_best_further_observation_is_the_best_of_all() -> None:
     quality = quality_of("bridge")
     adjustment, problem = quality.adjustment, quality.adjustment.problem
     entry = next(
-        e for e in entries_of(quality, 0.01) if best_further(quality, e, targets(quality, e)).target >= 0
+        e
+        for e in entries_of(quality, 0.01)
+        if best_further(quality, [(e, targets(quality, e))])[0].target >= 0
     )
-    best = best_further(quality, entry, targets(quality, entry))
+    (best,) = best_further(quality, [(entry, targets(quality, entry))])
     (target,) = targets(quality, entry)
     group = problem.groups[entry.group]
     stations = {group.references[0][row]: row for row in range(group.count)}

@@ -13,7 +13,7 @@ from small_projects import LEVELLING, mor, write
 from mor.errors import Problem
 from mor.report.html.derived import deviations
 from mor.report.html.payload import _to_sigma
-from mor.report.html.sights import detectable_effects, sights
+from mor.report.html.sights import detectable_effects, scale_of_effects, sights
 from mor.report.notes import note_rows
 from mor.report.view import View
 
@@ -47,11 +47,13 @@ def test_notes_stand_in_the_results(tmp_path: Path) -> None:
     assert all(one["message"] in said for one in noted)
 
 
-def test_external_reliability_is_the_movement_by_a_detectable_error(building_view: View) -> None:
-    listed = building_view.gross_errors["suspicious"][0]
-    vector = np.array(detectable_effects(building_view).row(0)[1:])
-    expected = np.linalg.norm(listed["movement"]) * listed["nabla"] / abs(listed["error"])
-    assert np.linalg.norm(vector) == pytest.approx(expected, rel=1e-12)
+def test_external_reliability_of_every_point_has_its_place(building_view: View) -> None:
+    effects, names = detectable_effects(building_view), building_view.points["id"]
+    assert [names[k] for k in effects["point"]] == building_view.external["point"].to_list()
+    sizes = np.linalg.norm(effects.select("dx", "dy", "dz").to_numpy(), axis=1)
+    assert len(sizes) > 100
+    extent = max(float(np.ptp(building_view.points[name].to_numpy())) for name in "xyz")
+    assert 0.02 < scale_of_effects(building_view, effects) * np.quantile(sizes, 0.9) / extent < 0.07
 
 
 def test_scale_bars_of_a_block_are_told_from_distances(building_view: View) -> None:

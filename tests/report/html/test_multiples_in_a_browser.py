@@ -32,7 +32,7 @@ def shown(browser: Any, view: View, folder: Any) -> Any:
     path = folder / "report.html"
     path.write_text(page(view), encoding="utf-8")
     browser.get(path.as_uri())
-    wait_until(browser, "document.documentElement.dataset.ready")
+    wait_until(browser, "['charts', 'all'].includes(document.documentElement.dataset.ready)")
     return browser.execute_script(PANELS)
 
 

@@ -131,7 +131,10 @@ def _sizes_with(values: Values, group: ObservationGroup, row: int, blocks: dict[
     difference = group.observed[row] - computed
     wraps = group.type.wraps
     difference[:, wraps] = wrap(difference[:, wraps])
-    sizes: FloatArray = np.sqrt(np.nanmean((difference / group.given_sigma[row]) ** 2, axis=1))
+    seen = group.mask[row]
+    with np.errstate(all="ignore"):
+        squares = (difference[:, seen] / group.given_sigma[row, seen]) ** 2
+        sizes: FloatArray = np.sqrt(np.mean(squares, axis=1))
     return np.nan_to_num(sizes, nan=np.inf, posinf=np.inf)
 
 

@@ -8,13 +8,15 @@ function labelTrace() { return { mode: "text", name: "names", meta: "names", ...
 // Names beside their points, stations and given points first; none where another name or a point is in the way.
 function placedLabels(plot, x, y, larger = 1) {
   const { xaxis, yaxis } = plot._fullLayout, wide = xaxis._length, high = yaxis._length, placed = { x: [], y: [], text: [] };
-  const candidates = [];
+  const candidates = [], named = new Set();
   const add = (table, rank) => {
     if (!has(table, "x")) return;
     for (let k = 0; k < Math.min(table.rows, 40000); k++) {
+      if (named.has(value(table, "id", k))) continue; // a station that has the name of the point it stands on
       const px = xaxis.c2p(table.columns[x].values[k]), py = yaxis.c2p(table.columns[y].values[k]);
       if (px >= 0 && px <= wide && py >= 0 && py <= high) candidates.push({ px, py, rank: rank(k), name: value(table, "id", k) });
     }
+    texts(table, "id").forEach((name) => named.add(name));
   };
   add(report.points, (k) => (has(report.points, "given") && value(report.points, "given", k) ? 0 : 2));
   add(report.stations, () => 1);

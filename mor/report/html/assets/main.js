@@ -6,6 +6,9 @@ function placesBySigma(table, keys, otherwise) {
   return sigmas.length ? Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(sigmas[Math.floor(0.1 * sigmas.length)])))) : otherwise;
 }
 
+// Decimals of directions of semi-axes, which nobody knows to more than a tenth of a degree.
+function tenths(angle) { return { rad: 3, mrad: 0, mgon: 0 }[angle] ?? 1; }
+
 function tableColumns() {
   const { length, angle, meeting, image_unit: unit } = report.meta;
   const digits = { m: 4, mm: 3, cm: 3, dm: 4, um: 1, km: 7, ft: 4, "us-ft": 4, in: 3 }[length];
@@ -19,7 +22,7 @@ function tableColumns() {
   const mixed = typeof unit !== "string";
   return {
     points: [text("id", say("point")), ...placed(report.points), fixed("ellipsoid_a", say("ellipsoid a"), axis, length), fixed("rays", say("rays"), 0), fixed("others", say("others"), 0), fixed("angle", say("intersection"), 1, meeting), fixed("mean_r", say("mean r"), 3), fixed("smallest_r", say("smallest r"), 3), fixed("largest_w", say("largest |w|"), 2), text("status", say("status"), true)],
-    ellipses: [text("id", say("point")), ...["a", "b"].map((key) => fixed(`ellipse_${key}`, say(`ellipse ${key}`), axis, length)), fixed("ellipse_azimuth", say("azimuth of a"), 1, angle), ...["a", "b", "c"].map((key) => fixed(`ellipsoid_${key}`, say(`ellipsoid ${key}`), axis, length))],
+    ellipses: [text("id", say("point")), ...["a", "b"].map((key) => fixed(`ellipse_${key}`, say(`ellipse ${key}`), axis, length)), fixed("ellipse_azimuth", say("azimuth of a"), tenths(angle), angle), ...["a", "b", "c"].flatMap((key) => [fixed(`ellipsoid_${key}`, say(`ellipsoid ${key}`), axis, length), fixed(`ellipsoid_azimuth_${key}`, say("azimuth"), tenths(angle), angle), fixed(`ellipsoid_elevation_${key}`, say("elevation"), tenths(angle), angle)])],
     attitudes: [text("id", say("image")), ...turns.map((key, k) => fixed(key, "ωφκ"[k], turned, angle)), ...turns.map((key, k) => fixed(`s${key}`, `σ${"ωφκ"[k]}`, turned, angle))],
     images: [text("id", say("image")), text("camera", say("camera")), ...placed(report.images), fixed("points", say("points"), 0), fixed("coverage", say("coverage"), 0, "%"), short("rms", say("rms v"), mixed ? "" : unit), ...(mixed ? [text("unit", say("unit"))] : []), fixed("mean_r", say("mean r"), 3), fixed("largest_w", say("largest |w|"), 2)],
     stations: [text("id", say("station")), ...placed(report.stations), fixed("orientation", say("orientation"), angles, angle), short("sorientation", say("σ orientation"), angle), fixed("height", say("height"), digits, length)],
@@ -44,23 +47,41 @@ function longTables() {
   }
 }
 
+// The verdict is on the screen before anything is drawn; windows that nobody sees are not waited for.
+function painted() { return new Promise((resume) => { requestAnimationFrame(() => setTimeout(resume, 0)); setTimeout(resume, 200); }); }
 function pause() { return new Promise((resume) => setTimeout(resume, 0)); }
+
+// The chart library as a file of its own, which browsers read on another thread than the one that draws.
+async function loadLibrary() {
+  const script = document.createElement("script"), text = await unpacked("library");
+  script.src = URL.createObjectURL(new Blob([text], { type: "text/javascript" }));
+  await new Promise((resolve, reject) => {
+    script.onload = resolve;
+    script.onerror = () => reject(new Error("plotly.js"));
+    document.head.append(script);
+  });
+  URL.revokeObjectURL(script.src);
+}
 
 async function start() {
   const root = document.documentElement;
+  await painted();
+  const library = loadLibrary();
   await readData();
-  const library = document.createElement("script");
-  library.textContent = new TextDecoder().decode(await unpacked("library"));
-  document.head.append(library);
-  longTables();
   prepareNetwork();
   networkControls();
-  await drawNetwork();
+  await library;
+  await drawSpace();
+  root.dataset.ready = "first";
+  await pause();
+  await drawPlane();
+  longTables();
+  await pause();
   if (document.getElementById("chart-image")) {
     prepareImages();
-    if (images.order.length) { imageControls(); await showMultiples(); await showImage(0); }
+    if (images.order.length) { imageControls(); await showMultiples(); await pause(); await showImage(0); await pause(); }
+    await drawOverlap();
   }
-  root.dataset.ready = "first";
   for (const element of document.querySelectorAll("[data-figure]")) {
     const chart = report.figures[element.dataset.figure];
     await draw(element, () => chart);

@@ -98,6 +98,9 @@ function frameOf(number) {
   return number < images ? { kind: "image", table: report.images, row: number } : { kind: "station", table: report.stations, row: number - images };
 }
 
+// Rays of a scanned image start wherever the scanner was: the place of the table is that of its first line.
+function isScanned(table, row) { return table === report.images && report.meta.scanned.includes(value(table, "id", row)); }
+
 function rayTraces(keys) {
   const { picked } = network;
   if (!picked) return [];
@@ -106,12 +109,12 @@ function rayTraces(keys) {
   let here;
   if (picked.kind === "point") {
     here = place(report.points, picked.row);
-    for (const frame of network.ofPoint.get(picked.row) || []) { const { table, row } = frameOf(frame); add(place(table, row), here); }
+    for (const frame of network.ofPoint.get(picked.row) || []) { const { table, row } = frameOf(frame); if (!isScanned(table, row)) add(place(table, row), here); }
   } else {
     const table = picked.kind === "image" ? report.images : report.stations;
     here = place(table, picked.row);
     const number = picked.kind === "image" ? picked.row : report.images.rows + picked.row;
-    for (const point of network.ofFrame.get(number) || []) add(here, place(report.points, point));
+    if (!isScanned(table, picked.row)) for (const point of network.ofFrame.get(number) || []) add(here, place(report.points, point));
   }
   const axis = (list) => Object.fromEntries(list.map((data, k) => ["xyz"[k], data]));
   const lines = { mode: "lines", name: say("rays of the picked"), meta: "rays", line: { color: PALETTE.purple, width: keys.length === 3 ? 3 : 1.6 }, hoverinfo: "skip", ...axis(coordinates) };
@@ -185,10 +188,10 @@ function space() {
   const { axes, length } = report.meta;
   const [x, y] = [axes.right, axes.up];
   const keys = [x, y, "z"];
-  const data = [...sightTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
+  const data = [...sightTraces(keys), ...pathTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
-  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, range: reversed ? [side.high, side.low] : [side.low, side.high] });
+  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
@@ -214,9 +217,9 @@ const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
 function plan() {
   const { axes, length } = report.meta;
   const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
-  const data = [...sightTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const data = [...sightTraces([x, y]), ...pathTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
   const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
-  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", separatethousands: false, ...(reversed(name) ? { autorange: "reversed" } : {}) });
+  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(reversed(name) ? { autorange: "reversed" } : {}) });
   return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };
 }
 
@@ -250,12 +253,19 @@ function words({ kind, row }) {
     parts.push(`${name.toUpperCase()} ${shown(value(table, name, row), { fixed: 4 })} ${meta.length}${sigma > 0 ? ` ± ${readable(sigma, meta.length)}` : ""}`);
   }
   if (kind === "point") {
-    parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => readable(value(table, `ellipsoid_${n}`, row) || 0, meta.length)).join(" / ")}`);
+    parts.push(`${say("ellipsoid")} ${["a", "b", "c"].map((n) => semiAxis(row, n)).join(" / ")}`);
     parts.push(say("{rays:ray|rays}, {others:other row|other rows}", { rays: value(table, "rays", row), others: value(table, "others", row) }));
     if (has(table, "angle")) parts.push(`${say("best intersection")} ${shown(value(table, "angle", row), { digits: 3 })} ${meta.meeting}`);
     if (has(table, "mean_r")) parts.push(`${say("mean r")} ${shown(value(table, "mean_r", row), { fixed: 2 })}, ${say("largest |w|")} ${shown(value(table, "largest_w", row), { fixed: 2 })}`);
   } else if (kind === "image") parts.push(say("{count:point|points}", { count: value(table, "points", row) }));
   return `${parts.join(" · ")} (${say("σ in the datum: {datum}", { datum: meta.datum })})`;
+}
+
+// Length and direction of a semi-axis: azimuth and elevation, where it has a length and the page has its direction.
+function semiAxis(row, axis) {
+  const { points, meta } = report, azimuth = value(points, `ellipsoid_azimuth_${axis}`, row);
+  const length = readable(value(points, `ellipsoid_${axis}`, row) || 0, meta.length);
+  return azimuth >= 0 ? `${length} (${shown(azimuth, { fixed: tenths(meta.angle) })}, ${shown(value(points, `ellipsoid_elevation_${axis}`, row), { fixed: tenths(meta.angle) })} ${meta.angle})` : length;
 }
 
 // In space a click is said again with every frame while the button is down: it counts once, and is drawn afterwards.
@@ -269,7 +279,13 @@ function clicked(event) {
 }
 
 async function drawNetwork() {
-  await draw(document.getElementById("chart-space"), space, clicked);
+  await drawSpace();
+  await drawPlane();
+}
+
+function drawSpace() { return draw(document.getElementById("chart-space"), space, clicked); }
+
+async function drawPlane() {
   await draw(document.getElementById("chart-plan"), plan, clicked);
   followZoom(document.querySelector("#chart-plan .plot"));
   const notes = [say("Ellipsoids and ellipses are enlarged {scale} times.", { scale: network.scale })];

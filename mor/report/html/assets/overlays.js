@@ -27,6 +27,18 @@ function sightTraces(keys) {
   }).filter((trace) => trace.x.length);
 }
 
+// Paths of instruments: knots one after the other, a line for each stretch.
+function pathTraces(keys) {
+  const { knots } = report, lists = keys.map(() => []);
+  if (!has(knots, "x")) return [];
+  const stretchOf = (k) => `${value(knots, "trajectory", k)} ${value(knots, "stretch", k)}`;
+  for (let k = 0; k < knots.rows; k++) {
+    if (k && stretchOf(k) !== stretchOf(k - 1)) lists.forEach((list) => list.push(null));
+    keys.forEach((key, n) => lists[n].push(knots.columns[key].values[k]));
+  }
+  return [{ mode: "lines", name: say("trajectories"), meta: "paths", ...along(keys, lists), line: { color: PALETTE.orange, width: keys.length === 3 ? 4 : 2 }, hoverinfo: "skip" }];
+}
+
 function givenTraces(keys) {
   const { points } = report, space = keys.length === 3;
   const kinds = [["control", "control points", space ? "diamond-open" : "triangle-up-open"], ["check", "check points", "square-open"]];
@@ -54,13 +66,13 @@ function relativeTraces(x, y) {
   return [{ mode: "lines", name: say("relative ellipses × {scale}", { scale: network.scale }), meta: "relative", ...line, line: { color: PALETTE.green, width: 1.2 }, hoverinfo: "skip" }];
 }
 
-// External reliability: where an error that just stays unseen would move a point; off until the legend is clicked.
+// External reliability: where an error that just stays unseen would move each point; off until the legend is clicked.
 function effectTraces(keys) {
   const { effects } = report, lists = keys.map(() => []);
   if (!effects || !effects.rows) return [];
   for (let k = 0; k < effects.rows; k++) {
     const point = effects.columns.point.values[k];
-    keys.forEach((key, n) => { const here = placeOf(point, key); lists[n].push(here, here + network.scale * effects.columns[`d${key}`].values[k], null); });
+    keys.forEach((key, n) => { const here = placeOf(point, key); lists[n].push(here, here + report.meta.effects_scale * effects.columns[`d${key}`].values[k], null); });
   }
-  return [{ mode: "lines+markers", name: say("external reliability × {scale}", { scale: network.scale }), meta: "effects", ...along(keys, lists), line: { color: PALETTE.red, width: 2 }, marker: { color: PALETTE.red, size: keys.length === 3 ? 2 : lists[0].map((_, k) => (k % 3 === 1 ? 7 : 0.1)), symbol: "circle" }, hoverinfo: "skip", visible: "legendonly" }];
+  return [{ mode: "lines+markers", name: say("external reliability × {scale}", { scale: report.meta.effects_scale }), meta: "effects", ...along(keys, lists), line: { color: PALETTE.red, width: 2 }, marker: { color: PALETTE.red, size: keys.length === 3 ? 2 : lists[0].map((_, k) => (k % 3 === 1 ? 7 : 0.1)), symbol: "circle" }, hoverinfo: "skip", visible: "legendonly" }];
 }

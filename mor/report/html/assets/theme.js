@@ -8,12 +8,19 @@ const SEQUENCES = {
 };
 const charts = new Map();
 
-function css(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
+// Colours by name, asked of the browser once for each theme: every question makes it work out its styles anew.
+const shades = new Map();
+function css(name) {
+  const key = `${isDark()} ${name}`;
+  if (!shades.has(key)) shades.set(key, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return shades.get(key);
+}
 
 function themed(layout) {
   const axis = { exponentformat: "power", minexponent: 5, gridcolor: css("--grid"), zerolinecolor: css("--line"), linecolor: css("--line"), automargin: true };
   const result = {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+    separators: ".", // thousands are not set apart, as nowhere else in the report
     font: { color: css("--ink"), family: 'system-ui, "Segoe UI", "DejaVu Sans", sans-serif', size: 12 },
     margin: { l: 60, r: 20, t: 34, b: 50 }, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: css("--quiet"), activecolor: css("--accent") },

@@ -7,8 +7,9 @@ the same result. Tables of observations are referred to where they stand.
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import Undeterminable
+from mor.geometry.rotations import angles_from_rotation
 from mor.observations.earth import DEFLECTIONS
-from mor.parameters.kinds import GNSS_FRAME, INTERIORS, READOUT, ROTATION
+from mor.parameters.kinds import ECCENTRICITY, GNSS_FRAME, INTERIORS, READOUT, ROTATION, TIME_OFFSET
 from mor.project.file.nodes import Document
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
@@ -26,35 +28,46 @@ from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables
 from mor.units import ANGLE, ANGLE_UNITS
 
+_OFFSET = "time_offset"
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
 
 
 def adjusted_project(
-    placed: Placed, document: Document, source: Path, target: Path
+    placed: Placed,
+    document: Document,
+    source: Path,
+    target: Path,
+    starts: Mapping[str, list[tuple[pl.DataFrame, dict[str, Any]]]] | None = None,
 ) -> tuple[str, dict[str, pl.DataFrame]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 
-    ``source`` is the folder of the original project.
+    ``source`` is the folder of the original project. ``starts`` stand for the tables of start values of sections that
+    others have put together.
     """
     data = dict(document.data)
     tables: dict[str, pl.DataFrame] = {}
-    for section, frames in start_tables(placed).items():
+    for section, frames in {**start_tables(placed), **(starts or {})}.items():
         entries = []
-        for number, (frame, keys) in enumerate(frames, start=1):
-            name = f"{section}.csv" if len(frames) == 1 else f"{section}_{number}.csv"
-            tables[f"start_{name}"] = frame
-            entries.append({"file": f"start_{name}", "units": _units(placed, frame), **keys})
+        for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
+            tables[name] = frame
+            entries.append({"file": name, "units": _units(placed, frame), **keys})
         if entries:
             data[section] = entries
     if "motions" in data:
         entries = [_moved(entry, document, source, target, tables) for entry in data["motions"] or []]
         data["motions"] = motions(placed, entries, tables)
-    if "geoid" in (data.get("world") or {}):
-        data["world"] = {**data["world"], "geoid": _from(target, source / data["world"]["geoid"])}
-    for section in ("observations", "checks", "candidates"):
+    if data.get("world"):
+        data["world"] = grids_moved(data["world"], source, target)
+        if placed.network.world is not None:  # the same object system, wherever the middle is now
+            horizon = placed.network.world.horizon
+            place = {"latitude": horizon.latitude, "longitude": horizon.longitude}
+            data["world"]["origin"] = {name: f"{_degrees(angle)!r} deg" for name, angle in place.items()}
+    for section in ("observations", "checks", "candidates", "line_times"):
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
+    if data.get("visibility"):
+        data["visibility"] = _surroundings_moved(data["visibility"], source, target)
     if "cameras" in data:
         data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
@@ -62,6 +75,13 @@ def adjusted_project(
     if placed.snooping:
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
     return yaml_text(data, width=1000), tables
+
+
+def start_names(section: str, count: int) -> list[str]:
+    """Files of the tables of start values of a section."""
+    if count == 1:
+        return [f"start_{section}.csv"]
+    return [f"start_{section}_{number}.csv" for number in range(1, count + 1)]
 
 
 def remarks(things: Sequence[Undeterminable]) -> str:
@@ -90,6 +110,35 @@ def _moved(
             moved[key] = _from(target, source / moved[key])
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
+    return moved
+
+
+def _degrees(angle: float) -> float:
+    """Degrees with the digits that an angle was given with."""
+    return float(f"{math.degrees(angle):.13g}")
+
+
+def grids_moved(world: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
+    """The section ``world`` with its grids as they are found from the new folder."""
+    moved = dict(world)
+    for key in ("geoid", "deflections"):
+        given = world.get(key)
+        if isinstance(given, str):
+            moved[key] = _from(target, source / given)
+        elif given:
+            moved[key] = {axis: _from(target, source / file) for axis, file in given.items()}
+    return moved
+
+
+def _surroundings_moved(visibility: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
+    """What stands in the way of sights, with its meshes and tables as they are found from the new folder."""
+    moved = dict(visibility)
+    for key in ("surfaces", "normals"):
+        if moved.get(key):
+            moved[key] = [
+                {**one, "file": _from(target, source / one["file"])} if one.get("file") else one
+                for one in moved[key]
+            ]
     return moved
 
 
@@ -135,6 +184,17 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
         units = np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
         values = placed.values[GNSS_FRAME.key][number] / units
         result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
+    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), (_OFFSET, TIME_OFFSET.key)):
+        number = placed.network.things["instrument"].part(name, part)
+        if number < 0:
+            continue
+        if part == "boresight":
+            angles = angles_from_rotation(placed.values["rotation"][number])
+            result[key] = _settings(result[key], ROTATION.names, angles / ANGLE_UNITS[angle_unit(placed)])
+        elif part == "lever arm":
+            result[key] = _settings(result[key], ECCENTRICITY.names, placed.values["eccentricity"][number])
+        else:
+            result |= _settings({key: result[key]}, (key,), placed.values[part][number])
     return result
 
 

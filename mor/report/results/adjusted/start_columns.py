@@ -16,6 +16,7 @@ from mor.parameters.index import Values
 from mor.parameters.kinds import KINDS, POINT, ROTATION, BlockKind
 from mor.project.network.build import Network
 from mor.project.network.set_ups import shared_column
+from mor.project.world.frames import place_names
 from mor.units import ANGLE, ANGLE_UNITS
 
 
@@ -158,14 +159,39 @@ def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
     return [names.get(int(n), "") for n in numbers]
 
 
+def _frame_places(placed: Placed, positions: IntArray) -> dict[str, FloatArray]:
+    """Places of frames on the earth, in the reference system; of those that stand on points none.
+
+    Where no grid says how high the geoid is there, it is as high as at the points on the average, and the heights are
+    above that.
+    """
+    world = placed.network.world
+    assert world is not None
+    values = placed.values["point"][positions]
+    N = world.geoid_at(positions, values)
+    at_points = world.at_points[GEOID]
+    if np.isfinite(at_points).any():
+        N = np.where(np.isnan(N), np.nanmean(at_points), N)
+    found = world.from_object(values, N)
+    found[np.isin(positions, placed.network.things["point"].parts["position"])] = np.nan
+    if np.isnan(found).all():
+        return {}
+    columns = dict(zip(place_names(world), found.T, strict=True))
+    for name in ("latitude", "longitude"):
+        if name in columns:
+            columns[name] = columns[name] / ANGLE_UNITS[angle_unit(placed)]
+    return {**columns, **({GEOID: N} if world.orthometric else {})}
+
+
 def pose_columns(
     placed: Placed, positions: IntArray, rotations: IntArray, shared: str, level: bool = False
 ) -> dict[str, Any]:
     """Position and attitude of frames, and the name of what they stand on."""
     edge = placed.network.edge
-    on_earth = placed.network.world is not None  # there the places of frames are those of points
+    on_earth = placed.network.world is not None
+    places = _frame_places(placed, positions) if on_earth else coordinate_columns(placed, positions)
     return {
         shared: _shared_names(placed, positions),
-        **({} if on_earth else coordinate_columns(placed, positions)),
+        **places,
         **angle_columns(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
     }

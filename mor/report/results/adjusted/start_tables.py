@@ -32,12 +32,14 @@ from mor.report.results.adjusted.start_columns import (
     start_frame,
     unknown_constants,
 )
+from mor.report.results.adjusted.start_trajectories import on_trajectories, trajectory_tables
 
 
 def start_tables(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
     """Tables of each section of things, with the keys they have in the project."""
     return {
         "points": _points(placed),
+        "trajectories": trajectory_tables(placed),
         "images": _images(placed),
         "pairs": _pairs(placed),
         "stations": _stations(placed),
@@ -95,12 +97,13 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     follows = parts["base"] >= 0
     of_cameras = network.things["camera"].parts["eccentricity"][parts["camera"]]
     raised, apart = parts["height"] != 0, parts["eccentricity"] != of_cameras
+    pose = pose_columns(placed, parts["position"], parts["rotation"], "position")
     columns: dict[str, Any] = {
         "camera": [network.things["camera"].ids[k] for k in parts["camera"]],
         "epoch": [network.motion.label_of("image", name) for name in things.ids],
         "leader": [leader_of[int(r)] if f else "" for r, f in zip(parts["rotation"], follows, strict=True)],
         "pair": [pair_of[int(b)] if f else "" for b, f in zip(parts["base"], follows, strict=True)],
-        **pose_columns(placed, parts["position"], parts["rotation"], "position"),
+        **pose,
         **constant_columns(placed, HEIGHT, parts["height"], raised),
         **constant_columns(placed, ECCENTRICITY, parts["eccentricity"], apart),
         **_motions(placed),
@@ -121,6 +124,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         tuple(name for part in own for name in part)
         for own in zip(heights, eccentricities, *moving, strict=True)
     ]
+    columns = on_trajectories(placed, columns, pose)
     return _by_table(placed, "image", columns | _image_variant(placed), unknown)
 
 

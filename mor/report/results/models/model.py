@@ -12,7 +12,7 @@ from pydantic import Field
 
 from mor.report.results.models.model_failure import Failure, Undeterminable
 from mor.report.results.models.model_gross_errors import GrossErrors, Hypothesis, Suspects
-from mor.report.results.models.model_motions import Epoch, Motion
+from mor.report.results.models.model_motions import Boresight, Epoch, Knot, Motion
 from mor.report.results.models.model_parts import (
     Axes,
     Camera,
@@ -92,6 +92,12 @@ class Results(Part):
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
     motions: list[Motion] = Field(default=[], description="What moves points")
     epochs: list[Epoch] = Field(default=[], description="Times of the observations, in their order")
+    trajectories: list[Knot] | None = Field(
+        default=[], description="Knots of trajectories; null beyond 10 000: read the table"
+    )
+    boresights: list[Boresight] = Field(
+        default=[], description="Misalignments of inertial systems that were estimated"
+    )
     cameras: list[Camera] = Field(description="Interior orientations")
     stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
     systems: list[System] = Field(description="Local systems")

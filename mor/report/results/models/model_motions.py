@@ -39,3 +39,35 @@ class Motion(Part):
     p: Number = Field(description="Its probability without any movement")
     smallest: Number = Field(description="Smallest length that is found in every direction with the power β0")
     moved: bool = Field(description="true: significant")
+
+
+class Knot(Part):
+    """A knot of a trajectory."""
+
+    trajectory: str = Field(description="Name of the trajectory")
+    time: float = Field(description="Seconds")
+    stretch: int = Field(description="Number of the stretch between gaps, from 1")
+    x: Number = Field(description="x, length unit")
+    y: Number = Field(description="y")
+    z: Number = Field(description="z")
+    sx: Number = Field(description="σ of x")
+    sy: Number = Field(description="σ of y")
+    sz: Number = Field(description="σ of z")
+    omega: Number = Field(description="ω, unit of angles")
+    phi: Number = Field(description="φ")
+    kappa: Number = Field(description="κ")
+    somega: Number = Field(description="σ of ω")
+    sphi: Number = Field(description="σ of φ")
+    skappa: Number = Field(description="σ of κ")
+
+
+class Boresight(Part):
+    """From the axes of a trajectory to those of an inertial system."""
+
+    instrument: str = Field(description="Its name")
+    omega: Number = Field(description="ω, unit of angles")
+    phi: Number = Field(description="φ")
+    kappa: Number = Field(description="κ")
+    somega: Number = Field(description="σ of ω")
+    sphi: Number = Field(description="σ of φ")
+    skappa: Number = Field(description="σ of κ")

@@ -1,0 +1,1 @@
+"""The vertical of a part, from everything that depends on it."""

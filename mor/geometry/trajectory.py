@@ -1,0 +1,167 @@
+"""Poses between the knots of a trajectory, and how they depend on the knots and on time.
+
+    X0(t) = Σ w_k(t) X_k            D(t) = exp(−[θ(t)]×) D_0,   θ(t) = Σ w_k(t) θ_k,   exp(−[θ_k]×) D_0 = D_k
+
+with the weights w_k of interpolation, which add up to 1, and the small rotations θ_k of the knots against knot 0, the
+one before t. The weights are polynomials of the time since that knot; two knots make linear, four cubic interpolation.
+With two knots θ(t) is the turn at a steady rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.arrays import FloatArray, IntArray
+from mor.geometry.motion import right_jacobian
+from mor.geometry.quaternions import quaternions
+from mor.geometry.rotations import exponential
+
+
+@dataclass(frozen=True)
+class Pose:
+    """n poses on trajectories, each from its k knots."""
+
+    position: FloatArray
+    """(n, 3) X0."""
+    rotation: FloatArray
+    """(n, 3, 3) D."""
+    weights: FloatArray
+    """(n, k) ∂X0/∂X_k."""
+    velocity: FloatArray
+    """(n, 3) ∂X0/∂t."""
+    rate: FloatArray
+    """(n, 3) ω: from t to t + dt the pose turns by exp(−[ω dt]×)."""
+    turned: FloatArray
+    """(n, 3, 3) exp(−[θ]×)."""
+    jacobian: FloatArray
+    """(n, 3, 3) right Jacobian of θ."""
+    inverse: FloatArray
+    """(n, k − 1, 3, 3) inverses of the right Jacobians of θ_k."""
+
+    @cached_property
+    def by_rotations(self) -> FloatArray:
+        """(n, k, 3, 3) small rotation of D by those of the knots."""
+        w = self.weights
+        found = np.empty((*w.shape, 3, 3))
+        found[:, 1:] = w[:, 1:, None, None] * (self.jacobian[:, None] @ self.inverse)
+        back = np.einsum(
+            "nk,nkji->nij", w[:, 1:], self.inverse
+        )  # left Jacobians are the right ones transposed
+        found[:, 0] = self.turned - self.jacobian @ back
+        return found
+
+
+class Path(NamedTuple):
+    """What the poses of n rows depend on whatever their time: k knots each."""
+
+    positions: FloatArray
+    """(n, k, 3) X_k."""
+    first: FloatArray
+    """(n, 3, 3) D_0."""
+    turns: FloatArray
+    """(n, k − 1, 3) θ_k of the other knots."""
+    inverse: FloatArray
+    """(n, k − 1, 3, 3) inverses of the right Jacobians of these."""
+    weights: FloatArray
+    """(n, k, d) coefficients of the weights as polynomials of the time since knot 0, the constant first."""
+
+    def at(self, time: FloatArray) -> Pose:
+        """Poses at ``time`` (n,) since knot 0."""
+        powers = time[:, None] ** np.arange(self.weights.shape[2])
+        slopes = np.zeros_like(powers)
+        slopes[:, 1:] = powers[:, :-1] * np.arange(1, self.weights.shape[2])
+        w, dw = (np.einsum("nkd,nd->nk", self.weights, of_time) for of_time in (powers, slopes))
+        theta = np.einsum("nk,nkj->nj", w[:, 1:], self.turns)
+        jacobian = right_jacobian(theta)
+        turned = exponential(-theta)
+        return Pose(
+            position=np.einsum("nk,nkj->nj", w, self.positions),
+            rotation=turned @ self.first,
+            weights=w,
+            velocity=np.einsum("nk,nkj->nj", dw, self.positions),
+            rate=np.einsum("nij,nk,nkj->ni", jacobian, dw[:, 1:], self.turns),
+            turned=turned,
+            jacobian=jacobian,
+            inverse=self.inverse,
+        )
+
+
+def path_of(positions: FloatArray, rotations: FloatArray, weights: FloatArray) -> Path:
+    """Paths between knots ``positions`` (n, k, 3) and ``rotations`` (n, k, 3, 3), with the weights (n, k, d)."""
+    turns = small_rotations(rotations[:, :1], rotations[:, 1:])
+    inverse: FloatArray = np.asarray(np.linalg.inv(_right_jacobians(turns)), dtype=np.float64)
+    return Path(positions, rotations[:, 0], turns, inverse, weights)
+
+
+def pose_at(positions: FloatArray, rotations: FloatArray, weights: FloatArray, time: FloatArray) -> Pose:
+    """Poses at ``time`` (n,) since knot 0, of what :func:`path_of` takes."""
+    return path_of(positions, rotations, weights).at(time)
+
+
+def small_rotations(before: FloatArray, after: FloatArray) -> FloatArray:
+    """θ (…, 3) with exp(−[θ]×) D = D′ for rotations D and D′ (…, 3, 3), no longer than π."""
+    between = after @ np.swapaxes(before, -1, -2)
+    q = quaternions(np.reshape(between, (-1, 3, 3)))
+    length = np.linalg.norm(q[:, 1:], axis=1)
+    whole = 2.0 * np.arctan2(length, q[:, 0])
+    factor = np.where(length > 0.0, whole / np.where(length > 0.0, length, 1.0), 2.0)
+    return np.asarray(-factor[:, None] * q[:, 1:]).reshape(*between.shape[:-2], 3)
+
+
+def by_ends(turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """∂θ/∂δ and ∂θ/∂δ′ (n, 3, 3) of turns θ (n, 3) from D to D′ by the small rotations of both."""
+    inverse: FloatArray = np.asarray(np.linalg.inv(right_jacobian(turn)), dtype=np.float64)
+    return -np.swapaxes(inverse, 1, 2), inverse
+
+
+def _right_jacobians(turns: FloatArray) -> FloatArray:
+    n, k, _ = turns.shape
+    return right_jacobian(turns.reshape(-1, 3)).reshape(n, k, 3, 3)
+
+
+def linear_weights(interval: FloatArray) -> FloatArray:
+    """(n, 2, 2) weights of the knots before and after, ``interval`` (n,) apart."""
+    weights = np.zeros((len(interval), 2, 2))
+    weights[:, 0, 0] = 1.0
+    weights[:, 0, 1], weights[:, 1, 1] = -1.0 / interval, 1.0 / interval
+    return weights
+
+
+def cubic_weights(times: FloatArray, place: IntArray) -> FloatArray:
+    """(n, 4, 4) weights of four knots at ascending ``times`` (n, 4) within the interval that begins at ``place`` (n,).
+
+    In the interval the curve is the cubic that has at both knots the position and the slope of the parabola through
+    the knot and its two neighbours; at an end, of the parabola through the three last knots. For knots at a regular
+    spacing this is cubic convolution (R. G. Keys, 1981), exact for parabolas at any spacing. Knots in the order of
+    ``times``; the time counts from the knot at ``place``.
+    """
+    n = len(times)
+    left, right = np.arange(n), place
+    h = times[left, right + 1] - times[left, right]
+    at_left, at_right = _slopes(times, right), _slopes(times, right + 1)
+    values = np.zeros((n, 2, 4))
+    values[left, 0, right], values[left, 1, right + 1] = 1.0, 1.0
+    difference = (values[:, 1] - values[:, 0]) / h[:, None]
+    weights = np.zeros((n, 4, 4))
+    weights[:, :, 0], weights[:, :, 1] = values[:, 0], at_left
+    weights[:, :, 2] = (3.0 * difference - 2.0 * at_left - at_right) / h[:, None]
+    weights[:, :, 3] = (at_left + at_right - 2.0 * difference) / h[:, None] ** 2
+    return weights
+
+
+def _slopes(times: FloatArray, at: IntArray) -> FloatArray:
+    """(n, 4) weights of the knots in the slope at knot ``at`` (n,): of the parabola through it and its neighbours."""
+    rows = np.arange(len(times))
+    first = np.clip(at - 1, 0, 1)
+    three = first[:, None] + np.arange(3)
+    t = times[rows[:, None], three]
+    x = times[rows, at]
+    slopes = np.zeros((len(times), 4))
+    for k in range(3):
+        a, b = (t[:, j] for j in range(3) if j != k)
+        slopes[rows, three[:, k]] = (2.0 * x - a - b) / ((t[:, k] - a) * (t[:, k] - b))
+    return slopes

@@ -1,0 +1,1 @@
+"""Trajectories of a project: their knots, what is on them, what was observed of them."""

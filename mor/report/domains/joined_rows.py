@@ -1,0 +1,151 @@
+"""Rows of ``results.json`` that several domains have added something to, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.quality.reliability.effects import AT_LEAST
+from mor.quality.reliability.effects import MOST as EXPLAINED
+from mor.quality.tests.group_tests import GroupTests, Summed, TestedWhole, tests_of_sums
+from mor.quality.tests.quadratic_form import Moments
+from mor.quality.variance_components.simplified import components_of_sums
+from mor.report.domains.contribution import Contribution, Key, Shared
+from mor.report.parameters import number_or_none
+from mor.report.verdict.reliability_map import KINDS, MOST, NAMED, barely_determined
+
+Row = dict[str, Any]
+
+
+def distinct(rows: Iterable[Row], *keys: str) -> list[Row]:
+    """Rows that several domains have once, the first of them."""
+    found: dict[tuple[Any, ...], Row] = {}
+    for row in rows:
+        found.setdefault(tuple(row[key] for key in keys), row)
+    return list(found.values())
+
+
+def group_rows(parts: Sequence[Sequence[Row]], order: Sequence[str]) -> list[Row]:
+    """Sums of the groups over all domains, in the ``order`` of their names."""
+    sums = pl.DataFrame([{key: row[key] for key in _SUMMED} for part in parts for row in part])
+    both = sums.group_by("name", "type", maintain_order=True).agg(
+        pl.col("observations", "redundancy", "vtpv", "excluded", "flagged").sum(), pl.col("largest_w").max()
+    )
+    omega, redundancy = (both[name].to_numpy().astype(float) for name in ("vtpv", "redundancy"))
+    factors = components_of_sums(omega, redundancy)
+    place = {name: k for k, name in enumerate(order)}
+    rows = []
+    for k, row in enumerate(both.to_dicts()):
+        r, count = row["redundancy"], row["observations"]
+        known = bool(np.isfinite(factors.sigma[k]))
+        rows.append(
+            {
+                **{key: row[key] for key in ("name", "type", "observations", "redundancy", "vtpv")},
+                "sigma0": float(np.sqrt(row["vtpv"] / r)) if r > 1e-6 and row["vtpv"] >= 0.0 else None,
+                "mean_r": r / count if count else None,
+                **{key: row[key] for key in ("largest_w", "excluded", "flagged")},
+                "sigma_factor": number_or_none(factors.factors[k]) if known else None,
+                "sigma_of_factor": number_or_none(factors.sigma[k]),
+            }
+        )
+    return sorted(rows, key=lambda row: place.get(row["name"], len(place)))
+
+
+_SUMMED = ("name", "type", "observations", "redundancy", "vtpv", "excluded", "flagged", "largest_w")
+
+
+def check_rows(parts: Iterable[Contribution]) -> list[Row]:
+    """Checks are in one domain only, the ground."""
+    return [row for part in parts for row in part.checks]
+
+
+def gross_errors(parts: Sequence[Contribution], flagged: int) -> Row:
+    """Levels, and the worst of the suspicious observations of all domains."""
+    rows = [row for part in parts for row in part.gross_errors["suspicious"]]
+    worst = sorted(rows, key=lambda row: -abs(row["w"]))[: min(flagged, EXPLAINED) or AT_LEAST]
+    return {**parts[0].gross_errors, "suspicious": worst}
+
+
+def reliability(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]]) -> Row | None:
+    """The map of all domains: what several observe is as good as the weakest of its observations in all of them.
+
+    ``order`` has the names of points and images as they are to be listed where there are few.
+    """
+    maps = [part.reliability for part in parts if part.reliability is not None]
+    if not maps:
+        return None
+    entries = sorted((row for one in maps for row in one["observations"]), key=lambda row: round(row["r"], 7))
+    shared = {key: _shared([part.shared.get(key, []) for part in parts]) for key in KINDS.values()}
+    barely = sum(one["points_barely_determined"] for one in maps)
+    for one in shared["points"]:
+        counts = np.array([one.unknown]), np.array([one.row["observations"]])
+        barely += int(barely_determined(*counts)[0])
+    found = {
+        "least_redundancy": maps[0]["least_redundancy"],
+        "uncontrolled": sum(one["uncontrolled"] for one in maps),
+        "observations": entries[:NAMED],
+        "points_barely_determined": barely,
+    }
+    for key in KINDS.values():
+        rows = [*(row for one in maps for row in one[key]), *(one.row for one in shared[key])]
+        many = len(rows) > MOST
+        place = {name: float(k) for k, name in enumerate(order.get(key, []))}
+        rows.sort(key=lambda row: row["smallest_r"] if many else place.get(row["id"], 0.0))
+        found[key] = rows[:MOST]
+    return found
+
+
+def _shared(parts: Iterable[Iterable[Shared]]) -> list[Shared]:
+    """What several domains observe: all its observations counted, the weakest of them."""
+    found: dict[str, Shared] = {}
+    for one in (one for part in parts for one in part):
+        known = found.get(one.row["id"])
+        found[one.row["id"]] = one if known is None else _both(known, one)
+    return list(found.values())
+
+
+def _both(one: Shared, other: Shared) -> Shared:
+    weaker = min((one, other), key=lambda each: each.row["smallest_r"])
+    shifts = [each.row["shift"] for each in (one, other)]
+    row = {
+        **weaker.row,
+        "observations": one.row["observations"] + other.row["observations"],
+        "shift": None if None in shifts else max(shifts),
+    }
+    return Shared(row, max(one.unknown, other.unknown))
+
+
+def tests_of_groups(
+    parts: Sequence[Contribution], whole: TestedWhole, order: Mapping[str, Sequence[str]]
+) -> tuple[GroupTests, int]:
+    """Tests of groups from the sums of all domains; with them the number of those that sums do not decide.
+
+    Their moments are known where one domain has all observations of a group. ``order`` has the names of groups and
+    images as they are to be listed.
+    """
+    sums: dict[Key, list[Summed]] = {}
+    known: dict[tuple[str, str], Moments] = {}
+    for test in (test for part in parts for test in part.tests):
+        sums.setdefault(test.key, []).append(test.summed)
+        if test.moments is not None:
+            known[test.summed.of, test.summed.name] = test.moments
+    summed = [one[0]._replace(sums=np.sum([part.sums for part in one], axis=0)) for one in sums.values()]
+    several = {(of, name) for (of, name, _), one in sums.items() if len(one) > 1}
+    missing: list[Summed] = []
+
+    def exactly(one: Summed) -> Moments | None:
+        moments = known.get((one.of, one.name)) if (one.of, one.name) not in several else None
+        if moments is None:
+            missing.append(one)
+        return moments
+
+    kinds = {of: k for k, of in enumerate(_ORDER)}
+    places = {of: {name: k for k, name in enumerate(names)} for of, names in order.items()}
+    ordered = sorted(summed, key=lambda one: (kinds[one.of], places.get(one.of, {}).get(one.name, 0)))
+    return tests_of_sums(ordered, whole, exactly, ()), len(missing)
+
+
+_ORDER = ("group", "image", "camera", "station", "set", "instrument", "system")

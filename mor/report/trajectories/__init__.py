@@ -1,0 +1,1 @@
+"""Trajectories in reports: knots, and how instruments were mounted."""

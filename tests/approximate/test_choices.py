@@ -1,0 +1,31 @@
+"""Answers that fit alike are tried one after another; start values are judged by all observations."""
+
+import numpy as np
+
+from mor.approximate.choices import Choices, disagreement
+from mor.pipeline import read_document, read_network
+
+LEVELS = """mor: 1
+points: [{columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 1, 0, 1]]}]
+datum: free
+observations:
+  - {type: height_difference, values: {sigma: 0.01}, columns: [from, to, dz], rows: [[A, B, 1.01], [B, A, -5]]}
+"""
+
+
+def test_the_likeliest_answer_is_taken_where_no_other_is_wanted():
+    choices = Choices()
+    assert [choices.take(count) for count in (1, 3, 2)] == [0, 0, 0]
+    assert choices.others(10) == [(1,), (2,), (0, 1)]
+    other = Choices((0, 1))
+    assert [other.take(count) for count in (1, 3, 2)] == [0, 0, 1]
+    assert Choices((5,)).take(2) == 1
+
+
+def test_start_values_are_judged_by_logarithms_of_their_misclosures(tmp_path):
+    (tmp_path / "project.yaml").write_text(LEVELS, encoding="utf-8")
+    network = read_network(read_document(tmp_path / "project.yaml"), tmp_path)
+    heights = [group for group in network.groups if group.type.key == "height_difference"]
+    mean, worst = disagreement(heights, network.start)
+    np.testing.assert_allclose(mean, 0.5 * (np.log1p(1.0) + np.log1p(400.0**2)), rtol=1e-6)
+    assert worst == mean

@@ -1,0 +1,203 @@
+"""``results.json``, the adjusted project and the page of domains: those of one machine, key by key."""
+
+from __future__ import annotations
+
+import json
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from domains_blocks import Ended, Kind, command, write_block
+
+from mor.domains import room
+from mor.report.results.models.model import Results
+
+NAMES = (("id",), ("of", "name"), ("name", "type"), ("group", "component"), ("type", "names", "component"))
+"""Keys by which rows of a list are told apart."""
+
+
+@pytest.fixture
+def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "rays_of_domain", lambda rays, memory, workers=1: 700)
+    monkeypatch.setattr(room, "need_of_all", lambda rays, html=None: 1e18)
+    monkeypatch.setattr(room, "PROGRAM", 0.0)
+    monkeypatch.setattr(room, "OF_OUTER", 0)
+
+
+def results(folder: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    Results.model_validate(data)
+    return data
+
+
+def both(tmp_path: Path, kind: Kind, seed: int = 1, **changed: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Results of one adjustment of everything, and of domains; texts of the project are ``changed``."""
+    project = write_block(tmp_path / "block", kind, seed)
+    text = project.read_text(encoding="utf-8")
+    for before, after in changed.items():
+        assert before in text
+        text = text.replace(before, after)
+    project.write_text(text, encoding="utf-8")
+    for folder, options in (("one", ()), ("several", ("--memory", "400MB"))):
+        done: Ended = command("adjust", project, "-o", tmp_path / folder, *options)
+        assert done.exit_code == 0, done.stderr
+    return results(tmp_path / "one"), results(tmp_path / "several")
+
+
+def named(rows: list[Any]) -> dict[str, Any] | None:
+    """Rows by what tells them apart."""
+    if not rows or not isinstance(rows[0], dict):
+        return None
+    keys = next((keys for keys in NAMES if all(key in rows[0] for key in keys)), None)
+    return {json.dumps([row[key] for key in keys], sort_keys=True): row for row in rows} if keys else None
+
+
+def differences(one: Any, other: Any, path: str = "") -> list[str]:
+    """Places where two results differ, numbers by more than a millionth."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        lost = [f"{path}/{key} in one only" for key in one.keys() ^ other.keys()]
+        return lost + [
+            line
+            for key in one.keys() & other.keys()
+            for line in differences(one[key], other[key], f"{path}/{key}")
+        ]
+    if isinstance(one, list) and isinstance(other, list):
+        if (here := named(one)) is not None and (there := named(other)) is not None:
+            return differences(here, there, path)
+        long = [f"{path}: {len(one)} and {len(other)}"] if len(one) != len(other) else []
+        pairs = enumerate(zip(one, other, strict=False))
+        return long + [line for k, (a, b) in pairs for line in differences(a, b, f"{path}/{k}")]
+    if isinstance(one, float) and isinstance(other, float):
+        same = isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
+    else:
+        same = one == other
+    return [] if same else [f"{path}: {one} and {other}"]
+
+
+ELSEWHERE = ("identity", "notes", "residuals", "iteration_log")
+"""Order of the files read; what domains note; residuals are in their table alone; other unknowns hold a free datum."""
+BLOCKS = {
+    "control and sights": Kind(control=6, sights=30),
+    "free": Kind(convergent=True, points=150, gnss=False, datum="free"),
+    "free over named points": Kind(
+        convergent=True, points=150, gnss=False, datum="{free: [P1, P2, P3, P5, P7, P11, P40]}"
+    ),
+}
+
+
+@pytest.mark.usefixtures("small_domains")
+@pytest.mark.parametrize("name", BLOCKS)
+def test_results_are_those_of_one_machine(name: str, tmp_path: Path) -> None:
+    one, several = both(tmp_path, BLOCKS[name])
+    assert several["iterations"] > 0
+    assert len(several["points"]) == pl.read_csv(tmp_path / "one" / "points.csv").height
+    assert one["gross_errors"]["suspicious"]
+    assert one["reliability"]["observations"] or name != "control and sights"
+    undecided = {
+        json.dumps([row["of"], row["name"]])
+        for row in several["verdict"]["groups"]
+        if row["of"] == "image" and any("not decided" in note["message"] for note in several["notes"])
+    }
+    found = [
+        line
+        for line in differences(
+            *({k: v for k, v in each.items() if k not in ELSEWHERE} for each in (one, several))
+        )
+        if not ("/verdict/groups/" in line and any(group in line for group in undecided))
+    ]
+    assert found == []
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_checks_take_no_part_and_are_told(tmp_path: Path) -> None:
+    kept_out = "checks:\n  - {type: distance"
+    one, several = both(
+        tmp_path,
+        Kind(sights=20),
+        **{"  - {type: distance": f"{kept_out}", "  - {type: height": "  - {type: height"},
+    )
+    assert one["checks"]
+    assert differences(one["checks"], several["checks"]) == []
+    assert several["observations"] == one["observations"]
+    assert several["sigma0"]["aposteriori"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-10)
+    tables = [pl.read_csv(tmp_path / name / "residuals.csv") for name in ("one", "several")]
+    assert [(table["flag"] == "check").sum() for table in tables] == [40, 40]
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_the_adjusted_project_stands_still_at_the_same_solution(tmp_path: Path) -> None:
+    one, _ = both(tmp_path, Kind(control=6, sights=10))
+    again = command("adjust", tmp_path / "several" / "adjusted.yaml", "-o", tmp_path / "again")
+    assert again.exit_code == 0, again.stderr
+    found = results(tmp_path / "again")
+    assert found["iterations"] <= 2
+    assert found["sigma0"]["aposteriori"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-9)
+    here, there = (pl.read_csv(tmp_path / name / "reference.csv").sort("id") for name in ("one", "several"))
+    assert here["id"].equals(there["id"])
+    assert here.select("x", "y", "z").to_numpy() == pytest.approx(
+        there.select("x", "y", "z").to_numpy(), abs=1e-12
+    )
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_the_page_says_what_that_of_one_machine_says(tmp_path: Path) -> None:
+    both(tmp_path, Kind(sights=10))
+    pages = [(tmp_path / name / "report.html").read_text(encoding="utf-8") for name in ("one", "several")]
+    told = [page.partition('<section id="network"')[0].partition("<body")[2] for page in pages]
+    files = [page.replace(" 1 note under Files.", "") for page in told]
+    assert len(files[0]) > 1000
+    assert files[0] == files[1]
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_programs_that_read_results_read_those_of_domains(tmp_path: Path) -> None:
+    both(tmp_path, Kind())
+    done = command("covariance", tmp_path / "several", "--points", "P1,P2", "-o", tmp_path / "q.npz")
+    assert done.exit_code == 0, done.stderr
+    assert command("compare", tmp_path / "one", tmp_path / "several").exit_code in (0, 1)
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_no_solution_has_results_without_numbers(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind(gnss=False))
+    done = command("adjust", project, "-o", tmp_path / "out", "--memory", "400MB")
+    assert done.exit_code == 4
+    found = results(tmp_path / "out")
+    assert (found["outcome"], found["solution"], found["sigma0"]) == ("singular", False, None)
+    assert not (tmp_path / "out" / "adjusted.yaml").exists()
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_fixed_points_are_tested(tmp_path: Path) -> None:
+    observed = "{sigma_x: '0.02', sigma_y: '0.02', sigma_z: '0.02'}"
+    fixed = "{sigma_x: '0', sigma_y: '0', sigma_z: '0'}"
+    one, several = both(tmp_path, Kind(control=8), **{observed: fixed})
+    assert len(one["fixed_points"]) == 8
+    assert differences(one["fixed_points"], several["fixed_points"]) == []
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_gross_errors_reject_the_same_groups_and_move_the_same_points(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind(control=6))
+    rays = pl.read_parquet(project.parent / "rays.parquet")
+    wrong = (pl.int_range(pl.len()) % 97 == 5) | (pl.col("image") == "I7")
+    rays.with_columns(x=pl.col("x") + 0.03 * wrong * (pl.int_range(pl.len()) % 3 - 1)).write_parquet(
+        project.parent / "rays.parquet"
+    )
+    for folder, options in (("one", ()), ("several", ("--memory", "400MB", "--no-html"))):
+        done = command("adjust", project, "-o", tmp_path / folder, *options)
+        assert done.exit_code == 0, done.stderr
+    one, several = results(tmp_path / "one"), results(tmp_path / "several")
+    assert one["verdict"]["rejected"] > 0
+    assert len(one["gross_errors"]["suspicious"]) > 20
+    assert differences(one["gross_errors"], several["gross_errors"]) == []
+    rejected = [
+        {(row["of"], row["name"]) for row in each["verdict"]["groups"] if row["rejected"]}
+        for each in (one, several)
+    ]
+    assert rejected[0] == rejected[1]
+    assert one["verdict"]["all_alike"] == several["verdict"]["all_alike"]
+    assert several["verdict"]["explanations"] == []  # not looked for, which a note says
+    assert any("is not looked for" in note["message"] for note in several["notes"])

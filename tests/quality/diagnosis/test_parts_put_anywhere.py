@@ -1,0 +1,48 @@
+"""Singular where parts were put anywhere is not said of the observations."""
+
+import numpy as np
+
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
+from mor.approximate.approximation import untied
+from mor.approximate.parts.history import Join, Tie
+from mor.approximate.parts.rule import rule
+from mor.pipeline import make_problem, read_document, read_network
+from mor.quality.diagnosis.loose_things import OPEN
+from mor.quality.diagnosis.unsettled import PUT_ANYWHERE, with_fitting_reason
+
+TWO_PARTS = """mor: 1
+points: [{columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 100, 0, 0], [C, 0, 9, 0], [D, 9, 9, 0]]}]
+datum: free
+observations:
+  - {type: distance, values: {sigma: 0.01}, columns: [from, to, distance], rows: [[A, B, 3], [C, D, 1]]}
+"""
+
+
+def adjusted(tmp_path, text=TWO_PARTS):
+    (tmp_path / "project.yaml").write_text(text, encoding="utf-8")
+    network = read_network(read_document(tmp_path / "project.yaml"), tmp_path)
+    return adjust(make_problem(network, network.start, network.start), network.start)
+
+
+def test_where_parts_lie_anywhere_and_do_not_fit_the_start_values_are_to_blame(tmp_path):
+    singular = adjusted(tmp_path)
+    assert singular.outcome is Outcome.SINGULAR
+    assert with_fitting_reason(singular, untied=True).reason == PUT_ANYWHERE
+    assert with_fitting_reason(singular).reason == OPEN
+
+
+def test_where_they_fit_the_observations_are(tmp_path):
+    singular = adjusted(tmp_path, TWO_PARTS.replace("B, 3]", "B, 100]").replace("D, 1]", "D, 9]"))
+    assert with_fitting_reason(singular, untied=True).reason == OPEN
+
+
+def test_a_part_is_untied_where_movements_stay_open_and_it_is_not_the_first_of_a_free_network():
+    def join(number, tie):
+        none = np.zeros(0, dtype=np.int64)
+        return Join(number, rule("what is given"), 0, none, (), (), False, False, False, tie)
+
+    firm, loose = Tie(0, 3, 1e-4, 0), Tie(2, -2, 0.0, 11)
+    parts = join(1, None), join(2, firm), join(3, loose)
+    assert [one.number for one in untied(parts, given=True)] == [1, 3]
+    assert [one.number for one in untied(parts, given=False)] == [3]

@@ -1,0 +1,58 @@
+"""Ten questions of whoever signs: each is answered in the first section, or by the section its answer links to."""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import replace
+
+import pytest
+
+from mor.report.html.page import page
+from mor.report.view import View
+
+ANSWERS = {
+    "accepted?": (None, r"(Accepted|Not accepted)"),
+    "worst observation?": ("Single observations", r"The worst is .+: w = "),
+    "how good is a point?": ("Points", r"the weakest point is \S+ \(longest semi-axis"),
+    "the camera?": ("Camera D7", r"c = [\d.]+ ± "),
+    "which datum?": ("Datum", r"Coordinates and σ refer to it"),
+    "what is uncontrolled?": ("Reliability", r"observations have r < 0\.1"),
+    "what would help?": ("What would help", r"mor design adjusted\.yaml --rank"),
+    "was everything used?": ("What was used", r"\d+ observations adjusted, \d+ kept out"),
+    "from which files?": ("What was used", r"\d+ files? read"),
+    "may it be compared?": ("Another epoch", r"mor compare OTHER THIS --epochs"),
+}
+"""Statement that answers, and what it says; the first is the headline."""
+BEHIND = {"Single observations": "table-residuals", "Points": "table-points", "What was used": "signature"}
+"""What stands in the section behind the link of a statement."""
+
+
+def rejected(view: View) -> View:
+    test = {**view.summary["global_test"], "statistic": 1e6, "accepted": False}
+    return replace(view, summary={**view.summary, "global_test": test})
+
+
+@pytest.mark.parametrize("clean", [True, False], ids=["clean", "rejected"])
+def test_every_question_has_an_answer(facade_view: View, clean: bool) -> None:
+    text = page(facade_view if clean else rejected(facade_view))
+    first = text[text.index('<section id="verdict">') : text.index("</section>")]
+    found = re.findall(r"<dt>(?:<a href=\"#([\w-]+)\">)?([^<]+)(?:</a>)?</dt><dd>(.*?)</dd>", first, re.S)
+    statements = {title: (link, html.unescape(words)) for link, title, words in found}
+    headline = html.unescape(first[: first.index("<dl")])
+    for question, (title, said) in ANSWERS.items():
+        words = statements[title][1] if title else headline
+        assert re.search(said, words), question
+    assert ("Not yet" in statements["Another epoch"][1]) is not clean
+    for title, (link, _) in statements.items():
+        assert not link or text.count(f'id="{link}"') == 1, f"{title} links to {link}"
+        if title in BEHIND:
+            section = text[text.index(f'id="{link}"') :]
+            assert BEHIND[title] in section[: section.index("</section>")]
+
+
+def test_sections_of_the_head_are_there(facade_view: View) -> None:
+    text = page(facade_view)
+    links = re.findall(r'<a href="#([\w-]+)">', text)
+    assert len(links) > 15
+    assert [link for link in links if text.count(f'id="{link}"') != 1] == []
