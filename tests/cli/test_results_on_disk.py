@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Mapping
@@ -10,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
+from types import FrameType
 
 import pytest
 from small_projects import BLOCK, LEVELLING, mor, write, write_block
@@ -345,3 +348,43 @@ class TestTwoRunsAtOnce:
         found = content(tmp_path / "out")
         assert found["a"] == found["b"]
         assert list(tmp_path.iterdir()) == [tmp_path / "out"]
+
+
+def _interrupted_at(line: int, folder: Path) -> bool:
+    """Reserve a folder and put results in place, interrupted at a line of the module; whether there was that line."""
+    lines = 0
+
+    def trace(frame: FrameType, event: str, _: object) -> Callable[..., object]:
+        nonlocal lines
+        if event == "line" and frame.f_code.co_filename == reservation.__file__:
+            lines += 1
+            if lines == line:
+                signal.raise_signal(signal.SIGINT)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        with reservation.reserve(folder, force=True) as place:
+            place.new.mkdir()
+            (place.new / "report.txt").write_text("new")
+            reservation.put_in_place(place)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return lines >= line
+
+
+def test_an_interruption_at_any_line_leaves_the_old_or_the_new_result_and_nothing_else(tmp_path) -> None:
+    folder, line = tmp_path / "results", 0
+    there = True
+    while there:
+        line += 1
+        shutil.rmtree(tmp_path)
+        folder.mkdir(parents=True)
+        (folder / "report.txt").write_text("old")
+        there = _interrupted_at(line, folder)
+        assert list(tmp_path.iterdir()) == [folder], line
+        assert [path.read_text() for path in folder.iterdir()] in (["old"], ["new"]), line
+    assert line > 60, "all of the module's lines were interrupted"

@@ -11,10 +11,13 @@ import ctypes
 import errno
 import os
 import shutil
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mor.errors import InputError, Problem
 
@@ -26,6 +29,7 @@ except ImportError:  # not on Windows: there two runs at once are not told of ea
 _AT_WORKING_FOLDER = -100
 _EXCHANGE = 2
 """Of the Linux call ``renameat2``."""
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
@@ -74,24 +78,67 @@ def reserve(folder: Path, force: bool) -> Iterator[Reservation]:
     target.parent.mkdir(parents=True, exist_ok=True)
     place = Reservation(target, force, target.with_name(f".{target.name}.mor"))
     try:
-        lock = _locked(place, folder)
-        try:
-            _tidy(place)
-            check_free(folder, force)
-            yield place
-        finally:
+        with _uninterrupted() as interruptions:
+            lock = _locked(place, folder)
             try:
                 _tidy(place)
-            except KeyboardInterrupt:
-                # polars raises an interruption by itself, and Python once more: it may have hit the clearing away
-                _tidy(place)
-                raise
+                check_free(folder, force)
+                with interruptions.heeded():
+                    yield place
             finally:
+                _tidy(place)
                 _released(place, lock)
     finally:
         with suppress(OSError):  # not empty: there are results in them
             for path in missing:
                 path.rmdir()
+
+
+class _Interruptions:
+    """Signals that came while nothing may be left half done; they are heeded afterwards, or where it says so."""
+
+    def __init__(self) -> None:
+        self._came: list[int] = []
+        self._before: dict[int, Any] = {}
+
+    def put_off(self) -> None:
+        """Only note from now on what comes. Python gives signals to the main thread, and lets no other ask for them."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number in _SIGNALS:
+            before = signal.getsignal(number)
+            if before is not None and before != signal.SIG_IGN:  # what other code heeds, or nobody, stays so
+                self._before[number] = before
+                signal.signal(number, lambda came, _: self._came.append(came))
+
+    def heed(self) -> None:
+        """Heed them as before, first of all one that came."""
+        before, self._before = self._before, {}
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if self._came:
+            number, self._came = self._came[0], []
+            signal.raise_signal(number)
+
+    @contextmanager
+    def heeded(self) -> Iterator[None]:
+        """Where an interruption does no harm."""
+        try:
+            self.heed()
+            yield
+        finally:
+            self.put_off()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[_Interruptions]:
+    """Put interruptions off to the end of what is done in it."""
+    interruptions = _Interruptions()
+    interruptions.put_off()
+    try:
+        yield interruptions
+    finally:
+        interruptions.heed()
 
 
 def put_in_place(place: Reservation) -> None:
