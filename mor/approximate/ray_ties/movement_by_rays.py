@@ -57,8 +57,7 @@ def movement_by_rays(planes: Planes, turn: Turn, scaled: bool, redundant: int) -
 
     ``redundant``: planes that must agree with it beyond those it takes.
     """
-    taken = 3 + {Turn.ANY: 3, Turn.VERTICAL: 1, Turn.NONE: 0}[turn] + (not scaled)
-    if len(planes.normal) < taken + redundant:
+    if len(planes.normal) < _unknowns(turn, scaled) + redundant:
         return None
     arrays = planes.normal, planes.at, planes.point, planes.of_source, planes.reach, planes.ahead
     return _found(*arrays, turn, scaled, redundant)
@@ -81,7 +80,7 @@ def _found(
     linear = _linear(ties, rotations, scaled)
     off = _residuals(ties, rotations, *linear)
     order = np.argsort(np.log1p(np.square(off / (10.0 * PRECISION))).sum(axis=1), kind="stable")[:_REFINED]
-    found = [_refined(ties, rotations[k], linear[0][k], linear[1][k], turn, scaled) for k in order]
+    found = _refined(ties, _Movements(linear[0][order], rotations[order], linear[1][order]), turn, scaled)
     found.sort(key=lambda one: one.objective)
     return _judged(ties, found, turn, scaled, redundant) if found else None
 
@@ -193,67 +192,67 @@ class _Fit:
         return float(np.log1p(np.square(self.residuals / PRECISION)).sum())
 
 
-def _at(ties: _Ties, scale: float, rotation: FloatArray, shift: FloatArray) -> FloatArray:
-    return np.asarray(_residuals(ties, rotation[None], np.array([scale]), shift[None])[0])
+@dataclass(frozen=True)
+class _Movements:
+    """Movements of one kind: scales (k,), rotations (k, 3, 3) and shifts (k, 3) by which the source is moved."""
+
+    scale: FloatArray
+    rotation: FloatArray
+    shift: FloatArray
+
+    def moved(self, change: FloatArray, turn: Turn, scaled: bool) -> _Movements:
+        """After changes (k, u) of shift, turn and scale."""
+        turns = np.zeros((len(change), 3))
+        if turn is Turn.ANY:
+            turns = change[:, 3:6]
+        elif turn is Turn.VERTICAL:
+            turns[:, 2] = change[:, 3]
+        scale = self.scale if scaled else self.scale * np.exp(change[:, -1])
+        return _Movements(scale, exponential(turns) @ self.rotation, self.shift + change[:, :3])
+
+    def residuals(self, ties: _Ties) -> FloatArray:
+        """(k, n), as of :func:`_residuals`."""
+        return _residuals(ties, self.rotation, self.scale, self.shift)
+
+    def each(self, times: int) -> _Movements:
+        """Every one of them so many times, one after the other."""
+        return _Movements(*(np.repeat(one, times, axis=0) for one in (self.scale, self.rotation, self.shift)))
 
 
-def _refined(
-    ties: _Ties, rotation: FloatArray, scale: float, shift: FloatArray, turn: Turn, scaled: bool
-) -> _Fit:
-    """The minimum near a movement; planes that pass far by count less."""
-    off = _at(ties, scale, rotation, shift)
+def _refined(ties: _Ties, near: _Movements, turn: Turn, scaled: bool) -> list[_Fit]:
+    """The minima near movements; planes that pass far by count less."""
+    off = near.residuals(ties)
     for step in range(_STEPS):
         width = max(PRECISION, 20.0 * PRECISION * 0.6**step)
-        root = 1.0 / np.hypot(1.0, off / width)
-        rows = _derivatives(ties, scale, rotation, shift, off, turn, scaled) * root[:, None]
-        size = len(rows[0])
-        change = -np.linalg.lstsq(
-            np.concatenate([rows, 1e-5 * np.eye(size)]), np.append(root * off, np.zeros(size)), rcond=None
-        )[0]
-        scale, rotation, shift = _moved(scale, rotation, shift, np.clip(change, -0.3, 0.3), turn, scaled)
-        off = _at(ties, scale, rotation, shift)
+        weight = 1.0 / (1.0 + np.square(off / width))
+        rows = _derivatives(ties, near, off, turn, scaled)
+        weighted = np.swapaxes(rows * weight[..., None], 1, 2)
+        normal = weighted @ rows + 1e-10 * np.eye(rows.shape[2])
+        change = -np.linalg.solve(normal, weighted @ off[..., None])[..., 0]
+        near = near.moved(np.clip(change, -0.3, 0.3), turn, scaled)
+        off = near.residuals(ties)
         if width == PRECISION and float(np.abs(change).max()) < 1e-9:
             break
-    return _Fit(scale, rotation, shift, off)
+    return [_Fit(float(s), *rest) for s, *rest in zip(near.scale, near.rotation, near.shift, off, strict=True)]
 
 
-def _derivatives(
-    ties: _Ties,
-    scale: float,
-    rotation: FloatArray,
-    shift: FloatArray,
-    off: FloatArray,
-    turn: Turn,
-    scaled: bool,
-) -> FloatArray:
-    """(n, u) of the residuals by shift, turn and scale, by differences."""
-    count = 3 + {Turn.ANY: 3, Turn.VERTICAL: 1, Turn.NONE: 0}[turn] + (not scaled)
-    places = [_moved(scale, rotation, shift, step, turn, scaled) for step in _DIFFERENCE * np.eye(count)]
-    there = _residuals(
-        ties,
-        np.stack([one[1] for one in places]),
-        np.array([one[0] for one in places]),
-        np.stack([one[2] for one in places]),
-    )
-    return np.asarray((there - off).T / _DIFFERENCE)
+def _derivatives(ties: _Ties, at: _Movements, off: FloatArray, turn: Turn, scaled: bool) -> FloatArray:
+    """(k, n, u) of the residuals by shift, turn and scale, by differences."""
+    count = _unknowns(turn, scaled)
+    steps = np.tile(_DIFFERENCE * np.eye(count), (len(off), 1))
+    there = at.each(count).moved(steps, turn, scaled).residuals(ties).reshape(len(off), count, -1)
+    return np.swapaxes((there - off[:, None, :]) / _DIFFERENCE, 1, 2)
 
 
-def _moved(
-    scale: float, rotation: FloatArray, shift: FloatArray, change: FloatArray, turn: Turn, scaled: bool
-) -> tuple[float, FloatArray, FloatArray]:
-    turns = np.zeros(3)
-    if turn is Turn.ANY:
-        turns = change[3:6]
-    elif turn is Turn.VERTICAL:
-        turns[2] = change[3]
-    factor = 1.0 if scaled else float(np.exp(change[-1]))
-    return scale * factor, exponential(turns[None])[0] @ rotation, shift + change[:3]
+def _unknowns(turn: Turn, scaled: bool) -> int:
+    return 3 + {Turn.ANY: 3, Turn.VERTICAL: 1, Turn.NONE: 0}[turn] + (not scaled)
 
 
 def _judged(ties: _Ties, found: list[_Fit], turn: Turn, scaled: bool, redundant: int) -> Movement | None:
     best = found[0]
     agrees = (np.abs(best.residuals) < FITS) & _ahead(ties, best)
-    rows = _derivatives(ties, best.scale, best.rotation, best.shift, best.residuals, turn, scaled)
+    alone = _Movements(np.array([best.scale]), best.rotation[None], best.shift[None])
+    rows = _derivatives(ties, alone, best.residuals[None], turn, scaled)[0]
     redundancy = int(np.count_nonzero(agrees)) - rows.shape[1]
     if redundancy < redundant or np.count_nonzero(agrees) < AGREEING * len(agrees):
         return None
