@@ -18,11 +18,14 @@ def main() -> None:
 
     Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C.
     """
-    heeded = [signal.SIGINT]
+    heeded = []
     try:
-        for name in ("SIGTERM", "SIGHUP"):
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            if number is not None and signal.getsignal(number) in (
+                signal.SIG_DFL,
+                signal.default_int_handler,
+            ):
                 heeded.append(number)
                 signal.signal(number, _interrupt)
         _heed_warnings()
@@ -70,8 +73,23 @@ class _WhenUsed:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    signal.signal(number, signal.SIG_IGN)  # once is enough
+    """Raise an interruption; a moment later where modules are being loaded.
+
+    There a lock is held that other threads wait for, and what is raised between taking it and the ``try`` after it, or
+    in a callback, leaves it taken for ever.
+    """
+    if frame is not None and frame.f_code.co_filename == _LOADING and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, lambda _, there: _interrupt(number, there))
+        signal.setitimer(signal.ITIMER_REAL, _A_MOMENT)
+        return
+    if number != signal.SIGINT:  # Ctrl-C may be pressed again
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
+
+
+_LOADING = "<frozen importlib._bootstrap>"
+_A_MOMENT = 1e-3
+"""Seconds."""
 
 
 def _heed_warnings() -> None:

@@ -94,15 +94,17 @@ def trial(scene: Scene, name: str, draw: random.Random) -> Trial:
     time.sleep(moment)
     process.send_signal(getattr(signal, name))
     said = process.communicate()[1]
+    # Hit before or after all of the program, which has no say then.
+    outside = process.returncode < 0 or ("Traceback" in said and "__main__.py" not in said)
     found, faults = content(scene.out), []
     which = next(
         (word for word, k in (("old", old), ("new", 1 - old)) if found == scene.results[k]), "neither"
     )
     if which == "neither":
         faults.append("the results are neither the old nor the new ones")
-    if "Traceback" in said or "Exception ignored" in said:
+    if not outside and ("Traceback" in said or "Exception ignored" in said):
         faults.append(f"it said: {said.strip().splitlines()[-1]}")
-    if name != "SIGKILL" and process.returncode >= 0:  # else it was hit before or after all of the program
+    if name != "SIGKILL" and not outside:
         faults += [f"left behind: {path}" for path in _strangers(scene)]
         if process.returncode not in (0, 128 + getattr(signal, name)):
             faults.append(f"exit code {process.returncode}")

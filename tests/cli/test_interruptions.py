@@ -5,8 +5,12 @@ from __future__ import annotations
 import random
 import signal
 import sys
+import time
+import types
 import warnings
 from collections.abc import Iterator
+from importlib._bootstrap import _get_module_lock  # type: ignore[import-not-found]
+from typing import cast
 
 import numpy as np
 import pytest
@@ -38,6 +42,22 @@ def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.Monk
     assert run.code == 143
     assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
     assert list(tmp_path.iterdir()) == [project]
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer of the system")
+def test_while_modules_are_loaded_an_interruption_waits() -> None:
+    before = signal.getsignal(signal.SIGALRM)
+    loading = types.SimpleNamespace(
+        f_code=types.SimpleNamespace(co_filename=_get_module_lock.__code__.co_filename)
+    )
+    try:
+        process._interrupt(signal.SIGUSR1, cast(types.FrameType, loading))
+        with pytest.raises(KeyboardInterrupt) as raised:
+            time.sleep(10.0)
+        assert raised.value.args == (signal.SIGUSR1,)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGUSR1, signal.SIG_DFL)
 
 
 def test_arithmetic_that_goes_wrong_is_an_error_and_nothing_else_is_said(

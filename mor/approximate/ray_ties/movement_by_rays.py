@@ -233,7 +233,9 @@ def _refined(ties: _Ties, near: _Movements, turn: Turn, scaled: bool) -> list[_F
         off = near.residuals(ties)
         if width == PRECISION and float(np.abs(change).max()) < 1e-9:
             break
-    return [_Fit(float(s), *rest) for s, *rest in zip(near.scale, near.rotation, near.shift, off, strict=True)]
+    return [
+        _Fit(float(s), *rest) for s, *rest in zip(near.scale, near.rotation, near.shift, off, strict=True)
+    ]
 
 
 def _derivatives(ties: _Ties, at: _Movements, off: FloatArray, turn: Turn, scaled: bool) -> FloatArray:
