@@ -31,6 +31,7 @@ SCRIPTS = (
     "data.js",
     "theme.js",
     "table.js",
+    "sketch.js",
     "network.js",
     "labels.js",
     "overlays.js",

@@ -7,6 +7,7 @@ import json
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from page_in_browser import wait_until
 
@@ -131,6 +132,25 @@ def test_a_point_is_picked_in_space_with_the_mouse(opened: Any) -> None:
         "return document.querySelector('#chart-space .plot').data.map((t) => t.name)"
     )
     assert "rays of the picked" in names
+
+
+SKETCHED = """
+const { data, layout } = space(), trace = inPerspective(data, layout.scene).find((t) => t.meta === 'images');
+return arguments[0].map((k) => [trace.x[k], trace.y[k]]);
+"""
+
+
+def test_the_sketch_has_the_network_as_the_chart_in_space_shows_it(opened: Any) -> None:
+    """Up to the size and the place on the screen, which the chart takes from its window."""
+    chosen = list(range(9))
+    sketched = np.array(opened.execute_script(SKETCHED, chosen)) @ [1.0, 1j]
+    drawn = np.array([opened.execute_script(ON_SCREEN, k) for k in chosen]) @ [1.0, -1j]
+    both = np.stack([sketched, np.ones(len(chosen))], axis=1)
+    (scale, _), *_ = np.linalg.lstsq(both, drawn, rcond=None)
+    off = drawn - both @ np.linalg.lstsq(both, drawn, rcond=None)[0]
+    assert np.abs(off).max() < 1.0, "pixels"
+    assert abs(scale) > 100.0
+    assert abs(scale.imag) < 1e-3 * abs(scale)
 
 
 def test_a_point_is_picked_by_its_name_and_said_with_its_datum(opened: Any) -> None:

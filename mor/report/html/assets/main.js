@@ -70,9 +70,10 @@ async function start() {
   await readData();
   prepareNetwork();
   networkControls();
+  sketchNetwork();
+  root.dataset.ready = "first";
   await library;
   await drawSpace();
-  root.dataset.ready = "first";
   await pause();
   await drawPlane();
   longTables();

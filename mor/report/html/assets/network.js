@@ -283,6 +283,11 @@ async function drawNetwork() {
   await drawPlane();
 }
 
+function sketchNetwork() {
+  sketch(document.getElementById("chart-space"), space());
+  sketch(document.getElementById("chart-plan"), plan());
+}
+
 function drawSpace() { return draw(document.getElementById("chart-space"), space, clicked); }
 
 async function drawPlane() {

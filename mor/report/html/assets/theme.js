@@ -52,6 +52,7 @@ async function draw(element, make, onClick) {
   }
   const { data, layout } = make();
   await Plotly.react(plot, data, themed(layout), CONFIG);
+  element.querySelector(".sketch")?.remove();
   if (!charts.has(element) && onClick) plot.on("plotly_click", onClick);
   charts.set(element, make);
   stale.add(element);
