@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import click
 
@@ -21,8 +21,72 @@ if TYPE_CHECKING:
     from mor.errors import Problem
     from mor.project.file.nodes import Document
     from mor.quality.solved import Solved
+    from mor.report.identity import Identity
     from mor.report.results.reservation import Reservation
     from mor.report.results.writing import Choice
+    from mor.report.words.language import Words
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was asked for on the command line: an option each."""
+
+    project: Path
+    output: Path | None
+    force: bool
+    source_format: str | None
+    as_json: bool
+    strict: bool
+    snoop: bool
+    lang: str
+    full: bool
+    html: bool | None
+    tables: Literal["none", "worst", "all"] | None
+    table_format: Literal["csv", "parquet"]
+    memory: float | None
+    workers: int | None
+    cluster: str | None
+    scratch: Path | None
+    events: TextIO | None
+    quiet: bool
+    verbose: bool
+
+    @property
+    def writes(self) -> bool:
+        """False where results are only printed."""
+        return self.output is not None or not self.as_json
+
+    @property
+    def folder(self) -> Path:
+        """Where results are written."""
+        from mor.report.results.folder import folder_beside
+
+        return self.output or folder_beside(self.project, ".results")
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The options on which the numbers depend, as the report repeats them."""
+        of_format = ("--from", self.source_format) if self.source_format else ()
+        return (*(("--snoop",) if self.snoop else ()), *of_format)
+
+    @property
+    def all_tables(self) -> bool:
+        """True where no table was asked to be left out."""
+        return self.tables in (None, "all")
+
+    @property
+    def limits(self) -> Wanted:
+        """What decides whether the network is adjusted in domains."""
+        return Wanted(
+            self.memory,
+            self.workers,
+            self.cluster,
+            self.scratch,
+            self.as_json,
+            self.snoop,
+            self.html,
+            self.full,
+        )
 
 
 @click.command(name="adjust")
@@ -107,27 +171,7 @@ if TYPE_CHECKING:
 )
 @quiet_option
 @click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
-def command(
-    project: Path,
-    output: Path | None,
-    force: bool,
-    source_format: str | None,
-    as_json: bool,
-    strict: bool,
-    snoop: bool,
-    lang: str,
-    full: bool,
-    html: bool | None,
-    tables: Literal["none", "worst", "all"] | None,
-    table_format: Literal["csv", "parquet"],
-    memory: float | None,
-    workers: int | None,
-    cluster: str | None,
-    scratch: Path | None,
-    events: TextIO | None,
-    quiet: bool,
-    verbose: bool,
-) -> int:
+def command(**given: Any) -> int:
     """Adjust PROJECT, write reports, results and tables.
 
     \b
@@ -145,49 +189,66 @@ def command(
     Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
     4 singular; 5 memory.
     """
+    return run(Asked(**given))
+
+
+def run(asked: Asked) -> int:
+    """Adjust a project and write what was asked for; the exit code."""
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.input_files import files_read
     from mor.report.identity import Identity
-    from mor.report.results.folder import folder_beside
     from mor.report.results.repetition import is_repeated
     from mor.report.results.reservation import reserve
-    from mor.report.results.writing import results_text, write_results
-    from mor.report.text.screen import screen
+    from mor.report.results.writing import write_results
     from mor.report.words.language import words_of
 
-    writes = output is not None or not as_json
-    folder = output or folder_beside(project, ".results")
-    words = words_of(lang)
-    with progress(quiet, verbose, events, words) as say, compiler_announced(say.note), ExitStack() as held:
+    project, folder, words = asked.project, asked.folder, words_of(asked.lang)
+    speaking = progress(asked.quiet, asked.verbose, asked.events, words)
+    with speaking as say, compiler_announced(say.note), ExitStack() as held:
         files = held.enter_context(files_read())
         say.phase("reading")
-        document = read_inputs(project, folder if writes else None, source_format)
-        options = (*(("--snoop",) if snoop else ()), *(("--from", source_format) if source_format else ()))
-        replaces = force or is_repeated(folder, project, options)
-        place = held.enter_context(reserve(folder, replaces)) if writes else None
-        how = Results(table_format, tables in (None, "all"), strict, quiet, words, options)
-        limits = Wanted(memory, workers, cluster, scratch, as_json, snoop, html, full)
-        if needs_domains(document, project.parent, limits):
-            return adjust_in_domains(document, project.parent, limits, place, how, say, files)
+        document = read_inputs(project, folder if asked.writes else None, asked.source_format)
+        replaces = asked.force or is_repeated(folder, project, asked.told)
+        place = held.enter_context(reserve(folder, replaces)) if asked.writes else None
+        if needs_domains(document, project.parent, asked.limits):
+            how = Results(asked.table_format, asked.all_tables, asked.strict, asked.quiet, words, asked.told)
+            return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
         with named_in_full(place):
-            solved = adjusted(document, project.parent, snoop, say)
-        of = Identity(tuple(files.values()), project.parent, options)
+            solved = adjusted(document, project.parent, asked.snoop, say)
+        of = Identity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
-        said = "" if quiet and solved.quality is not None else screen(solved, words)
+        said = on_screen(asked, solved, words)
         if place is not None:
-            choice = chosen(solved, tables, table_format, html, lang, say)
-            write_results(solved, document, of, place, replace(choice, full=full))
-        code = exit_code(solved, strict)
-        written = str(folder) if writes else None
+            write_results(solved, document, of, place, chosen(asked, solved, say))
+        code = exit_code(solved, asked.strict)
+        written = str(folder) if asked.writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
-    if as_json:
+    show(asked, solved, of, said)
+    return code
+
+
+def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
+    """The result on one screen; nothing of a solution where quiet was asked for."""
+    from mor.report.text.screen import screen
+
+    if asked.quiet and solved.quality is not None:
+        return ""
+    told = [
+        screen(solved, words),
+        *([words("results in {place}", place=asked.folder)] if asked.writes else []),
+    ]
+    return "\n".join(told)
+
+
+def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
+    """What goes to standard output and to the terminal at the end."""
+    from mor.report.results.writing import results_text
+
+    if asked.as_json:
         click.echo(results_text(solved, of), nl=False)
     if said:
-        click.echo(
-            "\n".join([said, *([words("results in {place}", place=folder)] if writes else [])]), err=True
-        )
-    return code
+        click.echo(said, err=True)
 
 
 @contextmanager
@@ -252,29 +313,23 @@ def check_reading(document: Document, folder: Path) -> None:
     check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
 
 
-def chosen(
-    solved: Solved,
-    tables: Literal["none", "worst", "all"] | None,
-    table_format: Literal["csv", "parquet"],
-    html: bool | None,
-    language: str,
-    say: Progress,
-) -> Choice:
+def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
     """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
     from mor.memory import check_room
     from mor.report.results.json import entries
     from mor.report.results.memory import FEWER, memory_of_reports
     from mor.report.results.writing import Choice, is_large, tables_by_size
 
-    say.notes(left_out(solved, tables, html))
-    page = html if html is not None else not is_large(solved)
-    need = memory_of_reports(solved.network, page, tables or tables_by_size(solved))
-    check_room(need, "writing the reports", FEWER)
+    say.notes(left_out(solved, asked.tables, asked.html))
+    page = asked.html if asked.html is not None else not is_large(solved)
+    tables = asked.tables or tables_by_size(solved)
+    check_room(memory_of_reports(solved.network, page, tables), "writing the reports", FEWER)
     return Choice(
-        tables=tables or tables_by_size(solved),
-        kind=table_format,
+        tables=tables,
+        kind=asked.table_format,
         html=page and has_library(say),
-        language=language,
+        language=asked.lang,
+        full=asked.full,
         done=say.counter(entries(solved)),
     )
 
