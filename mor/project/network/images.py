@@ -77,20 +77,7 @@ def _read_images_table(
     leaders: list[tuple[int, str, str, str, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
-    columns = [
-        Column("id", required=True),
-        Column("camera", required=True),
-        *(Column(name) for name in ("position", "leader", "pair")),
-        EPOCH,
-        *trajectory_columns(reading),
-        *component_columns((*POINT.components, *ROTATION.components), edge),
-        *position_columns(reading),
-        *set_up_columns(reading, HEIGHT),
-        *set_up_columns(reading, ECCENTRICITY),
-        *(column for kind in _MOTION for column in set_up_columns(reading, kind)),
-        *variant_columns(reading),
-    ]
-    rows = read_table(table, columns, place, reading.problems)
+    rows = read_table(table, _columns(reading), place, reading.problems)
     if rows is None:
         return
     names = rows.text("id")
@@ -133,6 +120,23 @@ def _read_images_table(
         collected.setdefault(part, []).append(array)
     ids += names
     reading.end("image", len(names))
+
+
+def _columns(reading: Reading) -> list[Column]:
+    edge = reading.edge
+    return [
+        Column("id", required=True),
+        Column("camera", required=True),
+        *(Column(name) for name in ("position", "leader", "pair")),
+        EPOCH,
+        *trajectory_columns(reading),
+        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *position_columns(reading),
+        *set_up_columns(reading, HEIGHT),
+        *set_up_columns(reading, ECCENTRICITY),
+        *(column for kind in _MOTION for column in set_up_columns(reading, kind)),
+        *variant_columns(reading),
+    ]
 
 
 def _own_poses(

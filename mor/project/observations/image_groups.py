@@ -101,22 +101,21 @@ def _image_group(
     timed = bool(images.parts[TRAJECTORY][first] >= 0)
     scanner = reading.scanners.get(camera_name)
     moves = bool(images.parts["readout"][first] >= 0) and not follows
+    if scanner is not None and follows:
+        words = f"image {image[0]!r} is of a line scanner; it cannot follow another one"
+        reading.problems.append(place.problem(words))
     if scanner is not None and (follows or not timed):
-        if follows:
-            words = f"image {image[0]!r} is of a line scanner; it cannot follow another one"
-            reading.problems.append(place.problem(words))
         return None  # its own mistake is told already
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
     except UnitError as error:
         reading.problems.append(place.problem(str(error), "units"))
         return None
-    r0 = 0.0
-    if CAMERA_MODELS[camera.model].constants and camera.r0 is not None:
-        r0 = reading.edge.number(camera.r0, IMAGE, "", scale)  # its unit is checked where the camera is read
     if (moves or scanner is not None) and not _all_timed(reading, camera, scanner, observed, rows, chosen):
         return None
-    constants = _constants(CAMERA_MODELS[camera.model], observed, r0, camera if moves else None, scale)
+    constants = _constants(
+        CAMERA_MODELS[camera.model], observed, _r0(reading, camera, scale), camera if moves else None, scale
+    )
     type_ = (MOVING_TYPES if moves else FOLLOWER_TYPES if follows else IMAGE_TYPES)[camera.model]
     knots: tuple[IntArray, ...] = ()
     if timed:
@@ -147,6 +146,13 @@ def _image_group(
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
     return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _r0(reading: Reading, camera: Camera, scale: ImageScale) -> float:
+    """The radius at which the distortion of a camera is 0; its unit is checked where the camera is read."""
+    if camera.r0 is None or not CAMERA_MODELS[camera.model].constants:
+        return 0.0
+    return reading.edge.number(camera.r0, IMAGE, "", scale)
 
 
 def _along(
