@@ -132,6 +132,10 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.dynadjust.reader", "read_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
+    "dynaml": Format(
+        "DynaML (pair of …stn.xml and …msr.xml, and .geo): networks on the earth",
+        Code("mor.formats.dynadjust.reader", "read_dynaml"),
+    ),
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
         Code("mor.formats.snap.reader", "read_snap"),

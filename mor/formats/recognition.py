@@ -221,6 +221,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
     ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
+    ("dynaml", lambda sample: sample.root == "DnaXmlFormat"),
     ("sinex", lambda sample: sample.text.startswith("%=SNX")),
     ("snap", _snap),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
