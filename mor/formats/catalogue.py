@@ -193,7 +193,13 @@ FORMATS: dict[str, Format] = {
     "ply": Format("PLY points", write=_drawing("ply", "write_ply"), suffixes=(".ply",)),
     "dxf": Format("DXF drawing", write=_drawing("dxf", "write_dxf"), suffixes=(".dxf",)),
     "geojson": Format("GeoJSON", write=_drawing("geojson", "write_geojson"), suffixes=(".geojson",)),
-    "landxml": Format("LandXML points", write=_drawing("landxml", "write_landxml"), suffixes=(".landxml",)),
+    "landxml": Format(
+        "LandXML: surveys with their points; written: points",
+        _book("landxml", "read_landxml"),
+        _drawing("landxml", "write_landxml"),
+        suffixes=(".landxml",),
+        untried="tried on an excerpt of a real cadastral plan; no survey of an instrument could be had",
+    ),
     "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
 }
 """Formats by the key that ``--from`` and ``--to`` take."""

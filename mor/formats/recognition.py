@@ -217,6 +217,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
     ("jobxml", lambda sample: sample.root == "JOBFile"),
+    ("landxml", lambda sample: sample.root == "LandXML"),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
