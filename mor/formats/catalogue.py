@@ -178,8 +178,9 @@ FORMATS: dict[str, Format] = {
         untried="no file of users could be had: this reader was written from the manual",
     ),
     "bingo": Format(
-        "BINGO (folder with image.dat and geoin.dat)",
-        Code("mor.formats.bingo", "read_bingo"),
+        "BINGO (folder with image.dat, geoin.dat and itera.dat)",
+        Code("mor.formats.bingo.reader", "read_bingo"),
+        Code("mor.formats.bingo.writer", "write_bingo"),
         folder=True,
         untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
     ),

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
-from mor.formats.bingo import is_bingo
+from mor.formats.bingo.files import is_bingo
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.metashape.projects import is_project
