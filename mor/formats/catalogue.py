@@ -184,6 +184,13 @@ FORMATS: dict[str, Format] = {
         folder=True,
         untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
     ),
+    "pat-b": Format(
+        "PAT-B (image coordinates .im, with the control points .con beside them)",
+        Code("mor.formats.patb.reader", "read_patb"),
+        Code("mor.formats.patb.writer", "write_patb"),
+        suffixes=(".im",),
+        untried="no file of PAT-B could be had: this reader was written from what other programs say of their exports",
+    ),
     "aicon": Format(
         "AICON 3D Studio flat files",
         Code("mor.formats.aicon.reader", "read_aicon"),

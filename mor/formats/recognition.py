@@ -156,6 +156,15 @@ def _bal(sample: Sample) -> bool:
     return all(len(words) == 4 and _numbers(words) == 4 for words in lines[1:2])
 
 
+def _patb(sample: Sample) -> bool:
+    """Photo and camera constant, then point, x, y a line, up to −99."""
+    lines = [words for words in sample.lines if words and words[0][0] not in "#*!"]
+    end = next((k for k, words in enumerate(lines) if words[0] == "-99"), 0)
+    if end < 2 or not 2 <= len(lines[0]) <= 5 or not _numbers(lines[0][1:]):
+        return False
+    return all(len(words) >= 3 and _numbers(words[1:3]) == 2 for words in lines[1:end])
+
+
 _STARNET = re.compile(
     r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G0|G1|G2|G3|P)(?:\s|$))",
     re.IGNORECASE,
@@ -234,6 +243,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("sokkia-scr", _beginning(r"A,SET\d")),
     ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),
     ("geodimeter", _geodimeter),
+    ("pat-b", _patb),
     ("starnet", _starnet),
     ("photomodeler", _photomodeler),
     ("textbook", _sections),
