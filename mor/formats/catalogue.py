@@ -130,6 +130,7 @@ FORMATS: dict[str, Format] = {
     "dynadjust": Format(
         "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",
         Code("mor.formats.dynadjust.reader", "read_dynadjust"),
+        Code("mor.formats.dynadjust.writer", "write_dynadjust"),
         suffixes=(".stn", ".msr"),
     ),
     "dynaml": Format(

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.project.file.nodes import Document, Path
 
@@ -81,6 +84,12 @@ class Draft:
 
 LARGEST = 1e30
 """Numbers beyond it are none of a measurement, and their squares leave the range of floating point."""
+
+
+def usable(values: FloatArray) -> bool:
+    """True where all of them are numbers up to 1e30."""
+    with np.errstate(invalid="ignore"):
+        return bool((np.abs(values) <= LARGEST).all())
 
 
 def number(text: str) -> float:
