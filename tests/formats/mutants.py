@@ -76,10 +76,14 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_colmap import RIG
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
+    from .test_dynaml import MEASURED as XML_MEASURED
+    from .test_dynaml import STATIONS as XML_STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
+    from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped
     from .test_opensfm import _folder
+    from .test_patb import block as patb
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
@@ -126,6 +130,10 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
+        "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
+        "dynaml": ("dynaml", "nmsr.xml", {"nmsr.xml": XML_MEASURED.encode(), "nstn.xml": XML_STATIONS.encode()}),
+        "landxml": ("landxml", "n.xml", {"n.xml": survey().encode()}),
+        "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
