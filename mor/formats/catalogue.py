@@ -155,6 +155,12 @@ FORMATS: dict[str, Format] = {
         folder=True,
         untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
     ),
+    "jag3d-script": Format(
+        "JAG3D project as SQL text (HSQLDB script with rows)",
+        Code("mor.formats.jag3d.script", "read_jag3d_script"),
+        suffixes=(".script",),
+        untried="no project of JAG3D could be had: this reader was written from the tables that its source makes",
+    ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
     ),

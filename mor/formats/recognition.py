@@ -233,6 +233,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
     ("dynaml", lambda sample: sample.root == "DnaXmlFormat"),
     ("sinex", lambda sample: sample.text.startswith("%=SNX")),
+    ("jag3d-script", lambda sample: '"PointApriori"' in sample.text and "TABLE" in sample.text),
     ("snap", _snap),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),

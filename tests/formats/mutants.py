@@ -80,6 +80,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_dynaml import STATIONS as XML_STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
+    from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped
     from .test_opensfm import _folder
@@ -130,6 +131,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
+        "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
         "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
         "dynaml": ("dynaml", "nmsr.xml", {"nmsr.xml": XML_MEASURED.encode(), "nstn.xml": XML_STATIONS.encode()}),
         "landxml": ("landxml", "n.xml", {"n.xml": survey().encode()}),

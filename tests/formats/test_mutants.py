@@ -30,6 +30,7 @@ from .mutants import faults, materials
             "metashape project",
             "reference pane",
             "pat-b",
+            "jag3d script",
             "dynaml",
             "landxml",
             "landxml plan",
@@ -46,4 +47,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 33
+    assert len(materials(tmp_path)) == 34
