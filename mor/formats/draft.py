@@ -86,7 +86,7 @@ LARGEST = 1e30
 """Numbers beyond it are none of a measurement, and their squares leave the range of floating point."""
 
 
-def usable(values: FloatArray) -> bool:
+def usable(values: FloatArray | Sequence[float]) -> bool:
     """True where all of them are numbers up to 1e30."""
     with np.errstate(invalid="ignore"):
         return bool((np.abs(values) <= LARGEST).all())

@@ -133,7 +133,11 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
         "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
         "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
-        "dynaml": ("dynaml", "nmsr.xml", {"nmsr.xml": XML_MEASURED.encode(), "nstn.xml": XML_STATIONS.encode()}),
+        "dynaml": (
+            "dynaml",
+            "nmsr.xml",
+            {"nmsr.xml": XML_MEASURED.encode(), "nstn.xml": XML_STATIONS.encode()},
+        ),
         "landxml": ("landxml", "n.xml", {"n.xml": survey().encode()}),
         "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
@@ -234,9 +238,7 @@ def fault(key: str, path: Path, network: bool = True) -> str:
     return f"took {seconds:.1f} s" if seconds > 10.0 else ""
 
 
-def faults(
-    name: str, seed: int, count: int, folder: Path, networks: int = 1
-) -> Iterator[tuple[int, str]]:
+def faults(name: str, seed: int, count: int, folder: Path, networks: int = 1) -> Iterator[tuple[int, str]]:
     """Numbers of the mutants of a material that are read wrongly, and what is wrong.
 
     Of every ``networks``-th mutant the network is built, too, which takes five times as long as reading it.

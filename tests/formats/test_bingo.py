@@ -82,7 +82,12 @@ def test_a_block_comes_out_as_it_was(tmp_path: Path) -> None:
         ("geoin.dat", "CONT 100 ", "CONT 100 x", "geoin.dat:4: found 'x"),
         ("image.dat", "  101 ", "  101 x", "image.dat:3: found 'x"),
         ("itera.dat", "ORIA 1 0", "ORIA 1 x", "itera.dat:1: found 'x', expected a number"),
-        ("itera.dat", "ORIA 1 0 0 0", "ORIA 1", "itera.dat:1: found 6 words, expected ORIA, a name and 6 numbers"),
+        (
+            "itera.dat",
+            "ORIA 1 0 0 0",
+            "ORIA 1",
+            "itera.dat:1: found 6 words, expected ORIA, a name and 6 numbers",
+        ),
         ("image.dat", "2  RMK", "1  RMK", "image.dat:23: image '1' is there already"),
     ],
 )
@@ -158,7 +163,6 @@ def test_orientations_are_start_values(tmp_path: Path) -> None:
     files, places = block()
     folder = written(tmp_path, files)
 
-
     (tmp_path / "out").mkdir()
     mor.adjust(str(folder)).write(str(tmp_path / "out"))
     adjusted = next((tmp_path / "out").rglob("adjusted.yaml"))
@@ -193,7 +197,9 @@ def test_distortion_is_taken_away(tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text(
         f"mor: '1'\nunits: {{length: m, angle: gon}}\ncameras:\n  k: {{unit: mm, r0: 8, interior: {{{fixed}}}}}\n"
         "images:\n- columns: [id, camera, x, y, z, omega, phi, kappa]\n  rows:\n  - [a, k, 0, 0, 10, 0, 0, 0]\n"
-        "points:\n- columns: [id]\n  rows:\n" + "".join(f"  - [p{k}]\n" for k in range(30)) + "observations:\n"
+        "points:\n- columns: [id]\n  rows:\n"
+        + "".join(f"  - [p{k}]\n" for k in range(30))
+        + "observations:\n"
         f"- type: image\n  values: {{sigma: 0.001}}\n  columns: [image, point, x, y]\n  rows:\n{rows}\n"
     )
     made = write_foreign(read_document(tmp_path / "p.yaml"), tmp_path, tmp_path / "b", "bingo")

@@ -33,7 +33,9 @@ def _written(document: Document, folder: Path, target: Path) -> Path:
 
 def _same(first: Document, second: Document) -> None:
     """The same observations in any order of their tables, to what their digits carry."""
-    both = [sorted(_rows(document), key=lambda row: (row[0], row[1], row[2][:3])) for document in (first, second)]
+    both = [
+        sorted(_rows(document), key=lambda row: (row[0], row[1], row[2][:3])) for document in (first, second)
+    ]
     for (type_, names, values), (other, theirs, numbers) in zip(*both, strict=True):
         assert (type_, names) == (other, theirs)
         np.testing.assert_allclose(values, numbers, rtol=3e-13, atol=3e-12)
@@ -85,7 +87,10 @@ def test_angles_as_text() -> None:
 def test_what_dna_cannot_say_is_refused(tmp_path: Path) -> None:
     document = read_foreign(_files(tmp_path))
     changes = (
-        ({"world": {"crs": "EPSG:4326", "heights": "ellipsoidal"}}, "files are in GDA94 or GDA2020, found WGS 84"),
+        (
+            {"world": {"crs": "EPSG:4326", "heights": "ellipsoidal"}},
+            "files are in GDA94 or GDA2020, found WGS 84",
+        ),
         ({"axes": {"angles": "counterclockwise"}}, "angles clockwise"),
     )
     for change, words in changes:
@@ -98,4 +103,6 @@ def test_what_dna_cannot_say_is_refused(tmp_path: Path) -> None:
     points = [dict(table) for table in document.data["points"]]
     points[0] = {**points[0], "values": {"sigma": "0.01"}, "fixed": []}
     with pytest.raises(InputError, match="DNA holds coordinates or leaves them free"):
-        write_foreign(replace(document, data={**document.data, "points": points}), tmp_path, tmp_path / "o", "dynadjust")
+        write_foreign(
+            replace(document, data={**document.data, "points": points}), tmp_path, tmp_path / "o", "dynadjust"
+        )

@@ -30,14 +30,18 @@ def survey(length: str = "meter", angle: str = "decimal dd.mm.ss") -> str:
     """The network of the field books: two points with coordinates, one named by what refers to it, one free."""
     metres = METRES[length]
     system = "Imperial" if "oot" in length else "Metric"
-    lines = [f'<Units><{system} linearUnit="{length}" angularUnit="{angle}" directionUnit="{angle}"/></Units>']
+    lines = [
+        f'<Units><{system} linearUnit="{length}" angularUnit="{angle}" directionUnit="{angle}"/></Units>'
+    ]
     lines += ['<CgPoints name="given">']
     for name, point in (("1", "1"), ("id-4", "4")):
         east, north, up = (value / metres for value in PLACES[point])
         lines.append(f'<CgPoint name="{name}">{north!r} {east!r} {up!r}</CgPoint>')
     lines += ["</CgPoints>", '<Survey>\n<SurveyHeader name="net"/>']
     for station, height in HEIGHTS.items():
-        lines += [f'<InstrumentSetup id="s{station}" stationName="{station}" instrumentHeight="{height / metres!r}">']
+        lines += [
+            f'<InstrumentSetup id="s{station}" stationName="{station}" instrumentHeight="{height / metres!r}">'
+        ]
         lines += [f'<InstrumentPoint pntRef="{station}"/>', "</InstrumentSetup>"]
         lines += [f'<ObservationGroup id="g{station}" setupID="s{station}">']
         for face in (1, 2):
@@ -127,7 +131,9 @@ def test_a_plan_of_bearings_and_distances(tmp_path: Path) -> None:
 
 def test_a_backsight_that_nothing_measures_is_a_sight(tmp_path: Path) -> None:
     path = tmp_path / "n.xml"
-    back = '<Backsight circle="12.3000"><BacksightPoint name="9">1000.0 2000.0 30.0</BacksightPoint></Backsight>'
+    back = (
+        '<Backsight circle="12.3000"><BacksightPoint name="9">1000.0 2000.0 30.0</BacksightPoint></Backsight>'
+    )
     measured = '<Backsight circle="0"><BacksightPoint name="3"/></Backsight>'
     path.write_text(
         survey()
@@ -149,11 +155,19 @@ def test_a_backsight_that_nothing_measures_is_a_sight(tmp_path: Path) -> None:
         ("Units>", "Other>", r"n\.xml:2: found no <Units>"),
         ('id="s2"', 'id="s1"', r"n\.xml:\d+: InstrumentSetup: found the id 's1', expected one that no other"),
         ('setupID="s2"', 'setupID="s8"', r"n\.xml:\d+: RawObservation: found the setupID 's8'"),
-        ('targetHeight="1.3"', 'targetHeight="1,3"', r"n\.xml:14: RawObservation: found '1,3', expected a number"),
+        (
+            'targetHeight="1.3"',
+            'targetHeight="1,3"',
+            r"n\.xml:14: RawObservation: found '1,3', expected a number",
+        ),
         ("0.0 0.0 10.0", "0.0", r"n\.xml:5: CgPoint: found 1 coordinates"),
         ('<TargetPoint name="2" pntRef="2"/>', "", r"n\.xml:\d+: RawObservation: found no TargetPoint"),
         ("LandXML", "Land", r"n\.xml:2: found <Land>, expected <LandXML>"),
-        ('zenithAngle="88.21', 'zenithAngle="88.71', r"n\.xml:14: RawObservation: found '88\.71.*expected less than 60"),
+        (
+            'zenithAngle="88.21',
+            'zenithAngle="88.71',
+            r"n\.xml:14: RawObservation: found '88\.71.*expected less than 60",
+        ),
     ],
 )
 def test_mistakes_have_their_line(tmp_path: Path, old: str, new: str, words: str) -> None:

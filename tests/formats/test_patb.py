@@ -30,7 +30,9 @@ def block(scale: float = 1e3, noise: float = 0.0) -> tuple[dict[str, str], dict[
             lines.append(f"{words[0]:>8} {x:.6f} {y:.6f} 1")
         else:
             lines.append(line)
-    control = [f"{name} {' '.join(map(repr, places[name].tolist()))} 1 1" for name in ("100", "101", "102", "103")]
+    control = [
+        f"{name} {' '.join(map(repr, places[name].tolist()))} 1 1" for name in ("100", "101", "102", "103")
+    ]
     return {"b.im": "\r\n".join(lines), "b.con": "\n".join([*control, "-99", ""])}, places
 
 

@@ -104,4 +104,5 @@ def _angles(
     angles = table[:, 9:] * np.pi / 200.0
     star = np.einsum("nij,nj->ni", rotation_from_angles(angles), table[:, 3:6] - table[:, 6:9])
     sine = np.linalg.norm(np.cross(table[:, :3], star), axis=1)
-    return np.arctan2(sine, np.einsum("ni,ni->n", table[:, :3], star))
+    between: FloatArray = np.arctan2(sine, np.einsum("ni,ni->n", table[:, :3], star))
+    return between

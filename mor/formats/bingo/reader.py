@@ -58,7 +58,10 @@ def read_bingo(path: Path) -> Document:
 
 def _places(ground: Ground) -> dict[str, list[float]]:
     """Coordinates of control and check points."""
-    return {str(row.cells[0]): [float(str(v)) for v in row.cells[1:4]] for row in (*ground.control, *ground.checks)}
+    return {
+        str(row.cells[0]): [float(str(v)) for v in row.cells[1:4]]
+        for row in (*ground.control, *ground.checks)
+    }
 
 
 def _read_ground(path: Path, draft: Draft) -> Ground:

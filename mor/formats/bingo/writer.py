@@ -18,7 +18,7 @@ from mor.project.file.nodes import Document
 
 
 def write_bingo(document: Document, folder: Path, target: Path) -> Written:
-    """``image.dat``, ``geoin.dat`` and ``itera.dat`` in a folder. Raises :class:`InputError` for what they cannot say."""
+    """``image.dat``, ``geoin.dat``, ``itera.dat`` in a folder. Raises :class:`InputError` for what they cannot say."""
     content = content_of(document, folder)
     found, places = images(content), points(content)
     _refuse(content, found, places)
@@ -53,18 +53,20 @@ def _refuse(content: Content, found: Things, places: Things) -> None:
         raise InputError(problems)
 
 
-def told(
-    content: Content, places: Things, cameras: dict[str, RefinedCamera], what: str
-) -> list[str]:
+def told(content: Content, places: Things, cameras: dict[str, RefinedCamera], what: str) -> list[str]:
     """What a reader of the files will not know any more."""
     some = places.fixed | np.isfinite(places.statuses.sigma)
     partly = int((some.any(axis=1) & ~some.all(axis=1)).sum())
     words = [f"{what}'s files have no σ and do not say which interior parameters are free"]
     if partly:
-        words.append(f"{counted(partly, 'point')} with control in some components only: as if there were none")
+        words.append(
+            f"{counted(partly, 'point')} with control in some components only: as if there were none"
+        )
     corrected = [name for name, camera in cameras.items() if camera.corrected]
     if corrected:
-        words.append(f"image points of {', '.join(corrected)} are written without their distortion as it starts")
+        words.append(
+            f"image points of {', '.join(corrected)} are written without their distortion as it starts"
+        )
     return words
 
 

@@ -113,7 +113,7 @@ def _wrong(image: ColmapImage, cameras: set[int]) -> str:
     if image.camera not in cameras:
         return f"camera {image.camera} is not among the cameras"
     numbers = [*image.pose.quaternion, *image.pose.translation]
-    if not usable(np.array(numbers)) or np.linalg.norm(image.pose.quaternion) < 1e-6:
+    if not usable(numbers) or np.linalg.norm(image.pose.quaternion) < 1e-6:
         return "its pose is no pose: found a number beyond 1e30, or no rotation"
     if not usable(image.xy):
         return "an image coordinate is no number up to 1e30"

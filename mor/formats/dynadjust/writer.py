@@ -21,6 +21,7 @@ from mor.project.file.nodes import Document
 from mor.project.network.build import Network, build_network
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column
+from mor.project.world.world import World
 from mor.units import LENGTH
 
 _CODES = {kind.type: code for code, kind in KINDS.items()}
@@ -45,11 +46,13 @@ def write_dynadjust(document: Document, folder: Path, target: Path) -> Written:
     content = content_of(document, folder)
     _refuse(content)
     network = build_network(content.project, document, folder)
-    frame = _frame(content, network)
-    stations = _stations(content, network)
+    world = network.world
+    assert world is not None
+    frame = _frame(content, world)
+    stations = _stations(content, network, world)
     N = dict(zip(stations.ids, np.nan_to_num(stations.geoid).tolist(), strict=True))
-    above = network.world.orthometric
-    types = {**PLAIN_TYPES, **earth_types(network.world.horizon)}
+    above = world.orthometric
+    types = {**PLAIN_TYPES, **earth_types(world.horizon)}
     measured = [
         line
         for group in groups(content, (*_CODES, *_CLUSTERS), types)
@@ -67,7 +70,9 @@ def write_dynadjust(document: Document, folder: Path, target: Path) -> Written:
     notes = not_carried(content, (*_CODES, *_CLUSTERS), (), "DynAdjust")
     words = "the epoch is written as 1 January 2020: a project has none"
     notes.append(Problem(words, str(target)))
-    texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
+    texts = {
+        stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
+    }
     return Written(texts, notes)
 
 
@@ -75,13 +80,19 @@ def _refuse(content: Content) -> None:
     """Mistakes of projects that are none of DynAdjust's."""
     project, problems = content.project, []
     if project.world is None:
-        raise InputError([Problem("DynAdjust has networks on the earth: this project has no world", content.document.file)])
+        raise InputError(
+            [Problem("DynAdjust has networks on the earth: this project has no world", content.document.file)]
+        )
     if project.axes.angles != "clockwise" or project.axes.bearings_from != "north":
-        problems.append(content.place("axes").problem("DynAdjust has angles clockwise and azimuths from north"))
+        problems.append(
+            content.place("axes").problem("DynAdjust has angles clockwise and azimuths from north")
+        )
     for number, entry in enumerate(project.observations):
         place = content.place("observations", number)
         if isinstance(entry.covariance, str) or entry.cluster:
-            problems.append(place.problem("DNA has covariances of one group of vectors or positions at a time"))
+            problems.append(
+                place.problem("DNA has covariances of one group of vectors or positions at a time")
+            )
         elif entry.covariance is not None and entry.type not in _CLUSTERS:
             problems.append(place.problem(f"DNA has no covariances of {entry.type}"))
         if entry.instrument or entry.ppm or entry.centring:
@@ -90,45 +101,56 @@ def _refuse(content: Content) -> None:
         raise InputError(problems)
 
 
-def _frame(content: Content, network: Network) -> str:
-    name = str(network.world.system.crs.geodetic_crs.name).upper()
+def _frame(content: Content, world: World) -> str:
+    geodetic = world.system.crs.geodetic_crs
+    name = geodetic.name.upper() if geodetic is not None else ""
     frame = next((frame for frame in SYSTEMS if name == frame), "")
     if not frame:
-        words = f"DynAdjust's files are in {' or '.join(SYSTEMS)}, found {network.world.system.name}"
+        words = f"DynAdjust's files are in {' or '.join(SYSTEMS)}, found {world.system.name}"
         raise InputError([content.place("world").problem(words)])
     return frame
 
 
-def _stations(content: Content, network: Network) -> Stations:
+def _stations(content: Content, network: Network, world: World) -> Stations:
     """Stations at their start values. Raises :class:`InputError` for those without, and for σ that DNA has not."""
-    things, world = network.things["point"], network.world
+    things = network.things["point"]
     blocks = things.parts["position"]
     object_ = network.start["point"][blocks]
     problems = [
-        Problem(f"point {name!r} has no coordinates; convert an adjusted project (adjusted.yaml)", content.document.file)
+        Problem(
+            f"point {name!r} has no coordinates; convert an adjusted project (adjusted.yaml)",
+            content.document.file,
+        )
         for name, place in zip(things.ids, object_, strict=True)
         if not np.isfinite(place).all()
     ]
     long = [name for name in things.ids if len(name) > 20 or name != name.strip()]
-    problems += [Problem(f"{name!r}: names in DNA files have up to 20 letters", content.document.file) for name in long]
-    held = _held(content, network, problems)
+    problems += [
+        Problem(f"{name!r}: names in DNA files have up to 20 letters", content.document.file) for name in long
+    ]
+    held = _held(content, world, problems)
     if problems:
         raise InputError(problems)
     geodetic = world.horizon.to_geodetic(object_) * np.array([1.0, 1.0, world.metres])
-    deflections = np.stack([world.of_points(f"deflection_{axis}", blocks) for axis in ("north", "east")], axis=1)
+    deflections = np.stack(
+        [world.of_points(f"deflection_{axis}", blocks) for axis in ("north", "east")], axis=1
+    )
     geoid = world.geoid_at(blocks, object_) * world.metres
     which = np.array([held.get(name, (False,) * 3) for name in things.ids])
     return Stations(list(things.ids), geodetic, geoid, deflections, which)
 
 
-def _held(content: Content, network: Network, problems: list[Problem]) -> dict[str, tuple[bool, ...]]:
+def _held(content: Content, world: World, problems: list[Problem]) -> dict[str, tuple[bool, ...]]:
     """Which of east, north, up of a point is held; other σ of points are mistakes."""
     edge, known = content.edge, {}
     names = ("sigma_east", "sigma_north", "sigma_up")
-    coordinates = network.world.system.coordinates
+    coordinates = world.system.coordinates
     others = (*coordinates, *(f"start_{name}" for name in coordinates), GEOID, *DEFLECTIONS)
     for number, table in enumerate(content.project.points):
-        columns = [Column("id", required=True), *(number_column(name, LENGTH, edge) for name in ("sigma", *names))]
+        columns = [
+            Column("id", required=True),
+            *(number_column(name, LENGTH, edge) for name in ("sigma", *names)),
+        ]
         columns += [Column(name) for name in others]
         rows = content.rows("points", number, table, columns)
         sigma = np.stack([rows.number(name) for name in names], axis=1)
@@ -144,7 +166,9 @@ def _held(content: Content, network: Network, problems: list[Problem]) -> dict[s
 
 def _station_lines(stations: Stations, above: bool) -> Iterator[str]:
     heights = stations.geodetic[:, 2] - (np.nan_to_num(stations.geoid) if above else 0.0)
-    for name, place, height, held in zip(stations.ids, stations.geodetic, heights, stations.held, strict=True):
+    for name, place, height, held in zip(
+        stations.ids, stations.geodetic, heights, stations.held, strict=True
+    ):
         letters = "".join("FC"[int(held[k])] for k in (1, 0, 2))
         latitude, longitude = (sexagesimal_text(value) for value in place[:2].tolist())
         yield f"{name:<20}{letters} LLH {latitude:>20}{longitude:>20}{height:>20.9f}"
@@ -170,7 +194,11 @@ def _fixed(value: float, least: int) -> str:
 def sexagesimal_text(angle: float) -> str:
     """ddd.mmss… of an angle in radians, seconds to ten decimals."""
     degrees, minutes, seconds, sign = _parts(angle, 10)
-    return f"{sign}{degrees}.{minutes:02d}{seconds:013.10f}".replace(".", "#", 1).replace(".", "").replace("#", ".")
+    return (
+        f"{sign}{degrees}.{minutes:02d}{seconds:013.10f}".replace(".", "#", 1)
+        .replace(".", "")
+        .replace("#", ".")
+    )
 
 
 def _parts(angle: float, decimals: int) -> tuple[int, int, float, str]:
@@ -241,7 +269,9 @@ def _cluster(
     scales = "   1.00      1.00      1.00      1.00"
     for k, row in enumerate(rows):
         if vectors:
-            head = f"{code} {names[0][row]:<20}{names[1][row]:<20}" + (f"{len(rows):<20}" if code == "X" else "")
+            head = f"{code} {names[0][row]:<20}{names[1][row]:<20}" + (
+                f"{len(rows):<20}" if code == "X" else ""
+            )
         else:
             head = f"{code} {names[0][row]:<20}{'LLH' if geodetic else 'XYZ':<20}{len(rows):<20}"
         yield f"{head:<62}{scales}{frame:>20}{_EPOCH:>20}" if k == 0 else f"{head[:42]:<62}"
@@ -261,4 +291,3 @@ def _values(content: Content, group: Group, row: int, N: float) -> list[str]:
         return [repr(float(value) * content.edge.metres) for value in three]
     height = three[2] * content.edge.metres - N
     return [sexagesimal_text(three[0]), sexagesimal_text(three[1]), repr(height)]
-

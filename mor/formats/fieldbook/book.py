@@ -114,7 +114,11 @@ def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
     sigma = SIGMA_CONTROL if control and occupied else None
     known = [
         Row(
-            [name, *(None if v is None else repr(v) for v in place), *(None if v is None else sigma for v in place)],
+            [
+                name,
+                *(None if v is None else repr(v) for v in place),
+                *(None if v is None else sigma for v in place),
+            ],
             line,
         )
         for name, (*place, line) in book.points.items()

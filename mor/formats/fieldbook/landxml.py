@@ -82,7 +82,9 @@ def _descendants(element: Element, name: str) -> Iterator[Element]:
 
 def _title(root: Element) -> str:
     headers = [header for survey in root.all("Survey") for header in survey.all("SurveyHeader")]
-    return next((e.attributes["name"] for e in [*headers, *root.all("Project")] if e.attributes.get("name")), "")
+    return next(
+        (e.attributes["name"] for e in [*headers, *root.all("Project")] if e.attributes.get("name")), ""
+    )
 
 
 def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
@@ -172,7 +174,12 @@ class _Survey:
         """Name of a point that an element stands for: its own, else that of what it refers to."""
         attributes = point.attributes if point is not None else {}
         reference = attributes.get("pntRef", "").strip()
-        own = name.strip() or attributes.get("name", "").strip() or reference or attributes.get("desc", "").strip()
+        own = (
+            name.strip()
+            or attributes.get("name", "").strip()
+            or reference
+            or attributes.get("desc", "").strip()
+        )
         if reference and own != reference:
             self.names.setdefault(reference, own)
         if own and point is not None and point.text.strip():

@@ -61,9 +61,11 @@ def read_jag3d_script(path: Path) -> Document:
     draft = Draft(str(path))
     script = _parse(path, draft)
     if "PointApriori" not in script.columns:
-        raise InputError([Problem('found no table "PointApriori", expected a project of JAG3D', str(path), 1)])
+        raise InputError(
+            [Problem('found no table "PointApriori", expected a project of JAG3D', str(path), 1)]
+        )
     if not script.of("PointApriori") and not draft.problems:
-        words = "the rows of this project are in its .data file, which is binary; HSQLDB writes them as text (SCRIPT 'file')"
+        words = "the rows of this project are in its binary file .data; HSQLDB writes them as text (SCRIPT 'file')"
         raise InputError([Problem(words, str(path), 1)])
     draft.put("title", path.stem)
     draft.put("units", {"length": "m", "angle": "rad"})
@@ -89,7 +91,9 @@ def _parse(path: Path, draft: Draft) -> Script:
             values = _values(insert[2])
             columns = script.columns.get(insert[1])
             if columns is None or len(values) != len(columns):
-                expected = f"expected {len(columns)}" if columns is not None else "and no table of that name before"
+                expected = (
+                    f"expected {len(columns)}" if columns is not None else "and no table of that name before"
+                )
                 draft.problem(f"{insert[1]}: found {len(values)} values, {expected}", line)
                 continue
             script.rows.setdefault(insert[1], []).append((dict(zip(columns, values, strict=True)), line))

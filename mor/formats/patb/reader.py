@@ -110,7 +110,9 @@ def _put(photos: Photos, draft: Draft) -> None:
     draft.table("images", ("id", "camera"), rows)
     columns = ("image", "point", "x", "y")
     draft.table("observations", columns, photos.rays, type="image", units="mm", values={"sigma": SIGMA_IMAGE})
-    draft.note("image coordinates are freed of distortion, in PAT-B: cameras have a fixed constant and nothing else")
+    draft.note(
+        "image coordinates are freed of distortion, in PAT-B: cameras have a fixed constant and nothing else"
+    )
     draft.note(f"σ = {SIGMA_IMAGE} mm for all image coordinates")
     if photos.further:
         count = counted(len(photos.further), "line")

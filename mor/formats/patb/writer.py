@@ -23,12 +23,17 @@ def write_patb(document: Document, folder: Path, target: Path) -> Written:
     content = content_of(document, folder)
     found, places = images(content), points(content)
     problems = [
-        Problem(f"{name!r}: names in PAT-B's files have no blanks, and do not begin with #, *, ! or -99", document.file)
+        Problem(
+            f"{name!r}: names in PAT-B's files have no blanks, and do not begin with #, *, ! or -99",
+            document.file,
+        )
         for name in (*found.ids, *places.ids)
         if not name or set(name) & set(" \t") or name[0] in "#*!" or name == "-99"
     ]
     if any("".join(found.texts[key]) for key in ("leader", "shared_height", "shared_eccentricity")):
-        problems.append(Problem("PAT-B's files have no stereo rigs, heights and eccentricities", document.file))
+        problems.append(
+            Problem("PAT-B's files have no stereo rigs, heights and eccentricities", document.file)
+        )
     if not content.edge.right_handed:
         problems.append(content.place("axes").problem("PAT-B's files have right-handed axes"))
     if problems:
@@ -43,7 +48,9 @@ def write_patb(document: Document, folder: Path, target: Path) -> Written:
     long = [name for name in (*found.ids, *places.ids) if len(name) > _LONGEST]
     if long:
         notes.append(Problem(f"names of more than {_LONGEST} letters: {', '.join(long[:5])}", str(target)))
-    texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
+    texts = {
+        stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
+    }
     return Written(texts, notes)
 
 
