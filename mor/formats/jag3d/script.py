@@ -91,10 +91,9 @@ def _parse(path: Path, draft: Draft) -> Script:
             values = _values(insert[2])
             columns = script.columns.get(insert[1])
             if columns is None or len(values) != len(columns):
-                expected = (
-                    f"expected {len(columns)}" if columns is not None else "and no table of that name before"
-                )
-                draft.problem(f"{insert[1]}: found {len(values)} values, {expected}", line)
+                found = len(values)
+                words = f"{insert[1]}: found {found} values, expected {len(columns or ())} as its table has columns"
+                draft.problem(words, line)
                 continue
             script.rows.setdefault(insert[1], []).append((dict(zip(columns, values, strict=True)), line))
     return script
