@@ -24,7 +24,7 @@ from mor.formats.content import (
     not_carried,
     points,
 )
-from mor.formats.draft import Draft, Row
+from mor.formats.draft import LARGEST, Draft, Row, usable
 from mor.formats.text import decoded
 from mor.formats.written import Written
 from mor.geometry.rotations import angles_from_rotation, exponential, rotation_from_angles
@@ -60,7 +60,7 @@ class _Numbers:
             self.values = np.array(words).astype(float) if words else np.zeros(0)
         except ValueError:
             self.values = np.zeros(0)
-        if len(self.values) != len(words) or not np.isfinite(self.values).all():
+        if len(self.values) != len(words) or not usable(self.values):
             raise self.refuse(
                 next(k for k, word in enumerate(words) if not _is_number(word)), "expected a number"
             )
@@ -94,7 +94,7 @@ class _Numbers:
 
 def _is_number(word: str) -> bool:
     try:
-        return bool(np.isfinite(float(word))) and "_" not in word
+        return abs(float(word)) <= LARGEST and "_" not in word
     except ValueError:
         return False
 
@@ -168,7 +168,7 @@ def _check_end(numbers: _Numbers) -> None:
 
 def _document(block: Block, path: Path) -> Document:
     draft = Draft(str(path))
-    oriented = block.interior[:, 0] > 0.0
+    oriented = block.interior[:, 0] > 1.0 / LARGEST
     if not oriented.all():
         draft.note(f"{int((~oriented).sum())} images have no focal length above 0 and are left out")
     chosen = np.flatnonzero(oriented)

@@ -130,7 +130,12 @@ FORMATS: dict[str, Format] = {
     "dynadjust": Format(
         "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",
         Code("mor.formats.dynadjust.reader", "read_dynadjust"),
+        Code("mor.formats.dynadjust.writer", "write_dynadjust"),
         suffixes=(".stn", ".msr"),
+    ),
+    "dynaml": Format(
+        "DynaML (pair of …stn.xml and …msr.xml, and .geo): networks on the earth",
+        Code("mor.formats.dynadjust.reader", "read_dynaml"),
     ),
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
@@ -149,6 +154,12 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.jag3d.writer", "write_jag3d"),
         folder=True,
         untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
+    ),
+    "jag3d-script": Format(
+        "JAG3D project as SQL text (HSQLDB script with rows)",
+        Code("mor.formats.jag3d.script", "read_jag3d_script"),
+        suffixes=(".script",),
+        untried="no project of JAG3D could be had: this reader was written from the tables that its source makes",
     ),
     "textbook": Format(
         "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
@@ -174,10 +185,18 @@ FORMATS: dict[str, Format] = {
         untried="no file of users could be had: this reader was written from the manual",
     ),
     "bingo": Format(
-        "BINGO (folder with image.dat and geoin.dat)",
-        Code("mor.formats.bingo", "read_bingo"),
+        "BINGO (folder with image.dat, geoin.dat and itera.dat)",
+        Code("mor.formats.bingo.reader", "read_bingo"),
+        Code("mor.formats.bingo.writer", "write_bingo"),
         folder=True,
         untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
+    ),
+    "pat-b": Format(
+        "PAT-B (image coordinates .im, with the control points .con beside them)",
+        Code("mor.formats.patb.reader", "read_patb"),
+        Code("mor.formats.patb.writer", "write_patb"),
+        suffixes=(".im",),
+        untried="no file of PAT-B could be had: this reader was written from what other programs say of their exports",
     ),
     "aicon": Format(
         "AICON 3D Studio flat files",
@@ -189,7 +208,13 @@ FORMATS: dict[str, Format] = {
     "ply": Format("PLY points", write=_drawing("ply", "write_ply"), suffixes=(".ply",)),
     "dxf": Format("DXF drawing", write=_drawing("dxf", "write_dxf"), suffixes=(".dxf",)),
     "geojson": Format("GeoJSON", write=_drawing("geojson", "write_geojson"), suffixes=(".geojson",)),
-    "landxml": Format("LandXML points", write=_drawing("landxml", "write_landxml"), suffixes=(".landxml",)),
+    "landxml": Format(
+        "LandXML: surveys with their points; written: points",
+        _book("landxml", "read_landxml"),
+        _drawing("landxml", "write_landxml"),
+        suffixes=(".landxml",),
+        untried="tried on an excerpt of a real cadastral plan; no survey of an instrument could be had",
+    ),
     "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
 }
 """Formats by the key that ``--from`` and ``--to`` take."""

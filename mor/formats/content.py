@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -139,22 +140,34 @@ def image_points(content: Content, cameras: dict[str, str], corner: bool = True)
     scales = {
         name: image_scale(camera, content.project.units) for name, camera in content.project.cameras.items()
     }
-    names = ("x", "y", "sigma", "sigma_x", "sigma_y")
-    columns = [Column("image", required=True), Column("point", required=True)]
-    columns += [Column(name, parse=lambda text, _: float(text), factor=lambda _: 1.0) for name in names]
-    parts = []
-    for k, entry in enumerate(content.project.observations):
-        if entry.type == "image":
-            entry = _plain_values(entry)
-            rows = content.rows("observations", k, entry, columns)
-            place = content.place("observations", k)
-            parts.append(_image_points(entry, rows, cameras, scales, place, corner))
+    parts = [
+        _image_points(entry, rows, cameras, scales, place, corner)
+        for entry, rows, place in image_tables(content)
+    ]
     return ImagePoints(
         [name for part in parts for name in part.images],
         [name for part in parts for name in part.points],
         np.concatenate([np.zeros((0, 2)), *(part.xy for part in parts)]),
         np.concatenate([np.zeros((0, 2)), *(part.sigma for part in parts)]),
     )
+
+
+def image_tables(content: Content) -> Iterator[tuple[Observations, Rows, Place]]:
+    """Tables of image points with their rows: image, point, x, y, and σ. Raises :class:`InputError`."""
+    names = ("x", "y", "sigma", "sigma_x", "sigma_y")
+    columns = [Column("image", required=True), Column("point", required=True)]
+    columns += [Column(name, parse=lambda text, _: float(text), factor=lambda _: 1.0) for name in names]
+    for k, entry in enumerate(content.project.observations):
+        if entry.type == "image":
+            plain = _plain_values(entry)
+            yield plain, content.rows("observations", k, plain, columns), content.place("observations", k)
+
+
+def given_points(entry: Observations, rows: Rows) -> tuple[FloatArray, FloatArray]:
+    """Coordinates of a table of image points as they stand there, and their σ; (n, 2) both."""
+    given = np.stack([rows.number("x"), rows.number("y")], axis=1)
+    own = np.stack([rows.number("sigma_x"), rows.number("sigma_y")], axis=1)
+    return given, np.where(np.isnan(own), rows.number("sigma")[:, None], own) * entry.factor
 
 
 def _plain_values(entry: Observations) -> Observations:
@@ -175,10 +188,7 @@ def _image_points(
     unknown = [name for name in dict.fromkeys(image) if name not in cameras]
     if unknown:
         raise InputError([place.problem(f"image {unknown[0]!r} is not among the images")])
-    given = np.stack([rows.number("x"), rows.number("y")], axis=1)
-    common = rows.number("sigma")
-    own = np.stack([rows.number("sigma_x"), rows.number("sigma_y")], axis=1)
-    sigma = np.where(np.isnan(own), common[:, None], own) * entry.factor
+    given, sigma = given_points(entry, rows)
     used = np.array([cameras[name] for name in image])
     for name in set(used.tolist()):
         scale, mine = scales[name], used == name
@@ -186,13 +196,14 @@ def _image_points(
         if np.isnan(pixel) or (corner and np.isnan(scale.centre[0])):
             words = f"camera {name!r} has no image: {{width, height}}, which this needs"
             raise InputError([place.problem(words)])
-        units = [_unit(entry, column, scale) for column in ("x", "sigma")]
+        units = [unit_of(entry, column, scale) for column in ("x", "sigma")]
         given[mine] = _pixels(given[mine] * scale.factor(units[0]) / pixel, scale, corner)
         sigma[mine] *= scale.factor(units[1]) / pixel
     return ImagePoints(image, point, given, sigma)
 
 
-def _unit(entry: Observations, name: str, scale: ImageScale) -> str:
+def unit_of(entry: Observations, name: str, scale: ImageScale) -> str:
+    """Unit of a column of a table of image points."""
     given = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
     return given or scale.coordinate_unit
 

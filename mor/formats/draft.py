@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.project.file.nodes import Document, Path
 
@@ -79,12 +82,24 @@ class Draft:
         return Document(self.data, self.lines, self.file, self.files, tuple(self.notes), frames=self.frames)
 
 
+LARGEST = 1e30
+"""Numbers beyond it are none of a measurement, and their squares leave the range of floating point."""
+
+
+def usable(values: FloatArray | Sequence[float]) -> bool:
+    """True where all of them are numbers up to 1e30."""
+    with np.errstate(invalid="ignore"):
+        return bool((np.abs(values) <= LARGEST).all())
+
+
 def number(text: str) -> float:
-    """A finite number. Raises ``ValueError`` with words."""
+    """A number up to 1e30. Raises ``ValueError`` with words."""
     try:
         value = float(text)
     except ValueError:
         raise ValueError(f"found {text!r}, expected a number") from None
     if not isfinite(value) or "_" in text:
         raise ValueError(f"found {text!r}, expected a number")
+    if abs(value) > LARGEST:
+        raise ValueError(f"found {text!r}, a number beyond {LARGEST:g}")
     return value

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from mor.formats.aicon.files import is_stem
-from mor.formats.bingo import is_bingo
+from mor.formats.bingo.files import is_bingo
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.metashape.projects import is_project
@@ -156,6 +156,15 @@ def _bal(sample: Sample) -> bool:
     return all(len(words) == 4 and _numbers(words) == 4 for words in lines[1:2])
 
 
+def _patb(sample: Sample) -> bool:
+    """Photo and camera constant, then point, x, y a line, up to −99."""
+    lines = [words for words in sample.lines if words and words[0][0] not in "#*!"]
+    end = next((k for k, words in enumerate(lines) if words[0] == "-99"), 0)
+    if end < 2 or not 2 <= len(lines[0]) <= 5 or not _numbers(lines[0][1:]):
+        return False
+    return all(len(words) >= 3 and _numbers(words[1:3]) == 2 for words in lines[1:end])
+
+
 _STARNET = re.compile(
     r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G0|G1|G2|G3|P)(?:\s|$))",
     re.IGNORECASE,
@@ -217,11 +226,14 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("metashape", lambda sample: sample.root in ("document", "chunk") and "<chunk" in sample.text),
     ("metashape-reference", _reference_pane),
     ("jobxml", lambda sample: sample.root == "JOBFile"),
+    ("landxml", lambda sample: sample.root == "LandXML"),
     ("gkf", lambda sample: sample.root == "gama-local"),
     ("bundler", _beginning(r"# Bundle file")),
     ("bal", _bal),
     ("dynadjust", lambda sample: sample.text.startswith("!#=DNA")),
+    ("dynaml", lambda sample: sample.root == "DnaXmlFormat"),
     ("sinex", lambda sample: sample.text.startswith("%=SNX")),
+    ("jag3d-script", lambda sample: '"PointApriori"' in sample.text and "TABLE" in sample.text),
     ("snap", _snap),
     ("gsi", _beginning(r"\s*\*?\d{2}[\d.]{4}[+-]")),
     ("idx", lambda sample: bool(re.match(r"\s*HEADER\b", sample.text)) and "UNITS" in sample.text),
@@ -232,6 +244,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("sokkia-scr", _beginning(r"A,SET\d")),
     ("topcon", _beginning(r"(TopSURV|STN     |JOB     |UNITS   |BKB     )", 2)),
     ("geodimeter", _geodimeter),
+    ("pat-b", _patb),
     ("starnet", _starnet),
     ("photomodeler", _photomodeler),
     ("textbook", _sections),

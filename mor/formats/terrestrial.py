@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import Problem
 from mor.formats.content import Content, Things
-from mor.observations import PLAIN_TYPES
+from mor.observations import PLAIN_TYPES, ObservationType
 from mor.project.file.model import Observations
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Rows
@@ -33,17 +33,19 @@ class Group:
     """(components,) internal units per unit of the σ."""
 
 
-def groups(content: Content, types: Collection[str]) -> list[Group]:
-    """All tables of some types. Raises :class:`InputError`."""
+def groups(
+    content: Content, types: Collection[str], known: Mapping[str, ObservationType] = PLAIN_TYPES
+) -> list[Group]:
+    """All tables of some types, which stand in ``known``. Raises :class:`InputError`."""
     return [
-        _group(content, number, entry)
+        _group(content, number, entry, known[entry.type])
         for number, entry in enumerate(content.project.observations)
         if entry.type in types
     ]
 
 
-def _group(content: Content, number: int, entry: Observations) -> Group:
-    type_, edge = PLAIN_TYPES[entry.type], content.edge
+def _group(content: Content, number: int, entry: Observations, type_: ObservationType) -> Group:
+    edge = content.edge
     components = type_.components
     columns = [Column(reference.name, required=True) for reference in type_.references] + [Column("set")]
     for name, quantity in [(c.name, c.quantity) for c in components]:
@@ -65,7 +67,7 @@ def _group(content: Content, number: int, entry: Observations) -> Group:
     if entry.ppm:
         far = np.nan_to_num(values[:, :1]) if "distance" in entry.type else np.zeros((len(values), 1))
         sigma = np.hypot(sigma, entry.ppm * 1e-6 * far)
-    return Group(entry, rows, values, sigma, _covariance(entry, rows, values, sigma), factors)
+    return Group(entry, rows, values, sigma, _covariance(entry, type_, rows, values, sigma), factors)
 
 
 def _sigma_unit(entry: Observations, name: str) -> str:
@@ -75,7 +77,9 @@ def _sigma_unit(entry: Observations, name: str) -> str:
     return entry.units.get("sigma", entry.units.get(name, ""))
 
 
-def _covariance(entry: Observations, rows: Rows, values: FloatArray, sigma: FloatArray) -> FloatArray | None:
+def _covariance(
+    entry: Observations, type_: ObservationType, rows: Rows, values: FloatArray, sigma: FloatArray
+) -> FloatArray | None:
     """Covariance over the observed values of a table, in the order of its rows; ``None`` where it has only σ.
 
     Vectors and coordinates always have one.
@@ -85,7 +89,7 @@ def _covariance(entry: Observations, rows: Rows, values: FloatArray, sigma: Floa
     if len(values[0]) != 3:
         return None
     matrix = np.diag(np.nan_to_num(sigma.ravel() ** 2))
-    names = [component.name for component in PLAIN_TYPES[entry.type].components]
+    names = [component.name for component in type_.components]
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         column = rows.number(f"cov_{names[i]}_{names[j]}")
         for row in np.flatnonzero(np.isfinite(column)).tolist():

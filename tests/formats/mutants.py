@@ -6,7 +6,6 @@ A mutant is read, and its network built, or it is refused with its file; anythin
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import resource
 import sys
@@ -77,10 +76,15 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_colmap import RIG
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
+    from .test_dynaml import MEASURED as XML_MEASURED
+    from .test_dynaml import STATIONS as XML_STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
+    from .test_jag3d_script import small
+    from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped
     from .test_opensfm import _folder
+    from .test_patb import block as patb
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
@@ -127,6 +131,15 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
+        "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
+        "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
+        "dynaml": (
+            "dynaml",
+            "nmsr.xml",
+            {"nmsr.xml": XML_MEASURED.encode(), "nstn.xml": XML_STATIONS.encode()},
+        ),
+        "landxml": ("landxml", "n.xml", {"n.xml": survey().encode()}),
+        "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
@@ -206,14 +219,16 @@ def _text(rng: np.random.Generator, content: bytes) -> bytes:
     return "\n".join(lines).encode("utf-8", "replace")
 
 
-def fault(key: str, path: Path) -> str:
-    """What is wrong with the reading of a file, empty for nothing."""
+def fault(key: str, path: Path, network: bool = True) -> str:
+    """What is wrong with the reading of a file, and perhaps the network built of it; empty for nothing."""
     began = time.process_time()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             document = read_foreign(path, key)
-            build_network(validate(document), document, path.parent)
+            project = validate(document)
+            if network:
+                build_network(project, document, path.parent)
     except InputError as error:
         if not error.problems or not all(problem.file for problem in error.problems):
             return f"refused without a file: {error}"
@@ -223,23 +238,22 @@ def fault(key: str, path: Path) -> str:
     return f"took {seconds:.1f} s" if seconds > 10.0 else ""
 
 
-def faults(name: str, seed: int, count: int, folder: Path) -> Iterator[tuple[int, str]]:
-    """Numbers of the mutants of a material that are read wrongly, and what is wrong."""
-    key, main, files = materials(folder)[name]
-    order = list(materials(folder)).index(name)
+def faults(name: str, seed: int, count: int, folder: Path, networks: int = 1) -> Iterator[tuple[int, str]]:
+    """Numbers of the mutants of a material that are read wrongly, and what is wrong.
+
+    Of every ``networks``-th mutant the network is built, too, which takes five times as long as reading it.
+    """
+    known = materials(folder)
+    key, main, files = known[name]
+    order = sorted(known).index(name)
+    place = Path(tempfile.mkdtemp(dir=folder))
     for number in range(count):
         rng = np.random.default_rng([seed, order, number])
-        place = Path(tempfile.mkdtemp(dir=folder))
         for file, content in mutant(rng, files).items():
             (place / file).write_bytes(content)
-        found = fault(key, place / main if main else place)
+        found = fault(key, place / main if main else place, number % networks == 0)
         if found:
             yield number, found
-        else:
-            for file in place.iterdir():
-                file.unlink()
-            with contextlib.suppress(OSError):
-                place.rmdir()
 
 
 def main() -> None:
@@ -247,14 +261,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--networks", type=int, default=1, help="every so many mutants a network is built")
+    parser.add_argument("--only", default="", help="materials, between commas")
     given = parser.parse_args()
     total = 0
     with tempfile.TemporaryDirectory(prefix="mutants") as temporary:
         for name in materials(Path(temporary)):
-            if given.only and name != given.only:
+            if given.only and name not in given.only.split(","):
                 continue
-            found = list(faults(name, given.seed, given.count, Path(temporary)))
+            found = list(faults(name, given.seed, given.count, Path(temporary), given.networks))
             total += len(found)
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
             print(

@@ -29,6 +29,11 @@ from .mutants import faults, materials
             "pix4d",
             "metashape project",
             "reference pane",
+            "pat-b",
+            "jag3d script",
+            "dynaml",
+            "landxml",
+            "landxml plan",
             "openmvg",
             "alicevision",
             "gsib",
@@ -42,4 +47,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 29
+    assert len(materials(tmp_path)) == 34

@@ -15,7 +15,7 @@ from mor.formats.colmap.cameras import LOST, MODELS, camera_of, has_one_unknown_
 from mor.formats.colmap.model import NO_POINT, ColmapImage, ColmapModel
 from mor.formats.colmap.poses import ours
 from mor.formats.colmap.rigs import Follower, followers
-from mor.formats.draft import Draft, Row
+from mor.formats.draft import Draft, Row, usable
 from mor.geometry.rotations import angles_from_rotation
 from mor.project.file.nodes import Document
 
@@ -93,13 +93,13 @@ def _check(model: ColmapModel, draft: Draft) -> None:
                 f"camera {camera.id}: model {camera.model} has no counterpart in mor: {LOST[camera.model]}"
             )
             draft.problem(words, camera.line)
-        if not np.isfinite(camera.parameters).all() or not 0 < min(camera.width, camera.height) < 1 << 31:
+        if not usable(camera.parameters) or not 0 < min(camera.width, camera.height) < 1 << 31:
             draft.problem(f"camera {camera.id}: its size or a parameter is no usable number", camera.line)
         elif abs(camera.parameters[0]) < 1e-9 or abs(camera.parameters[0]) > 1e12:
             words = f"camera {camera.id}: found the focal length {camera.parameters[0]:g}, expected px"
             draft.problem(words, camera.line)
-    if not np.isfinite(model.point_xyz).all():
-        draft.problem("a coordinate of a point is no finite number")
+    if not usable(model.point_xyz):
+        draft.problem("a coordinate of a point is no number up to 1e30")
     for image in model.images:
         words = _wrong(image, cameras)
         if words:
@@ -113,10 +113,10 @@ def _wrong(image: ColmapImage, cameras: set[int]) -> str:
     if image.camera not in cameras:
         return f"camera {image.camera} is not among the cameras"
     numbers = [*image.pose.quaternion, *image.pose.translation]
-    if not np.isfinite(numbers).all() or np.linalg.norm(image.pose.quaternion) < 1e-6:
-        return "its pose is no pose: found a number that is not finite, or no rotation"
-    if not np.isfinite(image.xy).all():
-        return "an image coordinate is no finite number"
+    if not usable(numbers) or np.linalg.norm(image.pose.quaternion) < 1e-6:
+        return "its pose is no pose: found a number beyond 1e30, or no rotation"
+    if not usable(image.xy):
+        return "an image coordinate is no number up to 1e30"
     return ""
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from mor.arrays import FloatArray
 from mor.formats.draft import Row, number
-from mor.formats.dynadjust.lines import NAMES, NUMBER, OFF, VALUES, Measurements
+from mor.formats.dynadjust.lines import NAMES, NUMBER, OFF, VALUES, Collected, Measurements
 from mor.formats.fieldbook.book import sexagesimal
 
-_COUNTED = 10_000
+COUNTED = 10_000
 """Most baselines or positions of one cluster: its covariance matrix is full."""
 VECTOR = ("dx", "dy", "dz")
 PAIRS = (("dx", "dx"), ("dx", "dy"), ("dx", "dz"), ("dy", "dy"), ("dy", "dz"), ("dz", "dz"))
@@ -25,14 +25,13 @@ def read_cluster(found: Measurements, code: str) -> None:
     count = 1
     if code in "XY":
         word = text[NAMES[2]].strip()
-        if not word.isdecimal() or not 0 < int(word) <= _COUNTED:
+        if not word.isdecimal() or not 0 < int(word) <= COUNTED:
             raise ValueError(f"found {word!r}, expected the number of members of the cluster")
         count = int(word)
     factor = _factor(text)
     form = text[NAMES[1]].strip().upper()
     if code == "Y" and form not in ("XYZ", "LLH"):
         raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
-    geodetic = code == "Y" and form == "LLH"
     rows: list[Row] = []
     Q = np.zeros((3 * count, 3 * count))
     for k in range(count):
@@ -45,15 +44,25 @@ def read_cluster(found: Measurements, code: str) -> None:
         found.at += 1
         rows.append(Row([*names, *_values(found, Q, k, count - k - 1)], line))
     if off:
-        found.skip(OFF)
+        found.skip(OFF, found.at)
         return
     words = found.lines[first - 1][VALUES:].split()
     found.frames.setdefault(" ".join(words[4:6]), first)
-    whole = (np.tril(Q) + np.tril(Q, -1).T) * factor
-    if geodetic:
+    put_cluster(found, code, form, rows, Q * factor)
+
+
+def put_cluster(found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray) -> None:
+    """Put a baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ or LLH), into the draft.
+
+    ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres.
+    """
+    whole = np.tril(Q) + np.tril(Q, -1).T
+    if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
+        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
+    elif code == "Y" and form == "LLH":
         _put_geodetic(found, rows, whole)
     else:
-        _put_cluster(found, code, rows, whole)
+        _put_geocentric(found, code, rows, whole)
 
 
 def _values(found: Measurements, Q: FloatArray, k: int, behind: int) -> list[str]:
@@ -80,18 +89,20 @@ def _values(found: Measurements, Q: FloatArray, k: int, behind: int) -> list[str
 
 def _factor(text: str) -> float:
     """Scale of a covariance matrix. Raises ``ValueError`` for scales in latitude, longitude, height."""
-    scales = [number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])]
+    return scale_of([number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])])
+
+
+def scale_of(scales: list[float]) -> float:
+    """Scale of a matrix, of its own and those in latitude, longitude, height, which are refused (``ValueError``)."""
     if len(scales) != 4 or min(scales) <= 0.0:
-        raise ValueError(f"found {text[VALUES : VALUES + 40].strip()!r}, expected four scales above 0")
+        said = " ".join(f"{scale:g}" for scale in scales)
+        raise ValueError(f"found {said!r}, expected four scales above 0")
     if any(scale != 1.0 for scale in scales[1:]):
         raise ValueError("scales of the covariances in latitude, longitude and height are not followed")
     return scales[0]
 
 
-def _put_cluster(found: Measurements, code: str, rows: list[Row], Q: FloatArray) -> None:
-    if np.linalg.eigvalsh(Q)[0] <= 0.0:
-        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
-        return
+def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray) -> None:
     if code == "G":
         covariances = [repr(float(Q[VECTOR.index(a), VECTOR.index(b)])) for a, b in PAIRS]
         found.tables.setdefault(VECTORS, []).append(Row([*rows[0].cells, *covariances], rows[0].line))
@@ -101,11 +112,8 @@ def _put_cluster(found: Measurements, code: str, rows: list[Row], Q: FloatArray)
     found.draft.table("observations", names, rows, type=type_, covariance=Q.tolist())
 
 
-def _put_geodetic(found: Measurements, rows: list[Row], Q: FloatArray) -> None:
+def _put_geodetic(found: Collected, rows: list[Row], Q: FloatArray) -> None:
     """Positions in latitude, longitude, height above the geoid; covariances in radians and metres."""
-    if np.linalg.eigvalsh(Q)[0] <= 0.0:
-        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
-        return
     units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
     turned = []
     for name, latitude, longitude, height in (row.cells for row in rows):
@@ -122,7 +130,7 @@ def _put_geodetic(found: Measurements, rows: list[Row], Q: FloatArray) -> None:
     )
 
 
-def put_vectors(found: Measurements) -> None:
+def put_vectors(found: Collected) -> None:
     """Put the baselines that are in no cluster into one table."""
     rows = found.tables.pop(VECTORS, [])
     if rows:

@@ -22,24 +22,41 @@ OFF = "measurements that are switched off (*)"
 
 
 @dataclass
-class Measurements:
-    """Lines of a measurement file, and what is read of them."""
+class Collected:
+    """What is read of measurements, whether they come as DNA or as DynaML."""
 
-    lines: list[str]
     draft: Draft
     geoid: dict[str, tuple[float, float, float]]
     """N (m), ξ, η (arc seconds) by station."""
-    at: int = 1
     names: dict[str, int] = field(default_factory=dict)
     """Stations with the line that names them first."""
     left_out: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of the measurements that are not read, by what they are."""
     frames: dict[str, int] = field(default_factory=dict)
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
 
-    def skip(self, what: str) -> None:
-        """The measurement at this line is not read."""
-        self.left_out.setdefault(what, []).append(self.at)
+    def skip(self, what: str, line: int) -> None:
+        """The measurement at a line is not read."""
+        self.left_out.setdefault(what, []).append(line)
+
+    def known(self, names: list[str], line: int) -> list[str]:
+        """Names of a measurement, noted. Raises ``ValueError`` where one is empty or there twice."""
+        if not all(names) or len(set(names)) < len(names):
+            raise ValueError(
+                f"found the stations {', '.join(map(repr, names))}, expected {len(names)} different names"
+            )
+        for name in names:
+            self.names.setdefault(name, line)
+        return names
+
+
+@dataclass
+class Measurements(Collected):
+    """Lines of a measurement file, and what is read of them."""
+
+    lines: list[str] = field(default_factory=list)
+    at: int = 1
 
     def numbers(self) -> list[float]:
         """Numbers of the next line. Raises ``ValueError`` where it has none."""
@@ -51,14 +68,7 @@ class Measurements:
 
     def stations_of(self, text: str, count: int) -> list[str]:
         """Names of a line. Raises ``ValueError`` where there are not so many different ones."""
-        names = [text[place].strip() for place in NAMES[:count]]
-        if not all(names) or len(set(names)) < count:
-            raise ValueError(
-                f"found the stations {', '.join(map(repr, names))}, expected {count} different names"
-            )
-        for name in names:
-            self.names.setdefault(name, self.at + 1)
-        return names
+        return self.known([text[place].strip() for place in NAMES[:count]], self.at + 1)
 
 
 def beside(path: Path, end: str) -> Path:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.errors import InputError
 from mor.formats.draft import Draft, Row, number
-from mor.formats.dynadjust.lines import Measurements, marked_lines
+from mor.formats.dynadjust.lines import Collected, marked_lines
 from mor.formats.fieldbook.book import sexagesimal
 from mor.project.world.reference_system import (
     ReferenceSystem,
@@ -25,28 +27,49 @@ _HELD = "1e-6"
 _SIGMAS = ("sigma_east", "sigma_north", "sigma_up")
 
 
-def put_stations(path: Path, found: Measurements, frame: str) -> None:
+class Station(NamedTuple):
+    """A station as a file has it: what is held, the kind of its coordinates, their texts, the zone of a map grid."""
+
+    name: str
+    held: str
+    kind: str
+    values: list[str]
+    zone: str
+    line: int
+    off: bool = False
+
+
+def stations_of_lines(path: Path, draft: Draft) -> Iterator[Station]:
+    """Stations of a DNA file. Raises :class:`InputError` where it is none."""
+    for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
+        if text.strip():
+            values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
+            name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27].upper()
+            yield Station(name, held, kind, values, text[88:90].strip(), line, text[:1] == "*")
+
+
+def put_stations(path: Path, stations: Iterable[Station], found: Collected, frame: str) -> None:
     """Stations that take part: free, held, or held in some components."""
     draft = found.draft
     tables: dict[str, list[Row]] = {"free": [], "held": [], "in part": []}
     known: set[str] = set()
-    for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
-        name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27].upper()
-        if text[:1] == "*" or not text.strip() or name not in found.names:
+    for station in stations:
+        name = station.name
+        if station.off or name not in found.names:
             known.add(name)
             continue
         if name in known:
-            draft.problem(f"station {name!r} is there twice", line, str(path))
+            draft.problem(f"station {name!r} is there twice", station.line, str(path))
             continue
         known.add(name)
         try:
-            place = _place(text, kind, frame, found.geoid.get(name, (0.0,))[0])
-            sigmas = _sigmas(held, kind)
+            place = _place(station, frame, found.geoid.get(name, (0.0,))[0])
+            sigmas = _sigmas(station.held, station.kind)
         except (ValueError, ReferenceSystemError) as error:
-            draft.problem(f"station {name!r}: {error}", line, str(path))
+            draft.problem(f"station {name!r}: {error}", station.line, str(path))
             continue
-        which = {"CCC": "held", "FFF": "free"}.get(held, "in part")
-        tables[which].append(Row([name, *place, *_geoid(found, name), *sigmas], line))
+        which = {"CCC": "held", "FFF": "free"}.get(station.held, "in part")
+        tables[which].append(Row([name, *place, *_geoid(found, name), *sigmas], station.line))
     for name, line in found.names.items():
         if name not in known:
             draft.problem(f"station {name!r} is not in {path.name}", line)
@@ -78,7 +101,7 @@ def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
         draft.note(words, tables["in part"][0].line, str(path))
 
 
-def _geoid(found: Measurements, name: str) -> list[str | None]:
+def _geoid(found: Collected, name: str) -> list[str | None]:
     if not found.geoid:
         return [None] * 3
     if name not in found.geoid:
@@ -99,9 +122,9 @@ def _sigmas(held: str, kind: str) -> list[str | None]:
     return [_HELD if held[k] == "C" else None for k in order]
 
 
-def _place(text: str, kind: str, frame: str, N: float) -> list[str]:
+def _place(station: Station, frame: str, N: float) -> list[str]:
     """Latitude, longitude (degrees) and height as given, of X, Y, Z the one above the geoid."""
-    words = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
+    words, kind = station.values, station.kind
     if kind == "LLH":
         latitude, longitude = (sexagesimal(word) for word in words[:2])
         if abs(latitude) > 90.0:
@@ -112,7 +135,7 @@ def _place(text: str, kind: str, frame: str, N: float) -> list[str]:
         latitude, longitude, height = system_of(frame).ellipsoid.geodetic(values)[0].tolist()
         height -= N
     elif kind == "UTM":
-        zone = text[88:90].strip()
+        zone = station.zone
         if not zone.isdecimal() or not 1 <= int(zone) <= 60:
             raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
         grid = reference_system(f"EPSG:{_ZONES[frame] + int(zone)}")
@@ -131,8 +154,13 @@ def frame_of(lines: list[str], draft: Draft) -> str:
     """The frame that the first line names. Raises :class:`InputError` where it is none that is known."""
     words = lines[0].split()
     frame = next((word.upper() for word in words[3:] if word.upper() in SYSTEMS), "")
-    if not frame:
-        found = words[4] if len(words) > 4 else lines[0]
-        draft.problem(f"found the reference frame {found!r}, expected one of {', '.join(SYSTEMS)}", 1)
+    return known_frame(frame or (words[4] if len(words) > 4 else lines[0]), 1, draft)
+
+
+def known_frame(name: str, line: int, draft: Draft) -> str:
+    """A frame by its name. Raises :class:`InputError` where it is none that is known."""
+    if name.upper() not in SYSTEMS:
+        words = f"found the reference frame {name!r}, expected one of {', '.join(SYSTEMS)}"
+        draft.problem(words, line)
         raise InputError(draft.problems)
-    return frame
+    return name.upper()

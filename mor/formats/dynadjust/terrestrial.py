@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mor.formats.draft import Row, number
-from mor.formats.dynadjust.lines import NUMBER, OFF, VALUES, Measurements
+from mor.formats.dynadjust.lines import NUMBER, OFF, VALUES, Collected, Measurements
 
 
 class Kind(NamedTuple):
@@ -57,7 +57,7 @@ def read_line(found: Measurements, code: str) -> None:
             f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ"
         )
     if text[1:2] == "*":
-        found.skip(OFF)
+        found.skip(OFF, found.at + 1)
         return
     value = _sexagesimal(text[VALUES:], words) if kind.angle else words[0]
     heights = words[count:] if len(words) > count else [None, None]
@@ -73,7 +73,7 @@ def _sexagesimal(text: str, words: list[str]) -> str:
     return f"{sign}{abs(int(degrees))}-{int(minutes)}-{seconds!r}"
 
 
-def put_lines(found: Measurements) -> None:
+def put_lines(found: Collected) -> None:
     """Put the rows that were read into tables, one for each kind."""
     for code, rows in found.tables.items():
         kind = KINDS[code]

@@ -29,6 +29,7 @@ class Sight(NamedTuple):
     height: float = 0.0
     face: int = 0
     """1 or 2, 0 where only the zenith angle tells."""
+    bearing: float | None = None
 
 
 @dataclass
@@ -113,7 +114,11 @@ def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
     sigma = SIGMA_CONTROL if control and occupied else None
     known = [
         Row(
-            [name, *(None if v is None else repr(v) for v in place), *(v and sigma for v in _said(place))],
+            [
+                name,
+                *(None if v is None else repr(v) for v in place),
+                *(None if v is None else sigma for v in place),
+            ],
             line,
         )
         for name, (*place, line) in book.points.items()
@@ -140,17 +145,13 @@ def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
         draft.table("points", ("id",), others)
 
 
-def _said(place: Sequence[float | None]) -> list[str]:
-    """A text for each coordinate that is there, nothing for the others."""
-    return ["" if value is None else "there" for value in place]
-
-
 _COLUMNS = {
     "zenith_directions": ("station", "set", "to", "horizontal", "zenith", "to_height", "face"),
     "directions": ("station", "set", "to", "horizontal", "face"),
     "zenith_angle": ("from", "to", "zenith_angle", "from_height", "to_height", "face"),
     "distance": ("from", "to", "distance", "from_height", "to_height"),
     "horizontal_distance": ("from", "to", "distance"),
+    "bearing": ("from", "to", "bearing"),
 }
 """Columns of the observations that sights become, by type."""
 
@@ -203,6 +204,8 @@ def _readings(
         found["distance"] = (*ends, sight.slope, *heights)
     if sight.horizontal_distance is not None:
         found["horizontal_distance"] = (*ends, sight.horizontal_distance)
+    if sight.bearing is not None:
+        found["bearing"] = (*ends, sight.bearing)
     return found
 
 

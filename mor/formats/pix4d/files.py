@@ -22,7 +22,6 @@ OFFSET = "offset.xyz"
 _ENDS = (EXTERNAL, CAMERAS, MARKS, CONTROL, OFFSET)
 _BLOCK = (3, 3, 3, 3, 2, 3, 3, 3, 3)
 """Numbers in the lines behind the name of an image: K, radial and tangential distortion, position, rotation."""
-_LARGEST = 1e30
 
 Result = TypeVar("Result")
 
@@ -88,8 +87,6 @@ def _numbers(words: list[str], count: int, what: str) -> tuple[float, ...]:
     values = tuple(number(word) for word in words)
     if len(values) != count:
         raise ValueError(f"found {len(values)} numbers, expected {count}: {what}")
-    if any(abs(value) > _LARGEST for value in values):
-        raise ValueError(f"found a number beyond {_LARGEST:g}")
     return values
 
 

@@ -158,9 +158,10 @@ def _command(data: Data, words: Words) -> None:
     elif name == "classification":
         data.classes.add(words.take("the name of a classification").lower())
     elif name == "gps_error_type":
-        data.vector_form = words.take("a type of errors").lower()
-        if data.vector_form not in NUMBERS:
-            raise ValueError(f"found {data.vector_form!r}, expected {', '.join(NUMBERS)}")
+        form = words.take("a type of errors").lower()
+        if form not in NUMBERS:
+            raise ValueError(f"found {form!r}, expected {', '.join(NUMBERS)}")
+        data.vector_form = form
     elif name in ("gps_enu_error", "gx_enu_error"):
         data.vector_errors["GB" if name[1] == "p" else "GX"] = vector_error_of(words)
     elif name == "refraction_coefficient":

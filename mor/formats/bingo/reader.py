@@ -1,7 +1,6 @@
-"""BINGO: ``image.dat`` and ``geoin.dat`` of a folder as a project: millimetres from the image centre, metres.
+"""BINGO: ``image.dat`` and ``geoin.dat`` of a folder as a project, with the start values of ``itera.dat``.
 
-Written from programs that read and write these files. The order of the angles in ``itera.dat`` and the σ classes are
-described nowhere there, so neither is read: poses and points are worked out anew.
+Written from programs that read and write these files. The σ classes are described nowhere there, so none are read.
 """
 
 from __future__ import annotations
@@ -12,13 +11,15 @@ from typing import Any
 
 from mor.counting import counted
 from mor.errors import InputError, Problem
+from mor.formats.bingo.files import GROUND, IMAGES, ORIENTATIONS
+from mor.formats.bingo.orientations import Orientations, agreeing, read_orientations
 from mor.formats.draft import Draft, Row, number
 from mor.formats.text import read_lines
 from mor.project.file.nodes import Document
 
-IMAGES, GROUND = "image.dat", "geoin.dat"
 SIGMA_IMAGE, SIGMA_CONTROL = "0.003", "0.02"
 """σ of image coordinates (mm) and of control (m): the records that are read have none."""
+POSE = ("x", "y", "z", "omega", "phi", "kappa")
 
 
 @dataclass
@@ -29,17 +30,6 @@ class Ground:
     """c, xh, yh by name, and the line."""
     control: list[Row] = field(default_factory=list)
     checks: list[Row] = field(default_factory=list)
-
-
-def is_bingo(names: frozenset[str], path: Path) -> bool:
-    """True for a folder with both files, and for one of them beside the other."""
-    known = {name.lower() for name in names}
-    if {IMAGES, GROUND} <= known:
-        return True
-    if path.name.lower() not in (IMAGES, GROUND):
-        return False
-    other = GROUND if path.name.lower() == IMAGES else IMAGES
-    return any((path.parent / name).is_file() for name in (other, other.upper()))
 
 
 def read_bingo(path: Path) -> Document:
@@ -55,13 +45,23 @@ def read_bingo(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "gon"})
     ground = _read_ground(files[GROUND], draft)
     _put_cameras(ground, str(files[GROUND]), draft)
-    seen = _put_images(files[IMAGES], ground, draft)
-    _put_points(ground, seen, str(files[GROUND]), str(files[IMAGES]), draft)
-    if "itera.dat" in files:
-        draft.note(
-            "itera.dat is not read: poses and points are worked out anew", file=str(files["itera.dat"])
-        )
+    images, rays = _read_images(files[IMAGES], ground, draft)
+    known = Orientations()
+    if ORIENTATIONS in files:
+        known = read_orientations(files[ORIENTATIONS], draft)
+        constants = {name: tuple(map(float, values)) for name, (values, _) in ground.cameras.items()}
+        known = agreeing(known, images, rays, constants, _places(ground), draft)
+    _put_images(files[IMAGES], images, rays, known, draft)
+    _put_points(ground, rays, known, str(files[GROUND]), str(files[IMAGES]), draft)
     return draft.finish()
+
+
+def _places(ground: Ground) -> dict[str, list[float]]:
+    """Coordinates of control and check points."""
+    return {
+        str(row.cells[0]): [float(str(v)) for v in row.cells[1:4]]
+        for row in (*ground.control, *ground.checks)
+    }
 
 
 def _read_ground(path: Path, draft: Draft) -> Ground:
@@ -81,8 +81,8 @@ def _read_ground(path: Path, draft: Draft) -> Ground:
         try:
             if len(words) < least:
                 raise ValueError(f"found {len(words)} words, expected {form}")
-            if any(abs(number(word)) > 1e30 for word in values):
-                raise ValueError("found a number beyond 1e30")
+            for word in values:
+                number(word)
             if kind == "CAPA" and number(values[0]) <= 0.0:
                 raise ValueError(f"found the camera constant {values[0]}, expected a number above 0")
         except ValueError as error:
@@ -112,11 +112,10 @@ def _put_cameras(ground: Ground, file: str, draft: Draft) -> None:
         draft.note("the interior orientation is fixed; additional parameters are not read", file=file)
 
 
-def _put_images(path: Path, ground: Ground, draft: Draft) -> dict[str, int]:
-    """Blocks of an image with its camera, lines of point, x, y, and −99; returns line by point."""
+def _read_images(path: Path, ground: Ground, draft: Draft) -> tuple[dict[str, Row], list[Row]]:
+    """Blocks of an image with its camera, lines of point, x, y, and −99: images by name, image points."""
     images: dict[str, Row] = {}
     rays: list[Row] = []
-    seen: dict[str, int] = {}
     image = ""
     single = next(iter(ground.cameras), "")
     for line, text in enumerate(read_lines(path, draft), start=1):
@@ -143,21 +142,33 @@ def _put_images(path: Path, ground: Ground, draft: Draft) -> dict[str, int]:
             except ValueError as error:
                 draft.problem(str(error), line, str(path))
                 continue
-            seen.setdefault(words[0], line)
             rays.append(Row([image, *words[:3]], line))
     if not rays and not draft.problems:
         draft.problem("found no image points", 1, str(path))
-    if rays and not draft.problems:
-        draft.table("images", ("id", "camera"), list(images.values()), str(path))
-        draft.note(f"σ = {SIGMA_IMAGE} mm for all image coordinates", file=str(path))
-        columns = ("image", "point", "x", "y")
-        values = {"sigma": SIGMA_IMAGE}
-        draft.table("observations", columns, rays, str(path), type="image", units="mm", values=values)
-    return seen
+    return images, rays
 
 
-def _put_points(ground: Ground, seen: dict[str, int], file: str, images: str, draft: Draft) -> None:
+def _put_images(
+    path: Path, images: dict[str, Row], rays: list[Row], known: Orientations, draft: Draft
+) -> None:
+    if not rays or draft.problems:
+        return
+    columns = ("id", "camera", *POSE)
+    rows = [Row([*row.cells, *known.poses.get(name, [None] * 6)], row.line) for name, row in images.items()]
+    draft.table("images", columns, rows, str(path))
+    draft.note(f"σ = {SIGMA_IMAGE} mm for all image coordinates", file=str(path))
+    names = ("image", "point", "x", "y")
+    values = {"sigma": SIGMA_IMAGE}
+    draft.table("observations", names, rays, str(path), type="image", units="mm", values=values)
+
+
+def _put_points(
+    ground: Ground, rays: list[Row], start: Orientations, file: str, images: str, draft: Draft
+) -> None:
     columns = ("id", "x", "y", "z")
+    seen: dict[str, int] = {}
+    for row in rays:
+        seen.setdefault(str(row.cells[1]), row.line)
     if ground.control:
         values = {"sigma": SIGMA_CONTROL}
         draft.table("points", columns, ground.control, file, values=values, group="control")
@@ -165,9 +176,13 @@ def _put_points(ground: Ground, seen: dict[str, int], file: str, images: str, dr
     else:
         draft.put("datum", "free")
     known = {row.cells[0] for row in ground.control}
-    others = [Row([name], line) for name, line in seen.items() if name not in known]
+    others = [
+        Row([name, *start.points.get(name, [None] * 3)], line)
+        for name, line in seen.items()
+        if name not in known
+    ]
     if others:
-        draft.table("points", ("id",), others, images)
+        draft.table("points", columns, others, images)
     checks = [row for row in ground.checks if row.cells[0] in seen or row.cells[0] in known]
     if checks:
         values = {"sigma": SIGMA_CONTROL}

@@ -1,0 +1,1 @@
+"""BINGO's files: image coordinates, control and cameras, orientations."""

@@ -1,0 +1,285 @@
+"""LandXML (1.0 to 2.0): instrument set-ups, raw and reduced observations, points north, east, elevation.
+
+Source: the LandXML 1.2 schema. Points are named by their name; references to a point (``pntRef``) that bear another
+name give it theirs, as instruments write it. Azimuths run clockwise from north, angles are those of the circle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from math import degrees, isfinite
+from pathlib import Path
+
+from mor.errors import InputError, Problem
+from mor.formats.draft import Draft, number
+from mor.formats.fieldbook.book import FieldBook, SetUp, Sight, sexagesimal
+from mor.formats.xml import Element, parse_xml
+from mor.input_files import PROJECT, read_bytes
+from mor.project.file.nodes import Document
+
+_METRES = {
+    "millimeter": 1e-3,
+    "centimeter": 1e-2,
+    "meter": 1.0,
+    "kilometer": 1e3,
+    "foot": 0.3048,
+    "ussurveyfoot": 1200.0 / 3937.0,
+    "inch": 0.0254,
+    "mile": 1609.344,
+}
+_ANGLES = {
+    "radians": "rad",
+    "grads": "gon",
+    "decimal degrees": "deg",
+    "degrees": "deg",
+    "decimal dd.mm.ss": "dms",
+}
+_OBSERVATIONS = ("RawObservation", "ReducedObservation")
+_LEFT_OUT = {"vertDistance", "northDiff", "eastDiff", "upDiff"}
+_COMPUTED = ("computed", "calculated", "derived")
+_INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
+"""Elements that observations and set-ups stand in."""
+_DESCRIBING = (
+    "SurveyHeader",
+    "Equipment",
+    "FieldNote",
+    "InstrumentPoint",
+    "Backsight",
+    "Corrections",
+    "CgPoints",
+    "InstrumentDetails",
+    "Feature",
+    "SurveyMonument",
+)
+
+
+def read_landxml(path: Path) -> Document:
+    """The project of a LandXML file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    root = parse_xml(read_bytes(path, PROJECT), draft.file)
+    if root.name != "LandXML":
+        raise InputError([Problem(f"found <{root.name}>, expected <LandXML>", draft.file, root.line)])
+    survey = _Survey(FieldBook(draft), *_units(root, draft))
+    for collection in _descendants(root, "CgPoints"):
+        survey.points(collection)
+    for element in root.all("Survey"):
+        survey.set_ups_in(element)
+    for element in root.all("Survey"):
+        survey.observations_in(element, "")
+    survey.finish(_title(root) or path.stem)
+    return draft.finish()
+
+
+def _descendants(element: Element, name: str) -> Iterator[Element]:
+    for child in element.children:
+        if child.name == name:
+            yield child
+        elif child.name in _INSIDE:
+            yield from _descendants(child, name)
+
+
+def _title(root: Element) -> str:
+    headers = [header for survey in root.all("Survey") for header in survey.all("SurveyHeader")]
+    return next(
+        (e.attributes["name"] for e in [*headers, *root.all("Project")] if e.attributes.get("name")), ""
+    )
+
+
+def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
+    """Metres of a unit of length, units of angles and of directions."""
+    inner = next((child for units in root.all("Units") for child in units.children), None)
+    if inner is None:
+        draft.problem("found no <Units> with <Metric> or <Imperial>: lengths could be anything", root.line)
+        return 1.0, "rad", "rad"
+    given = inner.attributes.get("linearUnit", "meter" if inner.name == "Metric" else "foot")
+    if given.lower() not in _METRES:
+        draft.problem(f"found the linearUnit {given!r}, expected one of {', '.join(_METRES)}", inner.line)
+    found = []
+    for name in ("angularUnit", "directionUnit"):
+        unit = inner.attributes.get(name, "radians")
+        if unit.lower() not in _ANGLES:
+            draft.problem(f"found the {name} {unit!r}, expected one of {', '.join(_ANGLES)}", inner.line)
+        found.append(_ANGLES.get(unit.lower(), "rad"))
+    return _METRES.get(given.lower(), 1.0), found[0], found[1]
+
+
+@dataclass
+class _Survey:
+    """What is read of a file."""
+
+    book: FieldBook
+    metres: float
+    angle: str
+    direction: str
+    places: dict[str, tuple[tuple[float, ...], int]] = field(default_factory=dict)
+    """North, east and perhaps height of the points, with their lines."""
+    names: dict[str, str] = field(default_factory=dict)
+    """What references call a point, by its name."""
+    stations: dict[str, SetUp] = field(default_factory=dict)
+    backsights: list[tuple[SetUp, Sight]] = field(default_factory=list)
+    spatial: bool = False
+    """True where anything tells heights."""
+
+    def points(self, collection: Element) -> None:
+        """Points of a collection and of those inside it; references to others are left to them."""
+        for element in collection.children:
+            if element.name == "CgPoints":
+                self.points(element)
+            elif element.name == "CgPoint" and element.text.strip():
+                self._try(self._point, element)
+
+    def _try(self, read: Callable[[Element], None], element: Element) -> None:
+        try:
+            read(element)
+        except ValueError as error:
+            self.book.draft.problem(f"{element.name}: {error}", element.line)
+
+    def _point(self, element: Element) -> None:
+        name = (element.attributes.get("name") or element.attributes.get("oID") or "").strip()
+        if not name:
+            raise ValueError("found no name")
+        self._place(name, element)
+
+    def _place(self, name: str, element: Element) -> None:
+        """Coordinates of a point, of which the first count."""
+        place = tuple(number(word) * self.metres for word in element.text.split())
+        if len(place) not in (2, 3) or not all(map(isfinite, place)):
+            raise ValueError(f"found {len(place)} coordinates, expected north, east and perhaps elevation")
+        known = self.places.setdefault(name, (place, element.line))
+        if known[0] != place:
+            self.book.leave_out("other coordinates of a point that has some", element.line)
+
+    def set_ups_in(self, element: Element) -> None:
+        """Set-ups of a survey, wherever they stand in it."""
+        for child in element.children:
+            if child.name == "InstrumentSetup":
+                self._try(self._set_up, child)
+            elif child.name == "ObservationGroup":
+                self.set_ups_in(child)
+
+    def _set_up(self, element: Element) -> None:
+        key = element.attributes.get("id", "")
+        point = next(iter(element.all("InstrumentPoint")), None)
+        name = self._named(element.attributes.get("stationName", ""), point)
+        if not key or key in self.stations:
+            raise ValueError(f"found the id {key!r}, expected one that no other set-up has")
+        if not name:
+            raise ValueError("found no stationName and no InstrumentPoint with a name")
+        height = self._length(element, "instrumentHeight") or 0.0
+        self.stations[key] = self.book.set_up(name, element.line, height)
+
+    def _named(self, name: str, point: Element | None) -> str:
+        """Name of a point that an element stands for: its own, else that of what it refers to."""
+        attributes = point.attributes if point is not None else {}
+        reference = attributes.get("pntRef", "").strip()
+        own = (
+            name.strip()
+            or attributes.get("name", "").strip()
+            or reference
+            or attributes.get("desc", "").strip()
+        )
+        if reference and own != reference:
+            self.names.setdefault(reference, own)
+        if own and point is not None and point.text.strip():
+            self._place(own, point)
+        return own
+
+    def observations_in(self, element: Element, key: str) -> None:
+        """Observations inside an element; ``key`` is the set-up of those that name none."""
+        for child in element.children:
+            if child.name in _OBSERVATIONS:
+                self._try(partial(self._observation, key), child)
+            elif child.name == "Backsight":
+                self._try(partial(self._backsight, key), child)
+            elif child.name in _INSIDE:
+                own = child.attributes.get("id" if child.name == "InstrumentSetup" else "setupID", "")
+                self.observations_in(child, own or key)
+            elif child.name not in _DESCRIBING:
+                self.book.leave_out(child.name, child.line)
+
+    def _observation(self, key: str, element: Element) -> None:
+        if element.attributes.get("status", "").lower() == "deleted":
+            self.book.leave_out("deleted observations", element.line)
+            return
+        station = self._station(element.attributes.get("setupID", "") or key)
+        target = self._target(element)
+        for name in sorted(_LEFT_OUT & element.attributes.keys()):
+            self.book.leave_out(name, element.line)
+        computed = {
+            value: element.attributes.get(f"{kind}Type", "").lower() in _COMPUTED
+            for value, kind in (("azimuth", "azimuth"), ("horizDistance", "distance"))
+        }
+        for name in (name for name, no_measurement in computed.items() if no_measurement):
+            self.book.leave_out(f"{name} that is computed", element.line)
+        unit = self.angle
+        sight = Sight(
+            target,
+            element.line,
+            _angle(element, "horizAngle", unit),
+            _angle(element, "zenithAngle", unit),
+            self._length(element, "slopeDistance") or None,
+            None if computed["horizDistance"] else self._length(element, "horizDistance") or None,
+            self._length(element, "targetHeight") or 0.0,
+            2 if element.attributes.get("directFace", "").lower() in ("false", "0") else 0,
+            None if computed["azimuth"] else _angle(element, "azimuth", self.direction),
+        )
+        if not any(value is not None for value in (*sight[2:6], sight.bearing)):
+            self.book.leave_out(f"{element.name} without readings", element.line)
+            return
+        self.spatial = self.spatial or sight.zenith is not None or sight.slope is not None
+        station.sights.append(sight)
+
+    def _station(self, key: str) -> SetUp:
+        if key not in self.stations:
+            raise ValueError(f"found the setupID {key!r}, which no InstrumentSetup has")
+        return self.stations[key]
+
+    def _target(self, element: Element) -> str:
+        point = next(iter(element.all("TargetPoint")), None)
+        name = self._named("", point) if point is not None else ""
+        other = element.attributes.get("targetSetupID", "")
+        name = name or (self._station(other).station if other else "")
+        if not name:
+            raise ValueError("found no TargetPoint with a name and no targetSetupID")
+        return name
+
+    def _backsight(self, key: str, element: Element) -> None:
+        """The reading of the circle at the backsight; a sight where no observation measures it."""
+        circle = _angle(element, "circle", self.angle)
+        point = next(iter(element.all("BacksightPoint")), None)
+        name = self._named("", point) if point is not None else ""
+        other = element.attributes.get("setupID", "")
+        name = name or (self.stations[other].station if other in self.stations else "")
+        if circle is None or not name:
+            self.book.leave_out("Backsight without a circle or a point", element.line)
+        else:
+            self.backsights.append((self._station(key), Sight(name, element.line, circle, face=1)))
+
+    def _length(self, element: Element, name: str) -> float | None:
+        text = element.attributes.get(name, "").strip()
+        return number(text) * self.metres if text else None
+
+    def finish(self, title: str) -> None:
+        """Put everything into the book: backsights that nothing measures, points under the names sights call them."""
+        for station, sight in self.backsights:
+            if not any(s.target == sight.target and s.horizontal is not None for s in station.sights):
+                station.sights.insert(0, sight)
+        for name, (place, line) in self.places.items():
+            height = place[2] if len(place) == 3 else None
+            self.spatial = self.spatial or height is not None
+            self.book.point(self.names.get(name, name), place[1], place[0], height, line)
+        self.book.finish(title)
+        if not self.spatial and "settings" in self.book.draft.data:
+            self.book.draft.data["settings"]["dimensions"] = "xy"
+
+
+def _angle(element: Element, name: str, unit: str) -> float | None:
+    """An angle in degrees (of gon: the same as 0.9°). Raises ``ValueError``."""
+    text = element.attributes.get(name, "").strip()
+    if not text:
+        return None
+    if unit == "dms":
+        return sexagesimal(text)
+    return {"rad": degrees(1.0), "gon": 0.9, "deg": 1.0}[unit] * number(text)

@@ -1,0 +1,1 @@
+"""PAT-B's image coordinates and control points."""

@@ -1,0 +1,108 @@
+"""Networks on the earth as DynAdjust's files: written, read again and adjusted to the same; what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference_data import missing, network_of, reference_folder
+
+from mor.adjustment.solve import adjust
+from mor.errors import InputError
+from mor.formats import read_foreign, write_foreign
+from mor.formats.dynadjust.writer import sexagesimal_text
+from mor.formats.fieldbook.book import sexagesimal
+from mor.pipeline import determinable_start, make_problem
+from mor.project.file.nodes import Document
+
+from .test_dynadjust import _files
+from .test_dynaml import _rows
+from .test_dynaml import files as dynaml
+
+REAL = reference_folder("earth/dynadjust")
+
+
+def _written(document: Document, folder: Path, target: Path) -> Path:
+    target.parent.mkdir()
+    for path, content in write_foreign(document, folder, target, "dynadjust").files.items():
+        path.write_bytes(content)
+    return target
+
+
+def _same(first: Document, second: Document) -> None:
+    """The same observations in any order of their tables, to what their digits carry."""
+    both = [
+        sorted(_rows(document), key=lambda row: (row[0], row[1], row[2][:3])) for document in (first, second)
+    ]
+    for (type_, names, values), (other, theirs, numbers) in zip(*both, strict=True):
+        assert (type_, names) == (other, theirs)
+        np.testing.assert_allclose(values, numbers, rtol=3e-13, atol=3e-12)
+
+
+def test_written_and_read_again_it_is_the_same(tmp_path: Path) -> None:
+    path = _files(tmp_path)
+    document = read_foreign(path)
+    again = read_foreign(_written(document, tmp_path, tmp_path / "o" / "n.msr"))
+    _same(document, again)
+    held = [table["rows"][0][0] for table in again.data["points"] if table.get("fixed")]
+    assert held == ["A"]
+
+
+def test_dynaml_becomes_dna(tmp_path: Path) -> None:
+    path = dynaml(tmp_path)
+    document = read_foreign(path)
+    _same(document, read_foreign(_written(document, tmp_path, tmp_path / "o" / "n.msr")))
+
+
+@pytest.mark.skipif(REAL is None, reason=missing("earth/dynadjust"))
+@pytest.mark.parametrize("name", ["gnss-network", "urban-network"])
+def test_real_networks_adjust_to_the_same(tmp_path: Path, name: str) -> None:
+    """With geoid, deflections, stations held in part; geocentric metres have 1e-9 of rounding."""
+    assert REAL is not None
+    before = read_foreign(REAL / f"{name}.msr")
+    path = _written(before, REAL, tmp_path / "o" / "n.msr")
+    after = read_foreign(path)
+    _same(before, after)
+    found = []
+    for document, folder in ((before, REAL), (after, tmp_path)):
+        network, start = determinable_start(network_of(document, folder))
+        values = adjust(make_problem(network, start, start), start).values["point"]
+        points = network.things["point"]
+        there = network.world.horizon.to_geocentric(values[points.parts["position"]])
+        found.append(dict(zip(points.ids, there, strict=True)))
+    assert set(found[0]) == set(found[1])
+    difference = [np.abs(found[0][name] - found[1][name]).max() for name in found[0]]
+    assert max(difference) < 1e-8
+
+
+def test_angles_as_text() -> None:
+    """Every digit again, and no 60 seconds."""
+    rng = np.random.default_rng(2)
+    for angle in [*rng.uniform(-3.1, 3.1, 200), np.radians(59.99999999999999), -np.radians(1e-9)]:
+        assert sexagesimal(sexagesimal_text(float(angle))) == pytest.approx(np.degrees(angle), abs=6e-14)
+
+
+def test_what_dna_cannot_say_is_refused(tmp_path: Path) -> None:
+    document = read_foreign(_files(tmp_path))
+    changes = (
+        (
+            {"world": {"crs": "EPSG:4326", "heights": "ellipsoidal"}},
+            "files are in GDA94 or GDA2020, found WGS 84",
+        ),
+        ({"axes": {"angles": "counterclockwise"}}, "angles clockwise"),
+    )
+    for change, words in changes:
+        other = replace(document, data={**document.data, **change})
+        with pytest.raises(InputError, match=words):
+            write_foreign(other, tmp_path, tmp_path / "o.msr", "dynadjust")
+    plain = {key: value for key, value in document.data.items() if key != "world"}
+    with pytest.raises(InputError, match="this project has no world"):
+        write_foreign(replace(document, data=plain), tmp_path, tmp_path / "o.msr", "dynadjust")
+    points = [dict(table) for table in document.data["points"]]
+    points[0] = {**points[0], "values": {"sigma": "0.01"}, "fixed": []}
+    with pytest.raises(InputError, match="DNA holds coordinates or leaves them free"):
+        write_foreign(
+            replace(document, data={**document.data, "points": points}), tmp_path, tmp_path / "o", "dynadjust"
+        )

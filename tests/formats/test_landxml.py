@@ -1,0 +1,177 @@
+"""LandXML surveys: a network in every unit, a plan of bearings and distances, what is left out, mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mor
+from mor.errors import InputError
+from mor.formats import format_of, read_foreign
+
+from .test_field_books import HEIGHTS, PLACES, TARGET, _readings
+
+_HEAD = '<?xml version="1.0"?>\n<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">\n'
+METRES = {"meter": 1.0, "foot": 0.3048, "USSurveyFoot": 1200 / 3937, "millimeter": 1e-3}
+
+
+def _angle(gon: float, unit: str) -> str:
+    if unit != "decimal dd.mm.ss":
+        return repr(float(gon) * {"radians": np.pi / 200, "grads": 1.0, "decimal degrees": 0.9}[unit])
+    micro = round(gon * 0.9 * 3600e6)
+    degrees, rest = divmod(micro, 3600_000_000)
+    minutes, seconds = divmod(rest, 60_000_000)
+    return f"{degrees}.{minutes:02d}{seconds:08d}"
+
+
+def survey(length: str = "meter", angle: str = "decimal dd.mm.ss") -> str:
+    """The network of the field books: two points with coordinates, one named by what refers to it, one free."""
+    metres = METRES[length]
+    system = "Imperial" if "oot" in length else "Metric"
+    lines = [
+        f'<Units><{system} linearUnit="{length}" angularUnit="{angle}" directionUnit="{angle}"/></Units>'
+    ]
+    lines += ['<CgPoints name="given">']
+    for name, point in (("1", "1"), ("id-4", "4")):
+        east, north, up = (value / metres for value in PLACES[point])
+        lines.append(f'<CgPoint name="{name}">{north!r} {east!r} {up!r}</CgPoint>')
+    lines += ["</CgPoints>", '<Survey>\n<SurveyHeader name="net"/>']
+    for station, height in HEIGHTS.items():
+        lines += [
+            f'<InstrumentSetup id="s{station}" stationName="{station}" instrumentHeight="{height / metres!r}">'
+        ]
+        lines += [f'<InstrumentPoint pntRef="{station}"/>', "</InstrumentSetup>"]
+        lines += [f'<ObservationGroup id="g{station}" setupID="s{station}">']
+        for face in (1, 2):
+            for at, target, circle, zenith, slope in _readings(face):
+                if at == station:
+                    angles = f'horizAngle="{_angle(circle, angle)}" zenithAngle="{_angle(zenith, angle)}"'
+                    far = f'slopeDistance="{slope / metres!r}" targetHeight="{TARGET / metres!r}"'
+                    point = f'<TargetPoint name="{target}" pntRef="{"id-4" if target == "4" else target}"/>'
+                    direct = f'directFace="{str(face == 1).lower()}"'
+                    lines.append(f"<RawObservation {angles} {far} {direct}>{point}</RawObservation>")
+        lines += ["</ObservationGroup>"]
+    return _HEAD + "\n".join([*lines, "</Survey>", "</LandXML>"]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("length", "angle"),
+    [
+        ("meter", "decimal dd.mm.ss"),
+        ("foot", "decimal degrees"),
+        ("USSurveyFoot", "radians"),
+        ("millimeter", "grads"),
+    ],
+)
+def test_a_network_comes_out_as_it_was(tmp_path: Path, length: str, angle: str) -> None:
+    """Noise-free readings: every place to what the digits carry, also that of the point without coordinates."""
+    path = tmp_path / "n.xml"
+    path.write_text(survey(length, angle).replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
+    assert format_of(path) == "landxml"
+    result = mor.adjust(str(path))
+    network, solved = result.project.network, result.solved
+    points = network.things["point"]
+    assert set(points.ids) == set(PLACES)
+    for name, place in PLACES.items():
+        found = solved.adjustment.values["point"][points.part(name, "position")]
+        np.testing.assert_allclose(found, place, atol=1e-6)
+    assert "3 set-ups, 3 sets" in " ".join(result.project.notes)
+
+
+PLAN = (
+    _HEAD
+    + """<Units><Metric linearUnit="meter" angularUnit="decimal dd.mm.ss" directionUnit="decimal dd.mm.ss"/></Units>
+<CgPoints><CgPoint name="A" pntSurv="boundary">100.0 200.0</CgPoint><CgPoint name="C">180.0 260.0</CgPoint></CgPoints>
+<Survey><SurveyHeader name="plan"/>
+"""
+    + "".join(f'<InstrumentSetup id="IS-{n}" stationName="{n}" instrumentHeight="0"/>\n' for n in "ABC")
+    + """<ObservationGroup id="OG-1">
+<ReducedObservation name="1" setupID="IS-A" targetSetupID="IS-B" azimuth="90.0000" horizDistance="60.0"
+ azimuthType="measured" distanceType="measured"/>
+<ReducedObservation name="2" setupID="IS-B" targetSetupID="IS-C" azimuth="0.00" horizDistance="80.0" vertDistance="1"/>
+<ReducedObservation name="3" setupID="IS-C" targetSetupID="IS-A" azimuth="216.5211" horizDistance="99.0"
+ distanceType="computed"/>
+<ReducedObservation name="4" setupID="IS-C" targetSetupID="IS-A" status="deleted" azimuth="1"/>
+<RedVerticalObservation setupID="IS-A" height="3"/>
+</ObservationGroup>
+</Survey>
+</LandXML>
+"""
+)
+
+
+def test_a_plan_of_bearings_and_distances(tmp_path: Path) -> None:
+    """Bearings from north, no heights anywhere: a network in the plane; what is computed or deleted is left out."""
+    path = tmp_path / "plan.xml"
+    path.write_text(PLAN)
+    document = read_foreign(path)
+    assert document.data["settings"]["dimensions"] == "xy"
+    tables = {table["type"]: table["rows"] for table in document.data["observations"]}
+    assert [[row[0], row[1], float(row[2])] for row in tables["bearing"]] == [
+        ["A", "B", 90.0],
+        ["B", "C", 0.0],
+        ["C", "A", pytest.approx(216 + 52 / 60 + 11 / 3600)],
+    ]
+    assert [row[2] for row in tables["horizontal_distance"]] == ["60.0", "80.0"]
+    result = mor.adjust(str(path))
+    points = result.project.network.things["point"]
+    B = result.solved.adjustment.values["point"][points.part("B", "position")]
+    np.testing.assert_allclose(B[:2], [260.0, 100.0], atol=1e-3)
+    notes = " ".join(map(str, document.notes))
+    for words in (
+        "horizDistance that is computed (1 record, lines 13)",
+        "deleted observations (1",
+        "vertDistance (1 record, lines 12)",
+        "RedVerticalObservation (1",
+    ):
+        assert words in notes
+
+
+def test_a_backsight_that_nothing_measures_is_a_sight(tmp_path: Path) -> None:
+    path = tmp_path / "n.xml"
+    back = (
+        '<Backsight circle="12.3000"><BacksightPoint name="9">1000.0 2000.0 30.0</BacksightPoint></Backsight>'
+    )
+    measured = '<Backsight circle="0"><BacksightPoint name="3"/></Backsight>'
+    path.write_text(
+        survey()
+        .replace('<InstrumentPoint pntRef="1"/>', f'<InstrumentPoint pntRef="1"/>{back}')
+        .replace('<InstrumentPoint pntRef="2"/>', f'<InstrumentPoint pntRef="2"/>{measured}')
+    )
+    document = read_foreign(path)
+    alone = [table["rows"] for table in document.data["observations"] if table["type"] == "directions"]
+    assert [[row[0], row[1], float(row[2])] for row in alone[0]] == [["1", "9", 12.5]]
+    known = {row[0]: row[1:4] for table in document.data["points"] for row in table["rows"]}
+    assert known["9"] == ["2000.0", "1000.0", "30.0"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('linearUnit="meter"', 'linearUnit="cubit"', r"n\.xml:3: found the linearUnit 'cubit'"),
+        ('angularUnit="decimal dd.mm.ss"', 'angularUnit="mils"', r"n\.xml:3: found the angularUnit 'mils'"),
+        ("Units>", "Other>", r"n\.xml:2: found no <Units>"),
+        ('id="s2"', 'id="s1"', r"n\.xml:\d+: InstrumentSetup: found the id 's1', expected one that no other"),
+        ('setupID="s2"', 'setupID="s8"', r"n\.xml:\d+: RawObservation: found the setupID 's8'"),
+        (
+            'targetHeight="1.3"',
+            'targetHeight="1,3"',
+            r"n\.xml:14: RawObservation: found '1,3', expected a number",
+        ),
+        ("0.0 0.0 10.0", "0.0", r"n\.xml:5: CgPoint: found 1 coordinates"),
+        ('<TargetPoint name="2" pntRef="2"/>', "", r"n\.xml:\d+: RawObservation: found no TargetPoint"),
+        ("LandXML", "Land", r"n\.xml:2: found <Land>, expected <LandXML>"),
+        (
+            'zenithAngle="88.21',
+            'zenithAngle="88.71',
+            r"n\.xml:14: RawObservation: found '88\.71.*expected less than 60",
+        ),
+    ],
+)
+def test_mistakes_have_their_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "n.xml"
+    path.write_text(survey().replace(old, new))
+    with pytest.raises(InputError, match=words):
+        read_foreign(path, "landxml")
