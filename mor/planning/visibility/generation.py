@@ -223,6 +223,8 @@ def _viewpoints(scene: Scene, entry: Observations, type_: ObservationType) -> li
     }
     for camera in sorted(name for name in without if reading.project.cameras[name].image is None):
         scene.mistake(f"camera {camera!r} has no format (image: {{width, height, pixel}})")
+    for camera in sorted(without & reading.scanners.keys()):
+        scene.mistake(f"camera {camera!r} is a line scanner: list the points that its images have")
     return [_from_image(scene, wanted.border, k) for k in found]
 
 

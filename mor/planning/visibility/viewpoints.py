@@ -12,6 +12,7 @@ from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.kinds import INTERIORS
 from mor.project.edge import ImageScale, split
 from mor.project.network.reading import Reading
+from mor.project.trajectories.poses import with_poses_of
 from mor.units import IMAGE
 
 _ROUNDS = 60
@@ -26,10 +27,11 @@ class Start:
     """Start values of a project that is being read: what is where, internal axes."""
 
     def __init__(self, reading: Reading) -> None:
-        self.values: dict[str, FloatArray] = {}
+        given: dict[str, FloatArray] = {}
         for kind, store in reading.shop.stores.items():
             found = store.start_values(store.all_values())
-            self.values[kind] = rotation_from_angles(found) if store.kind.is_rotation else found
+            given[kind] = rotation_from_angles(found) if store.kind.is_rotation else found
+        self.values = with_poses_of(reading.shop.things["image"], reading, given)
 
     def of(self, kind: str, block: int) -> FloatArray:
         """Values of one block."""
