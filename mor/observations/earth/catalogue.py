@@ -10,6 +10,7 @@ from mor.observations.angle import ANGLE_TYPE
 from mor.observations.bearing import BEARING
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
 from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
+from mor.observations.distance_ratio import DISTANCE_RATIO
 from mor.observations.earth.arcs import (
     ellipsoid_arc,
     ellipsoid_chord,
@@ -34,6 +35,7 @@ from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 _ABOUT_PLUMB_LINE = (
     DISTANCE,
     HORIZONTAL_DISTANCE,
+    DISTANCE_RATIO,
     DIRECTIONS,
     ZENITH_DIRECTIONS,
     VERTICAL_DIRECTION,
