@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from mor.arrays import FloatArray
-from mor.observations import ObservationType
-from mor.observations.earth.projected_bearing import Plane, projected_bearing
+from mor.errors import InputError, Problem
+from mor.observations import ObservationGroup, ObservationType
+from mor.observations.earth.attitude import Attitude, projected_attitude
+from mor.observations.earth.projected_bearing import InPlane, Plane, projected_bearing
 from mor.project.file.model import Observations
 from mor.project.network.reading import Reading
-from mor.project.tables.tables import Place
+from mor.project.tables.columns import tell_rows
+from mor.project.tables.tables import Place, Rows
+from mor.project.world.observed import PLANE
 from mor.project.world.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
 from mor.project.world.world import World
+
+if TYPE_CHECKING:
+    from mor.project.network.build import Network
 
 _DEGREES = (6, 10, 15, 21)
 _CLOSE = 1e-6
@@ -25,12 +36,15 @@ class PlaneError(ValueError):
     """A projection that is no polynomial over the area; the words say why."""
 
 
-def plane_of(system: ReferenceSystem, world: World) -> Plane:
+def plane_of(
+    system: ReferenceSystem, world: World, crs: str | None = None, extent: FloatArray | None = None
+) -> Plane:
     """The plane of a projected system over the area of the points, in the unit of the project.
 
-    Raises :class:`PlaneError`.
+    The area is the ``extent`` (2, 2) of object coordinates, that of the given places where nothing is said. Raises
+    :class:`PlaneError`.
     """
-    low, high = world.extent
+    low, high = world.extent if extent is None else extent
     margin = np.maximum(high - low, _LEAST / world.metres)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + margin
     for degree in _DEGREES:
@@ -41,7 +55,7 @@ def plane_of(system: ReferenceSystem, world: World) -> Plane:
             raise PlaneError(f"{system.name} does not reach as far as the network")
         matrix = chebyshev.chebvander2d(place[:, 0], place[:, 1], [degree, degree])
         solution = np.asarray(np.linalg.lstsq(matrix, plane, rcond=None)[0], dtype=np.float64)
-        found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2))
+        found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
         between = 0.97 * grid + 0.01
         there, expected = _projected(system, world, middle, half, between)
         if np.abs(found.at(there * half + middle)[0] - expected).max() * world.metres < _CLOSE:
@@ -76,7 +90,61 @@ def in_its_projection(reading: Reading, entry: Observations, place: Place) -> Ob
         ours, theirs = world.system.ellipsoid, system.ellipsoid
         if abs(ours.a - theirs.a) > _CLOSE or abs(ours.f - theirs.f) * ours.a > _CLOSE:
             raise ReferenceSystemError(f"{system.name} is of another ellipsoid than {world.system.name}")
-        return projected_bearing(world.horizon, plane_of(system, world))
+        return projected_bearing(world.horizon, plane_of(system, world, entry.projection))
     except (ReferenceSystemError, PlaneError) as error:
         reading.problems.append(place.problem(f"projection: {error}", "projection"))
         return None
+
+
+def with_convergence_at_images(
+    reading: Reading, type_: ObservationType, rows: Rows, place: Place
+) -> ObservationType | None:
+    """The type of attitudes in the projection of the project, where rows do not say for which place they are.
+
+    Mistakes are told.
+    """
+    world, given = reading.world, [np.isfinite(rows.number(name)) for name in PLANE]
+    assert world is not None
+    words = "the place of an attitude needs both of east, north, or neither: then it is that of its image"
+    tell_rows(reading.problems, given[0] != given[1], rows, words)
+    if given[0].all():
+        return type_
+    try:
+        return projected_attitude(world.horizon, plane_of(world.system, world))
+    except PlaneError as error:
+        reading.problems.append(place.problem(f"projection: {error}", "type"))
+        return None
+
+
+def with_planes_over(network: Network, places: Mapping[str, FloatArray]) -> Network:
+    """The network with projections over all of its places, where some lie beyond what was known of them before.
+
+    Raises :class:`InputError`.
+    """
+    world = network.world
+    if world is None:
+        return network
+    try:
+        of_all = {
+            name: tuple(_over(world, group, places["point"]) for group in getattr(network, name))
+            for name in ("groups", "checks", "candidates")
+        }
+    except PlaneError as error:
+        raise InputError([Problem(f"projection: {error}", network.file)]) from None
+    return replace(network, **of_all)  # type: ignore[arg-type]
+
+
+def _over(world: World, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
+    equation = group.type.equation
+    plane = equation.plane if isinstance(equation, InPlane | Attitude) else None
+    if plane is None:
+        return group
+    ends = [points[blocks] for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+    there = np.concatenate(ends)
+    feet = world.horizon.foot(there[np.isfinite(there).all(axis=1)]).position[:, :2]
+    if plane.holds(feet).all():
+        return group
+    both = np.concatenate([world.extent, feet])
+    system = world.system if plane.crs is None else reference_system(plane.crs)
+    wider = plane_of(system, world, plane.crs, np.stack([both.min(axis=0), both.max(axis=0)]))
+    return replace(group, type=replace(group.type, equation=replace(equation, plane=wider)))  # type: ignore[type-var]
