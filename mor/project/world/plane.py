@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from mor.project.network.build import Network
 
 _DEGREES = (6, 10, 15, 21)
-_CLOSE = 1e-6
-"""Metres to which a polynomial is the projection."""
+_CLOSE = 1e-7
+"""Metres to which a polynomial is the projection, and ellipsoids are the same."""
 _LEAST = 100_000.0
 """Metres around a network that belong to its area, for points without given places; else its own extent."""
 
@@ -54,11 +54,12 @@ def plane_of(
         if not np.isfinite(plane).all():
             raise PlaneError(f"{system.name} does not reach as far as the network")
         matrix = chebyshev.chebvander2d(place[:, 0], place[:, 1], [degree, degree])
-        solution = np.asarray(np.linalg.lstsq(matrix, plane, rcond=None)[0], dtype=np.float64)
+        whole = np.round(plane.mean(axis=0))  # small numbers keep their digits: bearings of short lines need them
+        solution = np.asarray(np.linalg.lstsq(matrix, plane - whole, rcond=None)[0], dtype=np.float64)
         found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
         between = 0.97 * grid + 0.01
         there, expected = _projected(system, world, middle, half, between)
-        if np.abs(found.at(there * half + middle)[0] - expected).max() * world.metres < _CLOSE:
+        if np.abs(found.at(there * half + middle)[0] + whole - expected).max() * world.metres < _CLOSE:
             return found
     raise PlaneError(f"{system.name} is no polynomial over the area of the network")
 
