@@ -236,5 +236,9 @@ observations:
     text = text.replace("DX", ", ".join(map(repr, d))).replace("BEARING", repr(float(bearing)))
     solved = solve_network(read_network(read_document(write(tmp_path, text)), tmp_path))
     assert solved.quality is not None
-    v = next(q.v for g, q in zip(solved.network.groups, solved.quality.groups, strict=True) if g.count == 1 and q.v.shape[1] == 1)
+    v = next(
+        q.v
+        for g, q in zip(solved.network.groups, solved.quality.groups, strict=True)
+        if g.count == 1 and q.v.shape[1] == 1
+    )
     assert abs(v[0, 0]) < 1e-11

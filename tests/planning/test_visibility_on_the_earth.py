@@ -56,7 +56,10 @@ observations:
   - {type: distance, visible: {at: [A], to: [B, C], incidence: 30 gon}, values: {sigma: 1 mm, from_height: HEIGHT, to_height: HEIGHT}}
 """
     assert _seen(tmp_path / "low", text.replace("HEIGHT", "29.9"), ("from", "to")) == {("A", "C")}
-    assert _seen(tmp_path / "high", text.replace("HEIGHT", "30.1"), ("from", "to")) == {("A", "B"), ("A", "C")}
+    assert _seen(tmp_path / "high", text.replace("HEIGHT", "30.1"), ("from", "to")) == {
+        ("A", "B"),
+        ("A", "C"),
+    }
     away = text.replace("HEIGHT", "30.1").replace("[-1, -0.4, 0]", "[1, 0.4, 0]")
     assert _seen(tmp_path / "away", away, ("from", "to")) == {("A", "B")}
 
@@ -78,12 +81,19 @@ observations: [{{type: image, visible: {{}}, values: {{sigma: 0.005}}}}]
     ("world", "words"),
     [
         ('{crs: "EPSG:25832", heights: orthometric}', "corners above the geoid need its grid"),
-        ('{crs: "EPSG:4258", heights: ellipsoidal}', "a surface has its corners in a projection or geocentric"),
+        (
+            '{crs: "EPSG:4258", heights: ellipsoidal}',
+            "a surface has its corners in a projection or geocentric",
+        ),
     ],
 )
 def test_corners_that_say_no_place(tmp_path: Path, world: str, words: str) -> None:
     names = "latitude, longitude, height" if "4258" in world else "east, north, height, geoid"
-    first, second = ("55, 10, 0", "55.01, 10, 0") if "4258" in world else ("500000, 5500000, 0, 45", "500100, 5500000, 0, 45")
+    first, second = (
+        ("55, 10, 0", "55.01, 10, 0")
+        if "4258" in world
+        else ("500000, 5500000, 0, 45", "500100, 5500000, 0, 45")
+    )
     text = f"""\
 mor: 1
 units: {{length: m, angle: deg}}

@@ -41,12 +41,8 @@ def sights(reading: Reading) -> dict[str, ObservationType]:
     return {
         key: type_
         for key, type_ in {**reading.types, "image": IMAGE_TYPES["mor"]}.items()
-        if len(type_.references) == 2
-        and not type_.between_marks
-        and key not in _BETWEEN_FEET
+        if len(type_.references) == 2 and not type_.between_marks and key not in _BETWEEN_FEET
     }
-
-
 
 
 def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sighted, ...]]:
@@ -256,7 +252,9 @@ def _at(scene: Scene, space: str, numbers: Sequence[int], height: float = 0.0) -
     blocks = things.parts["position"][chosen]
     return [
         Viewpoint(things.ids[k], origin, int(block), up)
-        for k, origin, block, up in zip(numbers, origins, blocks, upwards(scene.reading, origins), strict=True)
+        for k, origin, block, up in zip(
+            numbers, origins, blocks, upwards(scene.reading, origins), strict=True
+        )
     ]
 
 

@@ -84,7 +84,8 @@ def _corners(reading: Reading, surface: Surface, place: Place, targets: Targets)
 def _corner(reading: Reading, at: str | list[str], targets: Targets) -> FloatArray:
     """(3,) a corner of a polygon, axes of the project. Raises ``ValueError``."""
     if not isinstance(at, str):
-        return placed(reading, np.array([[reading.edge.number(text, LENGTH) for text in at]]))[0]
+        given = np.array([[reading.edge.number(text, LENGTH) for text in at]])
+        return np.asarray(placed(reading, given)[0])
     if at not in targets.numbers:
         raise ValueError(f"point {at!r} does not exist{nearest(at, targets.names)}")
     found = targets.positions[targets.numbers[at]] @ reading.edge.matrix

@@ -186,5 +186,3 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     ]
     if told:
         raise InputError(told)
-
-

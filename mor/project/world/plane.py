@@ -54,7 +54,9 @@ def plane_of(
         if not np.isfinite(plane).all():
             raise PlaneError(f"{system.name} does not reach as far as the network")
         matrix = chebyshev.chebvander2d(place[:, 0], place[:, 1], [degree, degree])
-        whole = np.round(plane.mean(axis=0))  # small numbers keep their digits: bearings of short lines need them
+        whole = np.round(
+            plane.mean(axis=0)
+        )  # small numbers keep their digits: bearings of short lines need them
         solution = np.asarray(np.linalg.lstsq(matrix, plane - whole, rcond=None)[0], dtype=np.float64)
         found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
         between = 0.97 * grid + 0.01
@@ -140,7 +142,11 @@ def _over(world: World, group: ObservationGroup, points: FloatArray) -> Observat
     plane = equation.plane if isinstance(equation, InPlane | Attitude) else None
     if plane is None:
         return group
-    ends = [points[blocks] for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+    ends = [
+        points[blocks]
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == "point"
+    ]
     there = np.concatenate(ends)
     feet = world.horizon.foot(there[np.isfinite(there).all(axis=1)]).position[:, :2]
     if plane.holds(feet).all():

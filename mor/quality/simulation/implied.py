@@ -46,7 +46,9 @@ def conditions(problem: Problem) -> list[int]:
 
 def unwritten(problem: Problem) -> list[int]:
     """Groups whose errors have to be in the place."""
-    return [k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in _STEADY]
+    return [
+        k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in _STEADY
+    ]
 
 
 def place_with_errors(
