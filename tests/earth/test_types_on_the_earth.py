@@ -218,7 +218,7 @@ def test_bearings_in_the_plane_are_those_of_proj(crs, extent):
 
 
 def test_a_projection_reaches_points_that_are_found_far_away(tmp_path):
-    """Control within a kilometre, a point found 400 km from it: its bearing is that of PROJ, not of a line that goes on."""
+    """Control within a kilometre, a point 400 km from it: its bearing is that of PROJ, not of a line that goes on."""
     text = """mor: 1
 units: {length: m, angle: rad}
 world: {crs: "EPSG:25832", heights: ellipsoidal}

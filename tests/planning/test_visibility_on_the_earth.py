@@ -47,13 +47,15 @@ def test_instruments_stand_and_targets_look_along_their_own_verticals(tmp_path: 
     """A wall of 30 m in national coordinates, 500 km from the middle: who stands high enough looks over it."""
     text = """\
 points:
-  - {columns: [id, east, north, height], rows: [[A, 500000, 5000000, 0], [B, 500100, 5000000, 0], [C, 500100, 5000040, 0]]}
+  - {columns: [id, east, north, height],
+     rows: [[A, 500000, 5000000, 0], [B, 500100, 5000000, 0], [C, 500100, 5000040, 0]]}
   - {columns: [id, east, north, height], rows: [[Z, 500000, 6000000, 0]]}
 visibility:
   surfaces: [{polygon: [[500050, 4999990, -5], [500050, 4999990, 30], [500050, 5000010, 30], [500050, 5000010, -5]]}]
   normals: [{points: [C], direction: [-1, -0.4, 0]}]
 observations:
-  - {type: distance, visible: {at: [A], to: [B, C], incidence: 30 gon}, values: {sigma: 1 mm, from_height: HEIGHT, to_height: HEIGHT}}
+  - {type: distance, visible: {at: [A], to: [B, C], incidence: 30 gon},
+     values: {sigma: 1 mm, from_height: HEIGHT, to_height: HEIGHT}}
 """
     assert _seen(tmp_path / "low", text.replace("HEIGHT", "29.9"), ("from", "to")) == {("A", "C")}
     assert _seen(tmp_path / "high", text.replace("HEIGHT", "30.1"), ("from", "to")) == {

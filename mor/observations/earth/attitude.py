@@ -15,7 +15,8 @@ and R_body = R_z(yaw) R_y(pitch) R_x(roll) leads from them to north, east, down 
 with B D′ for D′. γ is that of a given place, or that at the image itself: in the plane (E, N) of the projection grid
 north keeps E as it is, so that γ = atan2(−∂E/∂n, ∂E/∂e) with the derivatives along local east e and north n.
 
-R and γ are evaluated at the adjusted place; that it turns by 1/R_earth with every metre, and γ by about as much, stays out of the Jacobian.
+R and γ are evaluated at the adjusted place; that R turns by 1/R_earth with every metre, and γ by about as much, stays
+out of the Jacobian.
 """
 
 from __future__ import annotations

@@ -42,7 +42,10 @@ class Plane(NamedTuple):
         return np.asarray((np.abs(xy - self.middle) <= self.half).all(axis=1))
 
     def at(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """E, N (n, 2), less those of that place, at feet (n, 2), and their derivatives (n, 2, 2). Beyond the rectangle it goes on linearly."""
+        """E, N (n, 2), less those of that place, at feet (n, 2), and their derivatives (n, 2, 2).
+
+        Beyond the rectangle it goes on linearly.
+        """
         place = (xy - self.middle) / self.half
         inside = np.clip(place, -1.0, 1.0)
         x, y = inside.T

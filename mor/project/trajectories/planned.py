@@ -1,8 +1,8 @@
-"""Line scanners whose place is given beforehand: the row in which each point is scanned, where none has been measured.
+"""Line scanners whose place is given beforehand: the row of each point, where none has been measured.
 
-A point is scanned when it crosses the line of the camera, y(X*(t)) = a: the first time after the first line of the image
-at which it does so ahead of the camera, as far as the stretch of the trajectory, or the table of the times of its lines,
-goes. The crossing is bracketed between times a quarter of an interval of knots apart, and halved.
+A point is scanned when it crosses the line of the camera, y(X*(t)) = a: the first time after the first line of the
+image at which it does so ahead of the camera, as far as the stretch of the trajectory, or the table of the times of its
+lines, goes. The crossing is bracketed between times a quarter of an interval of knots apart, and halved.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _crossings(sight: _Sight, lines: Lines) -> FloatArray:
     """Times (n,) at which points cross the line of their camera for the first time, NaN where they do not."""
     ends = _ends(sight.trajectory, lines)
     found = np.full(len(sight.point), np.nan)
-    if len(ends) < 2:  # noqa: PLR2004
+    if len(ends) < 2:
         return found
     poses = sight.poses(ends)
     for first in range(0, len(found), _AT_A_TIME):
