@@ -47,7 +47,10 @@ def rows_of(network: object, groups: object) -> FloatArray:
 
 def smallest(A: FloatArray, free: FloatArray) -> float:
     """The least redundancy number of rows A with a free datum."""
-    Q = np.linalg.inv(A.T @ A + free @ free.T)
+    N = A.T @ A + free @ free.T
+    if np.linalg.cond(N) > 1e12:
+        return -1.0  # something is not determined
+    Q = np.linalg.inv(N)
     return float(1.0 - np.einsum("ni,ij,nj->n", A, Q, A).max())
 
 

@@ -296,7 +296,7 @@ def _over_its_places(
     """The network and its start values, on the earth with projections as far as these reach."""
     if network.world is None:
         return network, start
-    from mor.project.world.plane import with_planes_over  # most projects need nothing of it
+    from mor.project.world.planes_over import with_planes_over  # most projects need nothing of it
 
     return with_planes_over(network, start), start
 

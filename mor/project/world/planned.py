@@ -12,7 +12,7 @@ from mor.errors import InputError, Problem
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
 from mor.project.world.observed import MEANT, needs_convergence, needs_place
-from mor.project.world.plane import with_planes_over
+from mor.project.world.planes_over import with_planes_over
 from mor.project.world.world import World
 
 
