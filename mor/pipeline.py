@@ -253,7 +253,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
 
         network = along_trajectories(network)
     if all_known(network.start):
-        return network, network.start
+        return _over_its_places(network, network.start)
     # Imported here: its libraries take as long to load as a small project to adjust.
     from mor.approximate.growth.strategy import approximate
     from mor.approximate.parts.lines import with_lines_turned
@@ -287,7 +287,18 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     if missing:
         network = without_unknown(network, start, missing)
         start = network.start
-    return network, with_shared_components(network.blocks, start)
+    return _over_its_places(network, with_shared_components(network.blocks, start))
+
+
+def _over_its_places(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Network, Mapping[str, FloatArray]]:
+    """The network and its start values, on the earth with projections as far as these reach."""
+    if network.world is None:
+        return network, start
+    from mor.project.world.planes_over import with_planes_over  # most projects need nothing of it
+
+    return with_planes_over(network, start), start
 
 
 def _means(

@@ -26,7 +26,7 @@ from mor.observations.bearing import BEARING
 from mor.observations.coordinates import COORDINATES
 from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
-from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
+from mor.observations.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
 from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
@@ -41,6 +41,7 @@ PLAIN_TYPES = {
     for kind in (
         DISTANCE,
         HORIZONTAL_DISTANCE,
+        DISTANCE_RATIO,
         DIRECTIONS,
         ZENITH_DIRECTIONS,
         BEARING,

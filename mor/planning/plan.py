@@ -25,10 +25,12 @@ from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.project.network.build import Network, build_network
 from mor.project.network.entities import said_thing
+from mor.project.trajectories.poses import with_image_poses
 from mor.quality.assess import assess
 from mor.quality.design.sighted import Sighted
 from mor.quality.diagnosis.determinable import Means, adjust_determinable
-from mor.quality.simulation.implied import place_with_errors
+from mor.quality.precision.image_poses import with_poses
+from mor.quality.simulation.implied import conditions, place_with_errors
 from mor.quality.simulation.measurements import measured_at
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import critical_value
@@ -59,6 +61,7 @@ def at_its_place(network: Network) -> Network:
     Circles of levelled instruments without orientation are taken to stand at zero. Anything else that has no place is
     worked out where everything has been measured already; else it is a mistake (:class:`InputError`).
     """
+    network = replace(network, start=with_image_poses(network, network.start))
     if all_known(network.start):
         return _measured_where_implied(network, network.start)
     if not network.unmeasured:
@@ -75,7 +78,7 @@ def _measured_where_implied(network: Network, place: Values) -> Network:
     with chosen_by_size(network.observations):
         problem = make_problem(network, place, place)
         exact = [np.zeros(group.observed.shape) for group in problem.groups]
-        there = place_with_errors(problem, place, exact, exact)
+        there = place_with_errors(problem, place, exact, conditions(problem))
         return measured_at(_known_on_earth(network, there), there)
 
 
@@ -125,4 +128,6 @@ def solve_plan(network: Network) -> Solved:
         if not adjustment.outcome.is_solution:
             return Solved(network, adjustment, None)
         check_minimal(network, adjustment)
-        return Solved(network, adjustment, assess(adjustment, levels(settings), aposteriori=False))
+        return with_poses(
+            Solved(network, adjustment, assess(adjustment, levels(settings), aposteriori=False))
+        )

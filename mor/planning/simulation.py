@@ -18,7 +18,7 @@ from mor.pipeline import make_problem, read_document
 from mor.planning.plan import at_its_place, read_plan
 from mor.project.file.nodes import Document
 from mor.project.network.build import Network
-from mor.quality.simulation.implied import is_implied, place_with_errors
+from mor.quality.simulation.implied import is_implied, place_with_errors, unwritten
 from mor.quality.simulation.measurements import errors, measured_at
 from mor.quality.simulation.planted import Planted, Wishes, planted, with_planted
 from mor.report.results.folder import Writer, write_folder
@@ -75,9 +75,9 @@ def simulated(path: Path, form: str, seed: int, wishes: Wishes, noise: bool = Tr
     generator = np.random.default_rng(seed)
     problem = make_problem(network, network.start, network.start)
     drawn = errors(problem, generator) if noise else tuple(np.zeros(g.observed.shape) for g in problem.groups)
-    zeros = [np.where(group.mask, 0.0, np.nan) for group in problem.groups]
-    place = place_with_errors(problem, network.start, zeros, drawn)
+    place = place_with_errors(problem, network.start, drawn, unwritten(problem))
     there = measured_at(network, place)
+    place = there.start
     problem = make_problem(there, place, place)
     found = planted(problem, wishes, generator)
     kept = len(there.groups)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pyproj import Geod, Transformer
+from small_projects import write
 
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
 from mor.geometry.rotations import rotate, rotation_from_angles
@@ -12,6 +13,7 @@ from mor.observations import wrap
 from mor.observations.earth import control, earth_types, projected_attitude
 from mor.observations.earth.projected_bearing import projected_bearing
 from mor.parameters.kinds import KINDS
+from mor.pipeline import read_document, read_network, solve_network
 from mor.project.world.plane import plane_of
 from mor.project.world.reference_system import reference_system
 from mor.project.world.world import World
@@ -213,3 +215,30 @@ def test_bearings_in_the_plane_are_those_of_proj(crs, extent):
     expected = np.arctan2(*(places[1] - places[0]).T)
     computed = projected_bearing(horizon, plane_of(system, world)).equation([start, end], np.zeros((200, 0)))
     assert np.abs(wrap(computed.values[:, 0] - expected)).max() < 3e-9
+
+
+def test_a_projection_reaches_points_that_are_found_far_away(tmp_path):
+    """Control within a kilometre, a point 400 km from it: its bearing is that of PROJ, not of a line that goes on."""
+    text = """mor: 1
+units: {length: m, angle: rad}
+world: {crs: "EPSG:25832", heights: ellipsoidal}
+points:
+  - {columns: [id, east, north, height], rows: [[A, 500000, 5500000, 0], [B, 501000, 5500000, 0]], fixed: [x, y, z]}
+  - {columns: [id], rows: [[C]]}
+observations:
+  - {type: gnss_vector, columns: [from, to, dx, dy, dz, sigma], rows: [[A, C, DX, 0.001]]}
+  - {type: projected_bearing, columns: [from, to, bearing, sigma], rows: [[B, C, BEARING, 1e-9]]}
+"""
+    to_geocentric = Transformer.from_crs("EPSG:25832", "EPSG:4936", always_xy=True)
+    a, c = (500000.0, 5500000.0, 0.0), (830000.0, 5740000.0, 200.0)
+    d = np.subtract(to_geocentric.transform(*c), to_geocentric.transform(*a)).tolist()
+    bearing = np.arctan2(c[0] - 501000.0, c[1] - a[1])
+    text = text.replace("DX", ", ".join(map(repr, d))).replace("BEARING", repr(float(bearing)))
+    solved = solve_network(read_network(read_document(write(tmp_path, text)), tmp_path))
+    assert solved.quality is not None
+    v = next(
+        q.v
+        for g, q in zip(solved.network.groups, solved.quality.groups, strict=True)
+        if g.count == 1 and q.v.shape[1] == 1
+    )
+    assert abs(v[0, 0]) < 1e-11

@@ -12,14 +12,17 @@ and R_body = R_z(yaw) R_y(pitch) R_x(roll) leads from them to north, east, down 
 
     yaw = atan2(D′21, D′22),   pitch = asin D′23,   roll = atan2(−D′13, D′33)
 
-with B D′ for D′.
+with B D′ for D′. γ is that of a given place, or that at the image itself: in the plane (E, N) of the projection grid
+north keeps E as it is, so that γ = atan2(−∂E/∂n, ∂E/∂e) with the derivatives along local east e and north n.
 
-R is evaluated at the adjusted place; that it turns by 1/R_earth with every metre stays out of the Jacobian.
+R and γ are evaluated at the adjusted place; that R turns by 1/R_earth with every metre, and γ by about as much, stays
+out of the Jacobian.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,10 +30,11 @@ from mor.arrays import FloatArray
 from mor.geometry.earth import Horizon
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation, rotation_from_angles
 from mor.observations._contract import Computed, ObservationType, Reference, Slot
+from mor.observations.earth.projected_bearing import Plane
 from mor.units import ANGLE, Component
 
 CONVERGENCE = Component("convergence", ANGLE)
-"""Constant of a row: the direction of grid north, clockwise from true north."""
+"""Constant of a row: the direction of grid north, clockwise from true north; NaN: that at the image."""
 _SLOTS = (
     Slot("point", "image", "position"),
     Slot("rotation", "image", "rotation"),
@@ -40,14 +44,19 @@ Reading = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From D′ (n, 3, 3) to its three angles (n, 3), and their derivatives (n, 3, 3) by a small rotation."""
 
 
-def projected_attitude(horizon: Horizon) -> ObservationType:
-    """ω, φ, κ of an image in the axes of the projection: grid east, grid north, up along the normal."""
-    return _attitude("projected_attitude", ("omega", "phi", "kappa"), _cardan, horizon, (CONVERGENCE,))
+def projected_attitude(horizon: Horizon, plane: Plane | None = None) -> ObservationType:
+    """ω, φ, κ of an image in the axes of the projection: grid east, grid north, up along the normal.
+
+    Without its ``plane`` the convergence of every row has to be given.
+    """
+    equation = Attitude(_cardan, horizon, True, plane)
+    return _attitude("projected_attitude", ("omega", "phi", "kappa"), equation, (CONVERGENCE,))
 
 
 def navigation_attitude(horizon: Horizon) -> ObservationType:
     """Roll, pitch, yaw of an image against true north and the normal of its place."""
-    return _attitude("navigation_attitude", ("roll", "pitch", "yaw"), _navigation, horizon, ())
+    equation = Attitude(_navigation, horizon, False)
+    return _attitude("navigation_attitude", ("roll", "pitch", "yaw"), equation, ())
 
 
 def rotation_from_navigation(angles: FloatArray) -> FloatArray:
@@ -72,26 +81,49 @@ def in_object_axes(
 ) -> FloatArray:
     """ω, φ, κ (n, 3) of images against east, north, up of observed angles (n, 3): what start values take for observed.
 
-    ``boresight`` (n, 3, 3) is where the misalignments start.
+    ``boresight`` (n, 3, 3) is where the misalignments start. Where no convergence is given, it is that of the origin.
     """
-    if type_.constants:
-        attitude = rotation_from_angles(angles) @ _to_grid(constants[:, 0])
+    if isinstance(type_.equation, Attitude) and type_.equation.to_grid:
+        convergence = type_.equation.convergence(np.zeros((len(angles), 3)), constants)
+        attitude = rotation_from_angles(angles) @ _to_grid(convergence)
     else:
         attitude = rotation_from_navigation(angles)
     return angles_from_rotation(np.swapaxes(boresight, 1, 2) @ attitude)
 
 
-def _attitude(
-    key: str, names: Sequence[str], read: Reading, horizon: Horizon, constants: tuple[Component, ...]
-) -> ObservationType:
-    def equation(blocks: Sequence[FloatArray], given: FloatArray) -> Computed:
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """The equation of an attitude: how its angles are read, and against which axes."""
+
+    read: Reading
+    horizon: Horizon
+    to_grid: bool
+    """True where the axes are turned by the convergence."""
+    plane: Plane | None = None
+
+    def __call__(self, blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+        """Angles of n images, from blocks of position, rotation and misalignment."""
         position, rotation, boresight = blocks
-        axes = horizon.local_axes(position)
-        if constants:
-            axes = _to_grid(given[:, 0]) @ axes
-        angles, by_boresight = read(boresight @ rotation @ np.swapaxes(axes, 1, 2))
+        axes = self.horizon.local_axes(position)
+        if self.to_grid:
+            axes = _to_grid(self.convergence(position, constants)) @ axes
+        angles, by_boresight = self.read(boresight @ rotation @ np.swapaxes(axes, 1, 2))
         return Computed(angles, (np.zeros((len(angles), 3, 3)), by_boresight @ boresight, by_boresight))
 
+    def convergence(self, position: FloatArray, constants: FloatArray) -> FloatArray:
+        """γ (n,) as it is given, or that at positions (n, 3)."""
+        given: FloatArray = constants[:, 0]
+        if self.plane is None:
+            return given
+        east, north = self.horizon.local_axes(position)[:, :2, :2].transpose(1, 0, 2)
+        _, by_foot = self.plane.at(self.horizon.foot(position).position[:, :2])
+        by_east, by_north = (np.einsum("nj,nj->n", by_foot[:, 0], along) for along in (east, north))
+        return np.where(np.isnan(given), np.arctan2(-by_north, by_east), given)
+
+
+def _attitude(
+    key: str, names: Sequence[str], equation: Attitude, constants: tuple[Component, ...]
+) -> ObservationType:
     return ObservationType(
         key=key,
         components=tuple(Component(name, ANGLE) for name in names),

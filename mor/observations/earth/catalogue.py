@@ -9,7 +9,7 @@ from mor.observations._contract import ObservationType
 from mor.observations.angle import ANGLE_TYPE
 from mor.observations.bearing import BEARING
 from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
-from mor.observations.distance import DISTANCE, HORIZONTAL_DISTANCE
+from mor.observations.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
 from mor.observations.earth.arcs import (
     ellipsoid_arc,
     ellipsoid_chord,
@@ -34,6 +34,7 @@ from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 _ABOUT_PLUMB_LINE = (
     DISTANCE,
     HORIZONTAL_DISTANCE,
+    DISTANCE_RATIO,
     DIRECTIONS,
     ZENITH_DIRECTIONS,
     VERTICAL_DIRECTION,

@@ -9,13 +9,13 @@ area of the network, so that the solver knows of no library of projections:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.earth import Horizon
 from mor.observations._between import FROM_TO
 from mor.observations._contract import Computed, ObservationType, Slot
@@ -33,10 +33,19 @@ class Plane(NamedTuple):
     half: FloatArray
     """(2,) its sides, halved."""
     coefficients: FloatArray
-    """(d + 1, d + 1, 2) of E and N."""
+    """(d + 1, d + 1, 2) of E and N, less those of a place of the area."""
+    crs: str | None = None
+    """What names the projection; ``None`` that of the network."""
+
+    def holds(self, xy: FloatArray) -> BoolArray:
+        """(n,) false where a foot (n, 2) is beyond the rectangle."""
+        return np.asarray((np.abs(xy - self.middle) <= self.half).all(axis=1))
 
     def at(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """E, N (n, 2) at feet (n, 2), and their derivatives (n, 2, 2). Beyond the rectangle it goes on linearly."""
+        """E, N (n, 2), less those of that place, at feet (n, 2), and their derivatives (n, 2, 2).
+
+        Beyond the rectangle it goes on linearly.
+        """
         place = (xy - self.middle) / self.half
         inside = np.clip(place, -1.0, 1.0)
         x, y = inside.T
@@ -51,14 +60,19 @@ class Plane(NamedTuple):
         return values, derivatives
 
 
-def projected_bearing(horizon: Horizon, plane: Plane) -> ObservationType:
-    """t in the plane of a projection."""
+@dataclass(frozen=True, eq=False)
+class InPlane:
+    """The equation of a bearing in the plane of a projection."""
 
-    def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+    horizon: Horizon
+    plane: Plane
+
+    def __call__(self, blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+        """t of n lines, from blocks of both ends."""
         ends, moves = [], []
         for position in blocks:
-            foot, by_position = foot_with_derivatives(horizon, position)
-            there, by_foot = plane.at(foot[:, :2])
+            foot, by_position = foot_with_derivatives(self.horizon, position)
+            there, by_foot = self.plane.at(foot[:, :2])
             ends.append(there)
             moves.append(by_foot @ by_position[:, :2])
         east, north = (ends[1] - ends[0]).T
@@ -66,7 +80,10 @@ def projected_bearing(horizon: Horizon, plane: Plane) -> ObservationType:
         by_ends = [np.einsum("ni,nij->nj", by_plane, move)[:, None, :] for move in moves]
         return Computed(np.arctan2(east, north)[:, None], (-by_ends[0], by_ends[1]))
 
-    return replace(open_projection(), equation=equation)
+
+def projected_bearing(horizon: Horizon, plane: Plane) -> ObservationType:
+    """t in the plane of a projection."""
+    return replace(open_projection(), equation=InPlane(horizon, plane))
 
 
 def open_projection() -> ObservationType:

@@ -84,3 +84,4 @@ CONSTANT_POSITION = _type("constancy of position", "point", _V, SPEED, _constant
 CONSTANT_ATTITUDE = _type("constancy of attitude", "rotation", _RATE, TURN_RATE, _constant_attitude)
 SMOOTH_POSITION = _type("smoothness of position", "point", _A, ACCELERATION, _smooth_position)
 SMOOTH_ATTITUDE = _type("smoothness of attitude", "rotation", _TURN, TURN_ACCELERATION, _smooth_attitude)
+STEADINESS = (CONSTANT_POSITION, CONSTANT_ATTITUDE, SMOOTH_POSITION, SMOOTH_ATTITUDE)

@@ -14,7 +14,8 @@ import polars as pl
 from mor.arrays import FloatArray, IntArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
-from mor.observations import IMAGE_TYPES, PLAIN_TYPES, ObservationType
+from mor.observations import IMAGE_TYPES, ObservationType
+from mor.planning.visibility.local_axes import upwards
 from mor.planning.visibility.sights import Limits, outcomes
 from mor.planning.visibility.surfaces import Surroundings, surroundings
 from mor.planning.visibility.targets import NO_PLACE, Targets, named, targets_named, targets_of
@@ -31,13 +32,17 @@ from mor.quality.design.sighted import REASONS, Sighted
 from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 
 _SECTIONS = ("observations", "candidates")
-ON_EARTH = "visible: who sees what is not worked out for networks on the earth (world)"
-_SIGHTS = {
-    key: type_
-    for key, type_ in {**PLAIN_TYPES, "image": IMAGE_TYPES["mor"]}.items()
-    if len(type_.references) == 2 and not type_.between_marks
-}
-"""Types of observations that are made along a line of sight between two places."""
+_BETWEEN_FEET = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")
+"""Types of the earth that somebody has reduced: no sight leads along them."""
+
+
+def sights(reading: Reading) -> dict[str, ObservationType]:
+    """Types of observations that are made along a line of sight between two places."""
+    return {
+        key: type_
+        for key, type_ in {**reading.types, "image": IMAGE_TYPES["mor"]}.items()
+        if len(type_.references) == 2 and not type_.between_marks and key not in _BETWEEN_FEET
+    }
 
 
 def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sighted, ...]]:
@@ -57,8 +62,6 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     reading = read_things(project, document, folder, planned=True)
     if reading.problems:
         return document, ()
-    if project.world is not None:
-        raise InputError([reading.at("world").problem(ON_EARTH)])
     start = Start(reading)
     targets = targets_of(reading, start.values["point"])
     around = surroundings(reading, targets)
@@ -101,6 +104,8 @@ class Viewpoint(NamedTuple):
     origin: FloatArray
     point: int
     """Block of the point it is on, which it does not sight; −1 for none."""
+    up: FloatArray
+    """(3,) upwards there."""
     image: Image | None = None
     border: float = 0.0
     """Margin of the format, unit of the camera."""
@@ -110,12 +115,13 @@ def _seen(
     scene: Scene, entry: Observations, section: str, number: int
 ) -> tuple[pl.DataFrame, Sighted] | None:
     """Rows of everything that an entry sees; ``None`` where there are mistakes."""
-    type_ = _SIGHTS.get(entry.type)
+    known = sights(scene.reading)
+    type_ = known.get(entry.type)
     wanted, before = entry.visible, len(scene.reading.problems)
     assert wanted is not None
     if type_ is None:
         scene.mistake(
-            f"{entry.type} has no line of sight between two places (those that do: {', '.join(_SIGHTS)})"
+            f"{entry.type} has no line of sight between two places (those that do: {', '.join(known)})"
         )
         return None
     viewpoints = _viewpoints(scene, entry, type_)
@@ -148,7 +154,8 @@ def _sights(
     With ``once`` two points sight each other one way: from the one that stands first.
     """
     blocks = scene.targets.blocks
-    positions = scene.targets.positions + np.array([0.0, 0.0, height])
+    given = scene.targets.positions
+    positions = given + height * upwards(scene.reading, given)
     counts = np.zeros(len(REASONS), dtype=np.int64)
     from_, to = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     sighted = set(blocks[chosen].tolist())
@@ -161,6 +168,7 @@ def _sights(
             done.append(one.point)
         found = outcomes(
             one.origin,
+            one.up,
             positions[left],
             scene.around.normals[left],
             limits,
@@ -223,6 +231,8 @@ def _viewpoints(scene: Scene, entry: Observations, type_: ObservationType) -> li
     }
     for camera in sorted(name for name in without if reading.project.cameras[name].image is None):
         scene.mistake(f"camera {camera!r} has no format (image: {{width, height, pixel}})")
+    for camera in sorted(without & reading.scanners.keys()):
+        scene.mistake(f"camera {camera!r} is a line scanner: list the points that its images have")
     return [_from_image(scene, wanted.border, k) for k in found]
 
 
@@ -231,7 +241,8 @@ def _from_image(scene: Scene, border: str | None, number: int) -> Viewpoint:
     camera = scene.reading.shop.things["camera"].ids[int(images.parts["camera"][number])]
     found = image(scene.reading, scene.start, number)
     margin = _length(scene, "border", border or "0", IMAGE, scene.reading.scales[camera])
-    return Viewpoint(images.ids[number], found.centre, -1, found, margin)
+    up = upwards(scene.reading, found.centre[None])[0]
+    return Viewpoint(images.ids[number], found.centre, -1, up, found, margin)
 
 
 def _at(scene: Scene, space: str, numbers: Sequence[int], height: float = 0.0) -> list[Viewpoint]:
@@ -240,8 +251,10 @@ def _at(scene: Scene, space: str, numbers: Sequence[int], height: float = 0.0) -
     origins = instruments(scene.reading, scene.start, space, chosen, height)
     blocks = things.parts["position"][chosen]
     return [
-        Viewpoint(things.ids[k], origin, int(block))
-        for k, origin, block in zip(numbers, origins, blocks, strict=True)
+        Viewpoint(things.ids[k], origin, int(block), up)
+        for k, origin, block, up in zip(
+            numbers, origins, blocks, upwards(scene.reading, origins), strict=True
+        )
     ]
 
 

@@ -24,6 +24,7 @@ class Limits:
 
 def outcomes(
     origin: FloatArray,
+    up: FloatArray,
     targets: FloatArray,
     normals: FloatArray,
     limits: Limits,
@@ -32,7 +33,8 @@ def outcomes(
 ) -> IntArray:
     """(n,) what becomes of the sights from one place (3,) to targets (n, 3), as a number of ``REASONS``.
 
-    ``normals`` (n, 3) are NaN where a target has none; ``shows`` says what is on the format of an image.
+    ``up`` (3,) is upwards there. ``normals`` (n, 3) are NaN where a target has none; ``shows`` says what is on the
+    format of an image.
     """
     step = targets - origin
     length = np.linalg.norm(step, axis=1)
@@ -40,7 +42,7 @@ def outcomes(
     found[~((length > 0.0) & (length >= limits.nearest) & (length <= limits.farthest))] = 1
     left = np.flatnonzero(found == 0)
     direction = step[left] / length[left, None]
-    framed = shows(targets[left]) if shows else np.abs(direction[:, 2]) <= np.sin(limits.steepest)
+    framed = shows(targets[left]) if shows else np.abs(direction @ up) <= np.sin(limits.steepest)
     slant = -np.einsum("ki,ki->k", direction, normals[left])
     away = np.isfinite(slant) & ((slant < np.cos(limits.incidence)) | (slant <= 0.0))
     found[left[away]] = 3

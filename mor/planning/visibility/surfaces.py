@@ -11,6 +11,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem, nearest
 from mor.geometry.polygons import triangulated
 from mor.geometry.triangles import Triangles, face_normals, faces_of, triangles
+from mor.planning.visibility.local_axes import local_axes, placed
 from mor.planning.visibility.mesh_files import Mesh, read_mesh
 from mor.planning.visibility.targets import Targets, targets_named
 from mor.project.edge import UnitError
@@ -70,7 +71,7 @@ def _corners(reading: Reading, surface: Surface, place: Place, targets: Targets)
         if surface.file is not None:
             mesh = read_mesh(reading.place.folder / Path(surface.file))
             factor = reading.edge.factor(LENGTH, surface.unit or "")
-            return _triangles_of(Mesh(mesh.vertices * factor, mesh.faces))
+            return _triangles_of(Mesh(placed(reading, mesh.vertices * factor), mesh.faces))
         corners = np.array([_corner(reading, at, targets) for at in surface.polygon or []])
         return np.asarray(corners[triangulated(corners)])
     except InputError as error:
@@ -83,7 +84,8 @@ def _corners(reading: Reading, surface: Surface, place: Place, targets: Targets)
 def _corner(reading: Reading, at: str | list[str], targets: Targets) -> FloatArray:
     """(3,) a corner of a polygon, axes of the project. Raises ``ValueError``."""
     if not isinstance(at, str):
-        return np.array([reading.edge.number(text, LENGTH) for text in at])
+        given = np.array([[reading.edge.number(text, LENGTH) for text in at]])
+        return np.asarray(placed(reading, given)[0])
     if at not in targets.numbers:
         raise ValueError(f"point {at!r} does not exist{nearest(at, targets.names)}")
     found = targets.positions[targets.numbers[at]] @ reading.edge.matrix
@@ -136,7 +138,7 @@ def _put_normals(
     if given.direction is not None:
         direction = np.array(given.direction)
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
-        _put(normals, chosen, np.broadcast_to(direction, (len(chosen), 3)), reading, place)
+        _put(normals, chosen, np.broadcast_to(direction, (len(chosen), 3)), reading, place, targets)
     elif given.surface is not None:
         if given.surface not in by_name:
             words = f"no surface is called {given.surface!r}{nearest(given.surface, by_name)}"
@@ -168,17 +170,25 @@ def _read_normals(
     there = np.array([name in targets.numbers for name in names], dtype=bool)
     chosen = np.array([targets.numbers[name] for name in names if name in targets.numbers], dtype=np.int64)
     values = np.stack([rows.number(name) for name in ("nx", "ny", "nz")], axis=1)[there]
-    _put(normals, chosen, values, reading, place)
+    _put(normals, chosen, values, reading, place, targets)
 
 
 def _number(name: str) -> Column:
     return Column(name, parse=lambda text, unit: float(text), factor=lambda unit: 1.0, required=True)
 
 
-def _put(normals: FloatArray, chosen: IntArray, values: FloatArray, reading: Reading, place: Place) -> None:
-    """Write normals (k, 3) of any length, axes of the project."""
+def _put(
+    normals: FloatArray,
+    chosen: IntArray,
+    values: FloatArray,
+    reading: Reading,
+    place: Place,
+    targets: Targets,
+) -> None:
+    """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
     length = np.linalg.norm(values, axis=1)
     if not ((length > 0.0) & np.isfinite(length)).all():
         reading.problems.append(place.problem("a normal is 0 or no number, expected a direction"))
         return
-    normals[chosen] = (values / length[:, None]) @ reading.edge.matrix.T
+    axes = local_axes(reading, targets.positions[chosen])
+    normals[chosen] = np.einsum("nij,ni->nj", axes, values / length[:, None])

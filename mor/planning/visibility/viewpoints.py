@@ -10,8 +10,10 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.kinds import INTERIORS
+from mor.planning.visibility.local_axes import upwards
 from mor.project.edge import ImageScale, split
 from mor.project.network.reading import Reading
+from mor.project.trajectories.poses import with_poses_of
 from mor.units import IMAGE
 
 _ROUNDS = 60
@@ -26,10 +28,11 @@ class Start:
     """Start values of a project that is being read: what is where, internal axes."""
 
     def __init__(self, reading: Reading) -> None:
-        self.values: dict[str, FloatArray] = {}
+        given: dict[str, FloatArray] = {}
         for kind, store in reading.shop.stores.items():
             found = store.start_values(store.all_values())
-            self.values[kind] = rotation_from_angles(found) if store.kind.is_rotation else found
+            given[kind] = rotation_from_angles(found) if store.kind.is_rotation else found
+        self.values = with_poses_of(reading.shop.things["image"], reading, given)
 
     def of(self, kind: str, block: int) -> FloatArray:
         """Values of one block."""
@@ -141,7 +144,5 @@ def instruments(reading: Reading, start: Start, space: str, numbers: IntArray, h
     parts = reading.shop.things[space].parts
     found = start.values["point"][parts["position"][numbers]].copy()
     if space == "station":
-        found[:, 2] += start.values["height"][parts["height"][numbers], 0]
-    elif space == "point":
-        found[:, 2] += height
-    return found
+        return np.asarray(found + start.values["height"][parts["height"][numbers]] * upwards(reading, found))
+    return np.asarray(found + height * upwards(reading, found)) if space == "point" else found

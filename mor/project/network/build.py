@@ -43,7 +43,7 @@ from mor.project.observations.parameters import parameter_groups
 from mor.project.observations.undeclared_points import check_undeclared
 from mor.project.tables.tables import Place
 from mor.project.trajectories.knots import read_trajectories
-from mor.project.trajectories.model import Trajectory
+from mor.project.trajectories.model import Lines, Trajectory
 from mor.project.trajectories.steadiness import steadiness_groups
 from mor.project.world.world import World
 
@@ -120,8 +120,8 @@ class Network:
     """Trajectories by name; the part ``trajectory`` of an image is the number of one."""
     image_times: Mapping[str, float] = field(default_factory=dict)
     """Time of each image on a trajectory, of a line scanner that of its first line."""
-    timed_lines: frozenset[str] = frozenset()
-    """Images of line scanners whose lines have a table of their times."""
+    lines: Mapping[str, Lines] = field(default_factory=dict)
+    """Times of the rows of each image of a line scanner."""
     untied: tuple[Problem, ...] = ()
     """Parts whose place among the others no start values were found for: said where there is no solution."""
 
@@ -259,7 +259,7 @@ def _network(
         },
         trajectories=reading.trajectories,
         image_times=reading.image_times,
-        timed_lines=frozenset(name for name, lines in reading.lines.items() if not lines.steady),
+        lines=reading.lines,
     )
 
 

@@ -94,6 +94,11 @@ def read_groups(reading: Reading) -> list[Group]:
             continue
         if reading.planned:
             rows = planned_rows(rows, measured, reading, group_name(entry, number))
+        if needs_convergence(type_):
+            in_plane = _with_convergence(reading, type_, rows, place)
+            if in_plane is None:
+                continue
+            type_ = in_plane
         if entry.type == "image":
             result += image_groups(reading, entry, number, rows, place)
         else:
@@ -114,6 +119,14 @@ def _in_projection(
     from mor.project.world.plane import in_its_projection  # most projects need nothing of it
 
     return in_its_projection(reading, entry, place)
+
+
+def _with_convergence(
+    reading: Reading, type_: ObservationType, rows: Rows, place: Place
+) -> ObservationType | None:
+    from mor.project.world.plane import with_convergence_at_images  # most projects need nothing of it
+
+    return with_convergence_at_images(reading, type_, rows, place)
 
 
 def _unknown_type(reading: Reading, name: str) -> str:
@@ -154,7 +167,7 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
     if needs_place(type_):
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
-        columns += [number_column(name, LENGTH, edge, required=True) for name in PLANE]
+        columns += [number_column(name, LENGTH, edge) for name in PLANE]
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns

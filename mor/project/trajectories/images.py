@@ -169,5 +169,9 @@ def _scanned(
     for number in np.unique(image.numbers).tolist():
         mine = np.flatnonzero(image.numbers == number)
         lines = reading.lines[image.known[number]]
+        if reading.planned and not lines.steady:
+            rows[mine] = np.clip(
+                rows[mine], lines.rows[0], lines.rows[-1]
+            )  # which row it is, its place will say
         times[mine], rate[mine], timed[mine] = row_times(lines, rows[mine])
     return times, -rate / scale.pixel, timed

@@ -66,7 +66,6 @@ def _refused(reading: Reading) -> bool:
         (reading.edge.axes.xy != "en", "trajectories need axes: {xy: en}"),
         (project.world is not None, "trajectories in the world are not provided for: give plane coordinates"),
         (project.settings.dimensions != "xyz", "trajectories need settings: {dimensions: xyz}"),
-        (reading.planned, "trajectories are not provided for in plans (mor design, mor simulate)"),
     ]
     told = [place.problem(said) for wrong, said in words if wrong]
     reading.problems.extend(told)

@@ -20,6 +20,7 @@ from mor.project.file.model import Observations
 from mor.project.network.entities import unknown_name
 from mor.project.network.reading import Reading
 from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.observations.planned_rows import planned_rows
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column, settings
 from mor.project.tables.tables import Column, Place, Rows
@@ -52,6 +53,9 @@ def navigation_groups(
         words = f"{entry.type} takes no covariance, cluster, ppm or centring"
         reading.problems.append(place.problem(words))
         return []
+    if reading.planned:
+        measured = [component.name for component in NAVIGATION[entry.type](LINEAR).components]
+        rows = planned_rows(rows, measured, reading, group_name(entry, number))
     names = rows.text("trajectory")
     if not known_trajectories(reading, names, rows):
         return []

@@ -46,8 +46,12 @@ def place_of_observed(
 
 
 def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
-    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``."""
-    return world.convergence(np.stack([rows.number(name) for name in PLANE], axis=1))
+    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``; NaN where there are none."""
+    there = np.stack([rows.number(name) for name in PLANE], axis=1)
+    found, known = np.full(rows.count, np.nan), np.isfinite(there).all(axis=1)
+    if known.any():
+        found[known] = world.convergence(there[known])
+    return found
 
 
 def _planned(reading: Reading, given: FloatArray) -> BoolArray:

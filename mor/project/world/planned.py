@@ -12,6 +12,7 @@ from mor.errors import InputError, Problem
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
 from mor.project.world.observed import MEANT, needs_convergence, needs_place
+from mor.project.world.planes_over import with_planes_over
 from mor.project.world.world import World
 
 
@@ -27,7 +28,7 @@ def known_at_place(network: Network, place: Mapping[str, FloatArray]) -> Network
         name: tuple(_known(network, world, group, place["point"]) for group in getattr(network, name))
         for name in ("groups", "checks", "candidates")
     }
-    return replace(network, **of_all)  # type: ignore[arg-type]
+    return with_planes_over(replace(network, **of_all), place)  # type: ignore[arg-type]
 
 
 def _known(network: Network, world: World, group: ObservationGroup, points: FloatArray) -> ObservationGroup:

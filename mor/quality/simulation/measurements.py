@@ -18,15 +18,26 @@ from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.project.trajectories.planned import is_scanned, rescanned
+from mor.project.trajectories.poses import with_image_poses
 
-_CORRECTING = {
-    types[key].key
+_CORRECTED = [
+    types[key]
     for types in (IMAGE_TYPES, FOLLOWER_TYPES)
     for key, model in CAMERA_MODELS.items()
     if model.corrects_measured and key in types
-} | {kind.key for kind in MOVING_TYPES.values()}
+]
+_CORRECTING = {
+    kind.key
+    for kind in (
+        *_CORRECTED,
+        *(on_trajectory(kind, knots) for kind in _CORRECTED for knots in (LINEAR, CUBIC)),
+        *MOVING_TYPES.values(),
+    )
+}
 """Image coordinates whose distortion, or time, is taken at the measured coordinates."""
 _ROUNDS = 60
 
@@ -63,9 +74,14 @@ def with_observed(problem: Problem, observed: Sequence[FloatArray]) -> Problem:
 
 
 def measured_at(network: Network, place: Values) -> Network:
-    """The network at a place where all of its observations, prior knowledge too, are free of errors."""
+    """The network at a place where all of its observations, prior knowledge too, are free of errors.
+
+    Images on trajectories have the poses of their times. Raises :class:`InputError` for points that do not come before
+    the line of a scanner.
+    """
+    place = with_image_poses(network, place)
     groups, checks, candidates = (
-        tuple(_measured(group, place) for group in some)
+        tuple(_measured(_at_its_time(network, group, place), place) for group in some)
         for some in (network.groups, network.checks, network.candidates)
     )
     observed = {
@@ -77,14 +93,21 @@ def measured_at(network: Network, place: Values) -> Network:
     )
 
 
+def _at_its_time(network: Network, group: ObservationGroup, place: Values) -> ObservationGroup:
+    """The group with the time of every row; that of a row of a line scanner depends on where things are."""
+    return rescanned(network, group, place) if is_scanned(group) else group
+
+
 def _measured(group: ObservationGroup, place: Values) -> ObservationGroup:
     """The group with what would be observed; camera models that correct what is measured look at just that."""
-    if group.type.key not in _CORRECTING:
+    scanned = is_scanned(group)
+    if group.type.key not in _CORRECTING and not scanned:
         return replace(group, observed=computed_values(group, place))
+    looked_at = 1 if scanned else 2
     observed = np.where(group.mask, 0.0, np.nan)
     for _ in range(_ROUNDS):
         constants = group.constants.copy()
-        constants[:, :2] = np.nan_to_num(observed)
+        constants[:, :looked_at] = np.nan_to_num(observed[:, :looked_at])
         group = replace(group, constants=constants)
         before, observed = observed, computed_values(group, place)
         if np.nanmax(np.abs(observed - before), initial=0.0) == 0.0:

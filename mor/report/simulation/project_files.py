@@ -15,7 +15,15 @@ from mor.arrays import FloatArray, IntArray
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point
 from mor.parameters.index import Values
-from mor.parameters.kinds import INTERIORS, KINDS, READOUT
+from mor.parameters.kinds import (
+    ECCENTRICITY,
+    GNSS_FRAME,
+    INTERIORS,
+    KINDS,
+    READOUT,
+    ROTATION,
+    TIME_OFFSET,
+)
 from mor.project.edge import UnitError
 from mor.project.file.model import Observations
 from mor.project.file.nodes import Document
@@ -32,6 +40,13 @@ from mor.report.tables.observations import named_places
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
 
 _OF_VALUES = ("parameter", "difference")
+_OF_INSTRUMENTS = (
+    ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
+    ("lever_arm", ECCENTRICITY.key, "lever arm"),
+    ("boresight", ROTATION.key, "boresight"),
+    ("time_offset", TIME_OFFSET.key, TIME_OFFSET.key),
+)
+"""What instruments have besides: its key, the kind of its block, its part."""
 
 
 def simulated_project(
@@ -249,8 +264,11 @@ def _with_observed(network: Network, space: str, name: str, given: dict[str, Any
         return result
     for kind in ("distance meter", "refraction"):
         result = _settings(network, kind, int(parts[kind][number]), result)
-    if result.get("frame"):
-        result["frame"] = _settings(network, "gnss frame", int(parts["gnss frame"][number]), result["frame"])
+    for key, of, part in _OF_INSTRUMENTS:
+        if result.get(key) and parts[part][number] >= 0:
+            given = result[key] if of != TIME_OFFSET.key else {key: result[key]}
+            found = _settings(network, of, int(parts[part][number]), given)
+            result[key] = found if of != TIME_OFFSET.key else found[key]
     return result
 
 
@@ -260,7 +278,11 @@ def _settings(network: Network, kind: str, block: int, settings: dict[str, Any])
     for name, setting in settings.items():
         if name in names and isinstance(setting, dict) and "observed" in setting:
             value = float(network.observed[kind][block, names.index(name)])
-            result[name] = {**setting, "observed": repr(value)}
+            text = repr(value)
+            if KINDS[kind].components[names.index(name)].quantity == ANGLE:
+                unit = network.edge.default_unit(ANGLE)
+                text = f"{value / ANGLE_UNITS[unit]!r} {unit}"
+            result[name] = {**setting, "observed": text}
     return result
 
 

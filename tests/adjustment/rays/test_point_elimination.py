@@ -22,11 +22,12 @@ CAMERA = 4  # unknowns shared by all images; then one position (3) and one attit
 WIDTH = CAMERA + 6
 
 
-def simulate(points=40, images=9, seed=0, fewest=3, camera_last=False):
+def simulate(points=40, images=9, seed=0, fewest=3, camera_last=False, mixed=False):
     """Return rays with random Jacobians, and the pattern of the reduced system.
 
     The camera is one block before (or behind) the blocks of the images; one component of every third
-    position is fixed, so that blocks have different sizes.
+    position is fixed, so that blocks have different sizes. Columns may be ``mixed``: then a block comes again behind
+    others, as those of the knots of trajectories do.
     """
     rng = np.random.default_rng(seed)
     degree = rng.integers(fewest, min(7, images + 1), points)
@@ -45,6 +46,8 @@ def simulate(points=40, images=9, seed=0, fewest=3, camera_last=False):
             columns[i, first : CAMERA + 3 * part + 3] = np.arange(*offsets[block : block + 2])
     blocks = np.stack([np.full(image.size, camera), 2 * image + shift, 2 * image + 1 + shift], 1)
     structure = structure_from_cliques(sizes, 3 * pointers, blocks.ravel())
+    if mixed:
+        columns = columns[:, rng.permutation(WIDTH)]
     of_frames, frame = np.unique(columns, axis=0, return_inverse=True)
     rays = Rays(
         rng.normal(size=(image.size, 2)),
@@ -99,8 +102,9 @@ def either_form(request, monkeypatch):
 @pytest.mark.usefixtures("either_form")
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 @pytest.mark.parametrize("camera_last", [False, True])
-def test_reduced_system_is_the_schur_complement(damping, camera_last):
-    rays, structure = simulate(camera_last=camera_last)
+@pytest.mark.parametrize("mixed", [False, True])
+def test_reduced_system_is_the_schur_complement(damping, camera_last, mixed):
+    rays, structure = simulate(camera_last=camera_last, mixed=mixed)
     reduced = empty_reduced_system(structure)
     held = accumulate(rays, reduced, damping).held
     design = dense_design(rays, structure)
@@ -138,8 +142,9 @@ def test_both_steps_together_solve_the_whole_system(damping):
 
 @pytest.mark.usefixtures("either_form")
 @pytest.mark.parametrize("camera_last", [False, True])
-def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(camera_last):
-    rays, structure = simulate(seed=2, images=25, points=80, camera_last=camera_last)
+@pytest.mark.parametrize("mixed", [False, True])
+def test_cofactors_equal_those_of_the_inverse_of_the_whole_system(mixed, camera_last):
+    rays, structure = simulate(seed=2, images=25, points=80, camera_last=camera_last, mixed=mixed)
     reduced = empty_reduced_system(structure)
     accumulate(rays, reduced)
     scale = 1.0 / np.sqrt(reduced.diagonal)

@@ -1,16 +1,20 @@
-"""Surveys on the earth: control in a projection, everything else found; plumb lines are normals of the ellipsoid."""
+"""Surveys on the earth: control in a projection, everything else found; with or without deflections and a geoid."""
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from pyproj import Transformer
+from scipy.spatial.transform import Rotation
 
 from mor.arrays import FloatArray
+from mor.geometry.rotations import angles_from_rotation
+from tests.mixtures.surveys.gravity import Gravity, deflection, gravity_field, height
 from tests.mixtures.surveys.photographs import write_cameras
 from tests.mixtures.surveys.survey import Camera, Mark, Photo, Start, Survey
-from tests.mixtures.world import looking
+from tests.mixtures.world import looking, rotation
 
 _TO_GEOCENTRIC = Transformer.from_crs("EPSG:25832", "EPSG:4936", always_xy=True)
 _TO_GEOGRAPHIC = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True)
@@ -25,12 +29,18 @@ def on_the_earth(seed: int) -> Survey:
     for k in range(int(draw.integers(10, 30))):
         survey.marks[f"p{k}"] = Mark(size * draw.uniform(-0.5, 0.5, 3) * [1.0, 1.0, 0.1])
     names = list(survey.marks)
-    used = _stations(survey, names) | _vectors(survey, names)
+    gravity = gravity_field(survey)
+    used = _stations(survey, names, gravity) | _vectors(survey, names)
     if survey.chance(0.5, "images"):
         used |= _images(survey, names)
+        attitudes(survey)
     if survey.chance(0.4, "levelling"):
-        used |= _levelling(survey, names)
-    _control(survey, [p for p in names if p in used])
+        used |= _levelling(survey, names, gravity)
+    if survey.chance(0.3, "bearings of the projection"):
+        projected_bearings(survey, sorted(used))
+    if survey.chance(0.3, "ratios of distances"):
+        distance_ratios(survey, sorted(used), gravity)
+    _control(survey, [p for p in names if p in used], gravity)
     return survey
 
 
@@ -39,9 +49,10 @@ def geocentric(survey: Survey, xyz: FloatArray) -> FloatArray:
     return np.array(_TO_GEOCENTRIC.transform(*(survey.origin + xyz)))
 
 
-def _horizon(survey: Survey, xyz: FloatArray) -> FloatArray:
-    """(3, 3) east, north and up at a place, geocentric."""
+def horizon(survey: Survey, xyz: FloatArray, xi: float = 0.0, eta: float = 0.0) -> FloatArray:
+    """(3, 3) east, north and up at a place, geocentric; of the plumb line where it is deflected by ξ, η."""
     longitude, latitude = np.radians(_TO_GEOGRAPHIC.transform(*(survey.origin + xyz)[:2]))
+    latitude, longitude = latitude + xi, longitude + eta / np.cos(latitude)
     e = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     u = np.array(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
@@ -49,11 +60,12 @@ def _horizon(survey: Survey, xyz: FloatArray) -> FloatArray:
     return np.stack([e, np.cross(u, e), u])
 
 
-def _stations(survey: Survey, names: list[str]) -> set[str]:
+def _stations(survey: Survey, names: list[str], gravity: Gravity | None) -> set[str]:
     used: set[str] = set()
+    air = air_of(survey)
     for k in range(int(survey.draw.integers(1, 4))):
         at, height = names[k], round(float(survey.draw.uniform(1.4, 1.8)), 3)
-        axes = _horizon(survey, survey.marks[at].xyz)
+        axes = horizon(survey, survey.marks[at].xyz, *deflection(survey, gravity, at))
         begin = geocentric(survey, survey.marks[at].xyz) + height * axes[2]
         turn = float(survey.draw.uniform(0.0, 2.0 * np.pi))
         survey.row("stations", "stations", {}, id=f"s{k}", point=at, height=height)
@@ -74,8 +86,10 @@ def _stations(survey: Survey, names: list[str]) -> set[str]:
             survey.row("observations", "readings", keys, **cells)
             if far:
                 length = survey.measured(float(np.linalg.norm(away)))
-                keys = {"type": "distance", **survey.of_length}
-                survey.row("observations", "distances", keys, **{"from": f"s{k}", "to": to}, distance=length)
+                keys = {"type": "distance", **survey.of_length, **({"instrument": "edm"} if air else {})}
+                length, columns = through_air(survey, length) if air else (length, {})
+                ends = {"from": f"s{k}", "to": to}
+                survey.row("observations", "distances", keys, **ends, distance=length, **columns)
             used |= {at, to}
     return used
 
@@ -98,11 +112,12 @@ def _vectors(survey: Survey, names: list[str]) -> set[str]:
     return used
 
 
-def _levelling(survey: Survey, names: list[str]) -> set[str]:
+def _levelling(survey: Survey, names: list[str], gravity: Gravity | None) -> set[str]:
     line = [str(p) for p in survey.draw.permutation(names)[:5]]
     for a, b in pairwise(line):
-        dz = survey.measured(survey.marks[b].xyz[2] - survey.marks[a].xyz[2])
-        keys = {"type": "ellipsoidal_height_difference", **survey.of_length}
+        dz = survey.measured(height(survey, gravity, b) - height(survey, gravity, a))
+        type_ = "ellipsoidal_height_difference" if gravity is None else "height_difference"
+        keys = {"type": type_, **survey.of_length}
         survey.row("observations", "levelling", keys, **{"from": a, "to": b}, dz=dz)
     return set(line)
 
@@ -111,7 +126,7 @@ def _images(survey: Survey, names: list[str]) -> set[str]:
     """Nearly vertical images over the middle; their axes count in the horizon there."""
     camera = Camera(100.0, np.array([75.0, 75.0]), 0.004, False, False, (100.0, 0.0, 0.0))
     survey.cameras["c"] = camera
-    axes, middle = _horizon(survey, np.zeros(3)), geocentric(survey, np.zeros(3))
+    axes, middle = horizon(survey, np.zeros(3)), geocentric(survey, np.zeros(3))
     local = {p: axes @ (geocentric(survey, survey.marks[p].xyz) - middle) for p in names}
     seen: set[str] = set()
     for k in range(int(survey.draw.integers(3, 7))):
@@ -135,15 +150,124 @@ def _images(survey: Survey, names: list[str]) -> set[str]:
     return seen
 
 
-def _control(survey: Survey, names: list[str]) -> None:
-    """The first tables of points: some are held, the others have no coordinates."""
-    survey.more["world"] = {"crs": "EPSG:25832", "heights": "ellipsoidal"}
+def _control(survey: Survey, names: list[str], gravity: Gravity | None) -> None:
+    """The first tables of points: some are held, the others have no coordinates.
+
+    A grid is read at the coordinates that are given: there all have some, a metre beside.
+    """
+    heights = "ellipsoidal" if gravity is None else "orthometric"
+    survey.more["world"] = {"crs": "EPSG:25832", "heights": heights, **(gravity.keys if gravity else {})}
     held = {str(p) for p in survey.draw.permutation(names)[: int(survey.draw.integers(2, 5))]}
     for p in names:
-        place = dict(zip(("east", "north", "height"), survey.origin + survey.marks[p].xyz, strict=True))
+        place = dict(zip(("east", "north"), (survey.origin + survey.marks[p].xyz)[:2].tolist(), strict=True))
+        place["height"] = height(survey, gravity, p)
+        columns = gravity.columns(survey, p) if gravity else {}
         if p in held:
-            survey.row("points", "control", {"fixed": ["x", "y", "z"]}, id=p, **place)
+            survey.row("points", "control", {"fixed": ["x", "y", "z"]}, id=p, **place, **columns)
+            continue
+        if gravity is not None and gravity.keys:
+            beside = {key: value + float(survey.draw.standard_normal()) for key, value in place.items()}
+            survey.row("points", "new", {}, id=p, **beside)
+            continue
+        starts = {key: Start(value) for key, value in place.items()}
+        survey.row("points", "new", {}, id=p, **starts, **columns)
+
+
+_C, _WAVELENGTH = 281.8, 0.658
+"""Of a distance meter: (n_REF − 1) · 10⁶, carrier in µm."""
+
+
+def air_of(survey: Survey) -> bool:
+    """True where distances were measured through air that their tables tell of."""
+    if not survey.chance(0.4, "atmosphere"):
+        return False
+    instrument = {"atmosphere": {"C": _C, "wavelength": f"{_WAVELENGTH} um"}}
+    survey.more.setdefault("instruments", {})["edm"] = instrument
+    return True
+
+
+def through_air(survey: Survey, length: float) -> tuple[float, dict[str, float]]:
+    """What a distance meter shows, and the columns of the air (dry: its formulae are tested elsewhere)."""
+    temperature, pressure = float(survey.draw.uniform(-15.0, 35.0)), float(survey.draw.uniform(800.0, 1030.0))
+    D = 273.15 / 1013.25 * (287.604 + 4.8864 / _WAVELENGTH**2 + 0.068 / _WAVELENGTH**4)
+    correction = 1e-6 * (_C - D * pressure / (273.15 + temperature))
+    columns = {"temperature": temperature, "pressure": pressure, "humidity": 0.0}
+    return length / (1.0 + correction), columns
+
+
+def attitudes(survey: Survey) -> None:
+    """Roll, pitch, yaw, or ω, φ, κ of the projection, of images; of an inertial system beside their axes."""
+    if not survey.photos or not survey.chance(0.6):
+        return
+    kind = str(survey.one_of("navigation_attitude", "projected_attitude"))
+    survey.tags.add(kind)
+    keys: dict[str, Any] = {"type": kind, "values": {"sigma": survey.in_angle(_SIGMA_ATTITUDE)}}
+    boresight = np.eye(3)
+    if survey.chance(0.6, "misalignment"):
+        boresight = rotation(0.03 * survey.draw.standard_normal(3))
+        free = {name: {"free": 0} for name in ("omega", "phi", "kappa")}
+        survey.more.setdefault("instruments", {})["ins"] = {"boresight": free}
+        keys["instrument"] = "ins"
+    placed = survey.chance(0.5)
+    for image, photo in survey.photos.items():
+        middle, centre = horizon(survey, np.zeros(3)), geocentric(survey, np.zeros(3))
+        there = np.array(_TO_GEOCENTRIC.transform(*(centre + photo.centre @ middle), direction="INVERSE"))
+        axes = horizon(survey, there - survey.origin)
+        D = boresight @ photo.D @ middle @ axes.T
+        cells: dict[str, float] = {}
+        if kind == "projected_attitude":
+            D = D @ _grid_north(there, axes).T
+            cells = dict(zip(("east", "north"), there[:2].tolist(), strict=True)) if placed else {}
+            angles, names = _cardan(D), ("omega", "phi", "kappa")
         else:
-            survey.row(
-                "points", "new", {}, id=p, **{key: Start(float(value)) for key, value in place.items()}
-            )
+            angles, names = _navigation(D), ("roll", "pitch", "yaw")
+        noisy = angles + _SIGMA_ATTITUDE * survey.draw.standard_normal(3)
+        cells |= {name: survey.in_angle(value) for name, value in zip(names, noisy, strict=True)}
+        survey.row("observations", "attitudes", keys, image=image, **cells)
+
+
+_SIGMA_ATTITUDE = 5e-5
+
+
+def _grid_north(there: FloatArray, axes: FloatArray) -> FloatArray:
+    """(3, 3) from east, north, up to grid east, grid north, up: by two places 20 m apart along grid north."""
+    ends = [np.array(_TO_GEOCENTRIC.transform(there[0], there[1] + d, there[2])) for d in (-10.0, 10.0)]
+    e, n, _ = axes @ (ends[1] - ends[0])
+    length = np.hypot(e, n)
+    return np.array([[n / length, -e / length, 0.0], [e / length, n / length, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _cardan(D: FloatArray) -> FloatArray:
+    """ω, φ, κ with D = R_z(κ)ᵀ R_y(φ)ᵀ R_x(ω)ᵀ."""
+    return angles_from_rotation(D[None])[0]
+
+
+def _navigation(D: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw of body axes forward = y, right = x, down = −z of the image, in north, east, down."""
+    body = np.stack([D[1], D[0], -D[2]], axis=1)[[1, 0, 2]] * [[1.0], [1.0], [-1.0]]
+    yaw, pitch, roll = Rotation.from_matrix(body).as_euler("ZYX")
+    return np.array([roll, pitch, yaw])
+
+
+def projected_bearings(survey: Survey, names: list[str]) -> None:
+    """Bearings of lines of the projection, which control or other measurements determine already."""
+    for _ in range(int(survey.draw.integers(1, 6))):
+        a, b = (str(p) for p in survey.draw.permutation(names)[:2])
+        east, north = (survey.marks[b].xyz - survey.marks[a].xyz)[:2]
+        keys = {"type": "projected_bearing", **survey.of_angle}
+        bearing = survey.read(np.arctan2(east, north) % (2.0 * np.pi))
+        survey.row("observations", "bearings", keys, **{"from": a, "to": b}, bearing=bearing)
+
+
+def distance_ratios(survey: Survey, names: list[str], gravity: Gravity | None) -> None:
+    """Ratios of distances from an instrument raised along its plumb line, σ of 5 ppm."""
+    for _ in range(int(survey.draw.integers(1, 6))):
+        at, first, second = (str(p) for p in survey.draw.permutation(names)[:3])
+        up = horizon(survey, survey.marks[at].xyz, *deflection(survey, gravity, at))[2]
+        begin = geocentric(survey, survey.marks[at].xyz) + 1.5 * up
+        one, other = (
+            float(np.linalg.norm(geocentric(survey, survey.marks[p].xyz) - begin)) for p in (first, second)
+        )
+        ratio = other / one * (1.0 + 5e-6 * float(survey.draw.standard_normal()))
+        cells = {"at": at, "from": first, "to": second, "ratio": ratio, "sigma": 5e-6 * other / one}
+        survey.row("observations", "ratios", {"type": "distance_ratio"}, **cells, at_height=1.5)

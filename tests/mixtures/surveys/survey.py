@@ -94,6 +94,8 @@ class Survey:
     """Point → velocity (3,) in metres a year."""
     more: dict[str, Any] = field(default_factory=dict)
     """Further sections of the project, as they are."""
+    files: dict[str, bytes] = field(default_factory=dict)
+    """Files beside the project."""
     tags: set[str] = field(default_factory=set)
 
     def row(self, section: str, table: str, keys: dict[str, Any], **cells: Cell) -> None:
@@ -151,6 +153,8 @@ class Survey:
     def write(self, folder: Path) -> tuple[Path, Path]:
         """The project with nothing given, and with the truth given."""
         folder.mkdir(parents=True, exist_ok=True)
+        for name, content in self.files.items():
+            (folder / name).write_bytes(content)
         paths = folder / "project.yaml", folder / "truth.yaml"
         for path, given in zip(paths, (False, True), strict=True):
             path.write_text(self._document(given), encoding="utf-8")

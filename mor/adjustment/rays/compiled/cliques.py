@@ -299,12 +299,13 @@ def places_of_frame(columns: IntArray, pattern: Pattern, starts: IntArray, place
             places[k, m] = -1
             b = block_of[columns[m]] if columns[m] >= 0 else a + 1
             if b > a:
+                previous = -1  # a block may come again behind others, as those of knots do
                 continue
             if a != above:
                 starts[m] = starts[m - 1] if b == previous else find_start(indptr, indices, position, a, b)
                 if starts[m] < 0:
                     return False
-                previous = b if m + 1 < columns.size and columns[m + 1] >= 0 else -1
+                previous = b
             width = offsets[b + 1] - offsets[b]
             places[k, m] = starts[m] + (columns[k] - offsets[a]) * width + columns[m] - offsets[b]
         above = a

@@ -50,7 +50,8 @@ def on_trajectories(placed: Placed, columns: dict[str, Any], pose: dict[str, Any
     ids = list(network.trajectories)
     named = zip(images.parts[TRAJECTORY], leads, strict=True)
     columns["trajectory"] = [ids[k] if k >= 0 and own else "" for k, own in named]
-    timed = on & leads & np.array([name not in network.timed_lines for name in images.ids])
+    tabled = {name for name, lines in network.lines.items() if not lines.steady}
+    timed = on & leads & np.array([name not in tabled for name in images.ids])
     columns["time"] = np.array(
         [network.image_times[name] if own else np.nan for name, own in zip(images.ids, timed, strict=True)]
     )
