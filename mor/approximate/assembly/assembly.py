@@ -12,12 +12,14 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import Rule
 from mor.approximate.parts.scene import Scene
 from mor.arrays import BoolArray
+from mor.project.network.build import Network
 
 
 @dataclass
 class Assembly:
     """Parts on their way to one system, the object system first, and what was tried."""
 
+    network: Network
     scene: Scene
     parts: list[Part]
     fewest: int = ENOUGH

@@ -14,8 +14,10 @@ from mor.approximate.growth.pose_by_three import pose_by_three
 from mor.approximate.growth.rigid_seeds import rigid_seeds
 from mor.approximate.growth.single_points import grow_single_points
 from mor.approximate.growth.trilateration import place_by_few_distances
+from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
 from mor.approximate.parts.joining import carry, join, open_movements, stand_on_marks, tie_at_last
 from mor.approximate.parts.level_and_scale import direct_roughly, level_roughly, scale_roughly
+from mor.approximate.parts.movement import Movement
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
@@ -25,7 +27,7 @@ from mor.project.network.build import Network
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    assembly = Assembly(scene, parts, begun=len(parts) - 1)
+    assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
     for fewest in (ENOUGH, FEWEST):
@@ -58,7 +60,7 @@ def _assemble(assembly: Assembly) -> None:
             part.number = assembly.begun
             grow_until_tied(parts[0], part, scene, assembly.fewest)
             parts.append(part)
-        elif not _join_all(assembly, ambiguous=True):
+        elif not _join_all(assembly, ambiguous=True) and not _join_by_observations(assembly):
             return
 
 
@@ -74,6 +76,23 @@ def _join_all(assembly: Assembly, ambiguous: bool = False) -> bool:
         target, source = pair
         parts[:] = [part for part in parts if part is not source]
         grow(target, scene, assembly.fewest)
+
+
+def _join_by_observations(assembly: Assembly) -> bool:
+    """Join two parts by whatever was observed between them, where nothing simpler is left; true where any was."""
+    parts, scene = assembly.parts, assembly.scene
+    if assembly.fewest > FEWEST:
+        return False
+    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
+    for number, target in enumerate(ordered):
+        for source in ordered[number + 1 :]:
+            found = tie_by_observations(assembly.network, target, source, scene)
+            if found is not None and not found.open:
+                carry(target, source, scene, found)
+                parts[:] = [part for part in parts if part is not source]
+                grow(target, scene, assembly.fewest)
+                return True
+    return False
 
 
 def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
@@ -95,10 +114,7 @@ def _place_the_rest(assembly: Assembly) -> None:
     while len(parts) > 1:
         source = min(parts[1:], key=lambda part: (open_movements(parts[0], part, scene), -part.size))
         parts.remove(source)
-        level_roughly(source, scene)
-        scale_roughly(source, scene)
-        direct_roughly(source, scene)
-        carry(parts[0], source, scene, tie_at_last(parts[0], source, scene))
+        carry(parts[0], source, scene, _last_tie(assembly, source))
         grow(parts[0], scene, assembly.fewest)
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
@@ -107,3 +123,18 @@ def _place_the_rest(assembly: Assembly) -> None:
         grow(parts[0], scene, assembly.fewest)
     while place_by_few_distances(parts[0], scene.distances[1]):
         grow(parts[0], scene, assembly.fewest)
+
+
+def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
+    """What ties a part to the object system at last, be it controlled or not: all observations, where these tell more.
+
+    What nothing tells of the vertical, the scale and the direction it finds as well as it can.
+    """
+    system, scene = assembly.parts[0], assembly.scene
+    by_all = tie_by_observations(assembly.network, system, source, scene, 0)
+    if by_all is not None and by_all.open < open_movements(system, source, scene):
+        return by_all
+    level_roughly(source, scene)
+    scale_roughly(source, scene)
+    direct_roughly(source, scene)
+    return tie_at_last(system, source, scene)
