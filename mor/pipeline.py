@@ -300,8 +300,10 @@ def worked_out(network: Network) -> Approximation:
     return approximate(network, partial(_settled, network))
 
 
-def _settled(network: Network, start: Mapping[str, FloatArray]) -> Mapping[str, FloatArray] | None:
-    """Values to which start values lead; ``None`` where they lead nowhere."""
+def _settled(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Mapping[str, FloatArray], float] | None:
+    """Values to which start values lead and their v'Pv; ``None`` where they lead nowhere."""
     from mor.approximate.parts.lines import with_lines_turned
 
     network, start = with_lines_turned(network, start)
@@ -313,7 +315,7 @@ def _settled(network: Network, start: Mapping[str, FloatArray]) -> Mapping[str, 
         found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
     except NotFiniteError:
         return None
-    return found.values if found.outcome.is_solution else None
+    return (found.values, found.normals.objective) if found.outcome.is_solution else None
 
 
 def _means(

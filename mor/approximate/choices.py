@@ -15,8 +15,14 @@ ROWS = 20_000
 """Rows of a group by which start values are judged; observations of a network up to which trying again costs little."""
 AGREES = float(np.log1p(5.0**2))
 """Mean of log(1 + (v/σ)²) of a group up to which start values agree with it: 5 σ."""
+SOUND = float(np.log1p(2.0**2))
+"""The same of adjusted ones, and of those that need not be adjusted before they are judged: 2 σ."""
 BETTER = 0.1
 """Mean of log(1 + (v/σ)²) by which start values must agree better to be taken for others."""
+SMALLER = 1e-6
+"""Part of v'Pv from which on one minimum lies below another."""
+SECOND_TRIES = 4
+"""Other answers that are tried beside start values that agree, where such ones fitted alike."""
 
 Found = TypeVar("Found")
 
@@ -55,7 +61,19 @@ class Choices:
             for other in range(question.count)
             if other != question.taken
         ]
-        return [(*before[:place], other) for _, other, place in sorted(found)]
+        return [_trimmed((*before[:place], other)) for _, other, place in sorted(found)]
+
+    @property
+    def open(self) -> bool:
+        """True where answers fitted alike."""
+        return any(question.alike for question in self.asked)
+
+
+def _trimmed(wanted: tuple[int, ...]) -> tuple[int, ...]:
+    """Without the likeliest answers at its end, which are taken anyhow."""
+    while wanted and not wanted[-1]:
+        wanted = wanted[:-1]
+    return wanted
 
 
 class Judgement(NamedTuple):
@@ -67,14 +85,18 @@ class Judgement(NamedTuple):
     """Mean of log(1 + (v/σ)²) over all observations that they reach."""
     worst: float
     """The largest of a group."""
+    squares: float = np.inf
+    """v'Pv, where they were adjusted and that came to an end."""
 
     @property
     def agrees(self) -> bool:
         """True where nothing better is to be looked for."""
-        return not self.missing and self.worst <= AGREES
+        return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
 
     def beats(self, other: Judgement) -> bool:
-        """True where these are clearly better."""
+        """True where these are clearly better, or end at a smaller v'Pv."""
+        if np.isfinite(self.squares) and np.isfinite(other.squares):
+            return self.squares < (1.0 - SMALLER) * other.squares
         return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (other.missing, other.fit)
 
 
@@ -90,20 +112,36 @@ def likeliest(
     if not choices.asked:
         return best, choices
     judgement = judged(best)
-    left = 0 if judgement.agrees else most()
-    tried = {choices.wanted}
-    while left and not judgement.agrees:
-        wanted = next((one for one in choices.others() if one not in tried), None)
+    tried, left = {choices.wanted}, _tries(choices, judgement, most)
+    while left > 0:
+        wanted = _next(choices, tried, judgement.agrees)
         if wanted is None:
             break
         tried.add(wanted)
-        left -= 1
         other = Choices(wanted)
         found = attempt(other)
-        judgement_of_it = judged(found)
-        if judgement_of_it.beats(judgement):
-            best, choices, judgement = found, other, judgement_of_it
+        of_it = judged(found)
+        left -= 1
+        if of_it.beats(judgement):
+            left = min(left, SECOND_TRIES) if of_it.agrees else left
+            best, choices, judgement = found, other, of_it
     return best, choices
+
+
+def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:
+    """How many other answers are worth a try: those that fit alike may all agree, and one of them best."""
+    if not judgement.agrees:
+        return most()
+    return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0
+
+
+def _next(choices: Choices, tried: set[tuple[int, ...]], alike: bool) -> tuple[int, ...] | None:
+    """What to want next; where ``alike`` only another answer to a question of such."""
+    for wanted in choices.others():
+        place = len(wanted) - 1
+        if wanted not in tried and (not alike or (place >= 0 and choices.asked[place].alike)):
+            return wanted
+    return None
 
 
 def disagreement(groups: Sequence[ObservationGroup], start: Mapping[str, FloatArray]) -> tuple[float, float]:

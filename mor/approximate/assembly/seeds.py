@@ -67,8 +67,11 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
         among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
     else:
         among = open_[pairs.first] & open_[pairs.second]
-    passed = scene.choices.take(min(np.count_nonzero(among), BEGINNINGS), alike=False)
-    part, reason = seed_bundles(scene.bare[0], np.flatnonzero(among), pairs, scene.points, passed)
+    frames, rows = scene.bare[0], np.flatnonzero(among)
+    part, reason = seed_bundles(frames, rows, pairs, scene.points)
+    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if part is not None else 0
+    if passed:
+        part, reason = seed_bundles(frames, rows, pairs, scene.points, passed)
     given_up |= open_ if part is None else False
     assembly.reasons += [reason] if reason and not chained else []
     if part is not None:

@@ -19,14 +19,16 @@ from mor.approximate.along_trajectories import without_trajectories
 from mor.approximate.approximation import Approximation, untied
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.joined import assembled
-from mor.approximate.choices import ROWS, Choices, Judgement, disagreement, likeliest
+from mor.approximate.choices import ROWS, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.approximate.parts.contradictions import (
     Contradiction,
     contradicting_frames,
     contradicting_points,
     put_back,
+    started_only,
     without,
 )
+from mor.approximate.parts.joining import lay_upon
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, with_observed
@@ -37,12 +39,10 @@ from mor.arrays import FloatArray
 from mor.parameters.index import all_known
 from mor.project.network.build import Network
 
-Settle = Callable[[Mapping[str, FloatArray]], Mapping[str, FloatArray] | None]
-"""Adjusts start values; ``None`` where that leads nowhere."""
+Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
+"""Adjusts start values: the values they lead to and v'Pv, or ``None`` where they lead nowhere."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree."""
-SOUND = float(np.log1p(2.0**2))
-"""Mean of log(1 + (v/σ)²) of a group up to which start values are not adjusted before they are judged: 2 σ."""
 SMALL = 5_000
 """Observations up to which start values are adjusted before they are judged."""
 
@@ -61,8 +61,11 @@ def approximate(network: Network, settle: Settle | None = None) -> Approximation
     network = to_places(replace(network, start=with_observed(network)))
     scene, assembly = _likeliest(network, scene_of(network), moving, settle)
     found = _contradicting(network, assembly.parts[0], scene)
+    if assembly.network is not network:
+        result = replace(_approximation(assembly), replaced=tuple(str(one) for one in found))
+        return replace(result, start=at_all_times(moving, result.start))
     better = _with_others(network, scene, found) if found else None
-    result = _approximation(network, assembly) if better is None else better
+    result = _approximation(assembly) if better is None else better
     return replace(result, start=at_all_times(moving, result.start))
 
 
@@ -71,11 +74,13 @@ def _likeliest(
 ) -> tuple[Scene, Assembly]:
     """The parts in the object system; where several answers were possible on the way, with those that agree best."""
 
+    loose = started_only(network, scene)
+
     def attempt(choices: Choices) -> Assembly:
-        return assembled(network, replace(scene, choices=choices))
+        return _without_some(network, replace(scene, choices=choices), *loose)
 
     def judged(assembly: Assembly) -> Judgement:
-        return _judged(network, assembly, moving, settle)
+        return _judged(assembly, moving, settle)
 
     assembly, choices = likeliest(
         attempt, judged, lambda: max(OTHERS_TRIED * ROWS // max(network.observations, ROWS), 1)
@@ -83,17 +88,37 @@ def _likeliest(
     return replace(scene, choices=Choices(choices.wanted)), assembly
 
 
-def _judged(network: Network, assembly: Assembly, moving: Network, settle: Settle | None) -> Judgement:
+def _without_some(
+    network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]
+) -> Assembly:
+    """The parts in the object system, with all start values that are given, or without those of points or frames.
+
+    Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
+    else says where it is.
+    """
+    some = [one for one in (points, frames, [*points, *frames]) if one] if points or frames else []
+    answer = scene.choices.take(len(some[:1] if not (points and frames) else some) + 1, alike=False)
+    if not answer:
+        return assembled(network, scene)
+    reduced = replace(network, start=without(network, scene, some[answer - 1]))
+    assembly = assembled(reduced, scene)
+    if not np.isfinite(reduced.start["point"]).any():
+        lay_upon(assembly.parts[0], network.start["point"])
+    return assembly
+
+
+def _judged(assembly: Assembly, moving: Network, settle: Settle | None) -> Judgement:
     """How many things have no start values, and how well the others agree, before or after an adjustment."""
-    found = _approximation(network, assembly)
+    network, found = assembly.network, _approximation(assembly)
     judgement = Judgement(len(found.missing), *disagreement(network.groups, found.start))
-    small = network.observations <= SMALL
-    if settle is None or not small or judgement.missing or judgement.worst <= SOUND:
+    small, sound = network.observations <= SMALL, judgement.worst <= SOUND
+    if settle is None or not small or judgement.missing or (sound and not assembly.scene.choices.open):
         return judgement
     settled = settle(at_all_times(moving, found.start))
     if settled is None:
         return judgement._replace(worst=np.inf)
-    return Judgement(0, *disagreement(moving.groups, settled))
+    values, squares = settled
+    return Judgement(0, *disagreement(moving.groups, values), squares)
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
@@ -107,7 +132,7 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
     """
     reduced = replace(network, start=without(network, scene, found))
     assembly = assembled(reduced, scene)
-    approximation = _approximation(reduced, assembly)
+    approximation = _approximation(assembly)
     if approximation.missing:
         return None
     wrong = _contradicting(network, assembly.parts[0], scene)
@@ -117,8 +142,8 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
     return replace(approximation, start=start, replaced=tuple(str(one) for one in wrong))
 
 
-def _approximation(network: Network, assembly: Assembly) -> Approximation:
-    scene = assembly.scene
+def _approximation(assembly: Assembly) -> Approximation:
+    network, scene = assembly.network, assembly.scene
     start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
     reasons, parts = tuple(assembly.reasons) if missing else (), tuple(assembly.parts[0].joined)
     given = bool(np.isfinite(network.start["point"]).any())

@@ -1,8 +1,8 @@
 """The observations between two parts, and those inside one that tell its vertical or scale, under a movement.
 
 Any type of observation counts, by its own equation: distances between the parts, directions of sets that are not
-oriented yet (their orientations are further unknowns), angles, vertical directions, levelling, vectors, rays. So do
-stations that neither part knows the place of, as further unknowns, where enough is measured from them.
+oriented yet (their orientations are further unknowns), angles, vertical directions, levelling, vectors, rays. Stations
+and points that neither part knows the place of are further unknowns, where enough is measured from or to them.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from mor.units import ANGLE, IMAGE
 
 PRECISION = 2e-3
 """Radians, or parts of a length, that an observation fits at the best: parts are bent a little."""
-MOST = 120
+MOST = 60
 """Rows of a group that take part."""
-STATIONS = 3
-"""Stations of unknown place that take part, at the most."""
+PLACES = 6
+"""Points that neither part knows and that take part, at the most."""
 FEWEST = 4
-"""Components measured from such a station, from which on it says more than where it is."""
+"""Components measured from or to such a point, from which on it says more than where it is."""
+_PEELED = 5
 _ABSURD = 1e6
 
 
@@ -41,7 +42,7 @@ class Moves(NamedTuple):
     kappas: FloatArray
     """(k, a) orientations of sets."""
     places: FloatArray
-    """(k, b, 3) of stations."""
+    """(k, b, 3) of points that neither knows."""
 
 
 class Rows(NamedTuple):
@@ -74,12 +75,12 @@ class Sides(NamedTuple):
     """(points, 3) from the projection centre to the position, in the axes of the source."""
     sets: IntArray
     """(a,) rotations that are looked for."""
-    stations: IntArray
+    places: IntArray
     """(b,) points that are looked for."""
 
 
 def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle: FloatArray) -> Sides:
-    """Who knows what of two parts; sets and stations that neither knows are looked for where it is worth it."""
+    """Who knows what of two parts; sets and places that neither knows are looked for where it is worth it."""
     count, turns = len(target.points), len(network.blocks["rotation"].ids)
     points, rotations = np.full((count, 3), np.nan), np.full((turns, 3, 3), np.nan)
     lowered, lever = np.zeros(count), np.zeros((count, 3))
@@ -100,11 +101,11 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     if target.given:
         given = np.asarray(np.isfinite(network.start["rotation"]).all(axis=(1, 2)))
         turned[given], rotations[given] = 1, network.start["rotation"][given]
-    stations = _stations(network, scene, told)
-    told[stations] = 3
+    places = _places(network, scene, told, turned)
+    told[places] = 3
     sets = _sets(scene, told, turned)
     turned[sets] = 3
-    return Sides(Known(told, turned), points, rotations, lowered, lever, sets, stations)
+    return Sides(Known(told, turned), points, rotations, lowered, lever, sets, places)
 
 
 def _put_frames(
@@ -120,21 +121,43 @@ def _put_frames(
             turned[frame.rotation], rotations[frame.rotation] = who, D
 
 
-def _stations(network: Network, scene: Scene, told: IntArray) -> IntArray:
-    """Places that neither part knows, from which most components to known points are measured."""
-    counts = np.zeros(len(told), dtype=np.int64)
-    for group in network.groups:
-        positions = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
-        if len(positions) != 2 or is_image_point(group.type):
-            continue
-        for one, other in (positions, positions[::-1]):
-            here, there = group.blocks[one], group.blocks[other]
-            np.add.at(counts, here, np.where(told[there] > 0, group.mask.sum(axis=1), 0))
-    counts[told > 0] = 0
-    sets = {sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
-    counts -= np.isin(np.arange(len(counts)), list(sets))
-    order = np.argsort(-counts, kind="stable")[:STATIONS]
-    return np.sort(order[counts[order] >= FEWEST])
+def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
+    """Points that neither part knows, from or to which more is measured than tells where they are.
+
+    Those go again that have enough only beside others that go; at the most ``PLACES`` of them are left.
+    """
+    levelled = {sight.rotation: sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
+    sets = [place for block, place in levelled.items() if turned[block] == 0]
+    fit = turned > 0
+    fit[list(levelled)] = True
+    wanted = np.asarray(told == 0)
+    for round_ in range(_PEELED):
+        counts = -np.bincount(np.array(sets, dtype=np.int64), minlength=len(told))
+        for group in network.groups:
+            _count(group, (told > 0) | wanted, fit, counts)
+        counts[~wanted] = 0
+        order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
+        kept = order[counts[order] >= FEWEST]
+        if len(kept) == np.count_nonzero(wanted):
+            break
+        wanted[:] = False
+        wanted[kept] = True
+    return np.flatnonzero(wanted)
+
+
+def _count(group: ObservationGroup, known: BoolArray, turned: BoolArray, counts: IntArray) -> None:
+    """Add the components of rows that refer to nothing else that is not known to the counts of their points."""
+    if group.type.key.partition("/")[0] in ("observed", "coordinates"):
+        return
+    slots = list(zip(group.type.slots, group.blocks, strict=True))
+    usable = np.ones(group.count, dtype=bool)
+    for slot, blocks in slots:
+        if slot.kind in ("point", "rotation"):
+            usable &= (known if slot.kind == "point" else turned)[blocks]
+    told = np.where(usable, group.mask.sum(axis=1), 0)
+    for slot, blocks in slots:
+        if slot.kind == "point":
+            np.add.at(counts, blocks, told)
 
 
 def _sets(scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
@@ -180,6 +203,36 @@ def _usable(network: Network, group: ObservationGroup, sides: Sides, lifts: bool
     inside = is_image_point(group.type)
     usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
     return usable
+
+
+def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArray]:
+    """Sides and rows with none but the points and rotations that rows refer to, and the numbers (n,) of those points.
+
+    What is looked for stays.
+    """
+    points, turns = sides.known.points == 3, sides.known.rotations == 3
+    for one in rows:
+        for slot, blocks in zip(one.group.type.slots, one.blocks, strict=True):
+            if slot.kind in ("point", "rotation"):
+                (points if slot.kind == "point" else turns)[blocks.astype(np.int64)] = True
+    new_points, new_turns = np.cumsum(points) - 1, np.cumsum(turns) - 1
+    renumbered = []
+    for one in rows:
+        blocks = tuple(
+            new_points[given] if slot.kind == "point" else new_turns[given] if slot.kind == "rotation" else given
+            for slot, given in zip(one.group.type.slots, one.blocks, strict=True)
+        )
+        renumbered.append(one._replace(blocks=blocks))
+    kept = Sides(
+        Known(sides.known.points[points], sides.known.rotations[turns]),
+        sides.points[points],
+        sides.rotations[turns],
+        sides.lowered[points],
+        sides.lever[points],
+        new_turns[sides.sets],
+        new_points[sides.places],
+    )
+    return kept, renumbered, np.flatnonzero(points)
 
 
 def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
@@ -233,7 +286,7 @@ def placed(sides: Sides, moves: Moves) -> tuple[FloatArray, FloatArray]:
     points[:, mine] = moves.scale[:, None, None] * (sides.points[mine] @ turned) + moves.shift[:, None, :]
     points[:, mine] += sides.lever[mine] @ turned
     points[:, mine, 2] -= sides.lowered[mine]
-    points[:, sides.stations] = moves.places
+    points[:, sides.places] = moves.places
     turns = np.broadcast_to(sides.rotations, (k, *sides.rotations.shape)).copy()
     own = sides.known.rotations == 2
     turns[:, own] = sides.rotations[own] @ turned[:, None]
@@ -247,4 +300,4 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
     return np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=1).reshape(-1, 3, 3)
 
 
-__all__ = ["Moves", "Rows", "Sides", "about_vertical", "placed", "residuals", "rows_between", "sides_of"]
+__all__ = ["Moves", "Rows", "Sides", "about_vertical", "only_used", "placed", "residuals", "rows_between", "sides_of"]

@@ -10,8 +10,8 @@ from mor.arrays import FloatArray, IntArray
 
 _STEP = 1e-6
 _FEW, _MANY = 6, 30
-"""Steps of all starts, and of the best of them."""
-_KEPT = 16
+"""Steps of the most promising starts, and of the best of these."""
+_LOOKED_AT, _KEPT = 200, 16
 _LARGEST = 0.5
 """Change of an unknown in one step, at the most."""
 
@@ -45,7 +45,8 @@ class Minima(NamedTuple):
 
 def minima(searched: Searched[States], starts: States) -> Minima:
     """The minima that the most promising of many starts lead to."""
-    states, off = _iterated(searched, starts, _FEW, 10.0)
+    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:_LOOKED_AT]
+    states, off = _iterated(searched, some(starts, order), _FEW, 10.0)
     states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:_KEPT])
     states, off = _iterated(searched, states, _MANY, 5.0)
     order = np.argsort(_objectives(off, 1.0), kind="stable")

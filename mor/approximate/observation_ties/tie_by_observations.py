@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from mor.approximate.observation_ties.equations import (
     Moves,
     Rows,
     Sides,
+    only_used,
     placed,
     residuals,
     rows_between,
@@ -67,8 +69,27 @@ def tie_by_observations(
     search = _search(target, source, sides, rows, common, middle)
     if told < search.unknowns + redundant - (3 if not len(common) else 0):
         return None
-    with np.errstate(all="ignore"):
-        return _judged(search, minima(search, _starts(search, scene)), redundant)
+    return _remembered(search._replace(sights=_sights(scene, sides)).compressed(), redundant, scene.tied)
+
+
+def _remembered(search: _Search, redundant: int, tied: dict[bytes, Movement | None]) -> Movement | None:
+    """The movement looked for; other answers to what was in doubt elsewhere come to the same question again."""
+    told = [*search.sides, search.own, search.goal, *(one.sigma for one in search.rows)]
+    arrays = [array for one in told for array in (one if isinstance(one, tuple) else (one,))]
+    words = repr((search.goal_sigma, search.size, search.turn, search.scaled, redundant)).encode()
+    key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
+    if key not in tied:
+        with np.errstate(all="ignore"):
+            tied[key] = _judged(search, minima(search, _starts(search)), redundant)
+    return tied[key]
+
+
+class _Sight(NamedTuple):
+    """A set whose orientation is looked for: its place, points of known place, directions to them."""
+
+    place: int
+    points: IntArray
+    directions: FloatArray
 
 
 class _Search(NamedTuple):
@@ -86,6 +107,18 @@ class _Search(NamedTuple):
     middle: FloatArray
     turn: Turn
     scaled: bool
+    sights: tuple[_Sight, ...] = ()
+
+    def compressed(self) -> _Search:
+        """The same with none but the points that rows refer to."""
+        sides, rows, kept = only_used(self.sides, self.rows)
+        number = np.full(len(self.sides.points), -1, dtype=np.int64)
+        number[kept] = np.arange(len(kept))
+        sights = []
+        for one in self.sights:
+            told = number[one.points] >= 0
+            sights.append(_Sight(int(number[one.place]), number[one.points[told]], one.directions[told]))
+        return self._replace(sides=sides, rows=rows, sights=tuple(sights))
 
     @property
     def movements(self) -> int:
@@ -95,7 +128,7 @@ class _Search(NamedTuple):
     @property
     def unknowns(self) -> int:
         """All of them."""
-        return self.movements + len(self.sides.sets) + 3 * len(self.sides.stations)
+        return self.movements + len(self.sides.sets) + 3 * len(self.sides.places)
 
     def residuals(self, states: Moves) -> FloatArray:
         """(k, n) in units of what everything is good to."""
@@ -152,7 +185,17 @@ def _extent(points: FloatArray) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) > 1 else 0.0
 
 
-def _starts(search: _Search, scene: Scene) -> Moves:
+def _sights(scene: Scene, sides: Sides) -> tuple[_Sight, ...]:
+    """One set of each orientation that is looked for, with the points that either part knows."""
+    found = []
+    for block in sides.sets.tolist():
+        sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
+        told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
+        found.append(_Sight(sight.position, sight.points[told], sight.directions[told]))
+    return tuple(found)
+
+
+def _starts(search: _Search) -> Moves:
     """Turns all over, with shifts and scales drawn about what is common or in reach."""
     draw = np.random.default_rng(1)
     turns = sampled_turns(search.turn)
@@ -170,10 +213,10 @@ def _starts(search: _Search, scene: Scene) -> Moves:
     else:
         about = theirs.mean(axis=0) if len(theirs) else np.zeros(3)
         shift = about + reach * draw.uniform(0.0, 1.0, (k, 1)) * draw.standard_normal((k, 3))
-    stations = len(search.sides.stations)
-    away = reach[:, None] * draw.uniform(0.2, 2.0, (k, 1, 1)) * draw.standard_normal((k, stations, 3))
+    wanted = len(search.sides.places)
+    away = reach[:, None] * draw.uniform(0.2, 2.0, (k, 1, 1)) * draw.standard_normal((k, wanted, 3))
     states = Moves(scale, turns, shift, np.zeros((k, len(search.sides.sets))), shift[:, None, :] + away)
-    return states._replace(kappas=_orientations(search, states, scene))
+    return states._replace(kappas=_orientations(search, states))
 
 
 def _scales(search: _Search, count: int, draw: np.random.Generator) -> FloatArray:
@@ -192,15 +235,13 @@ def _scales(search: _Search, count: int, draw: np.random.Generator) -> FloatArra
     return np.asarray(10.0 ** draw.uniform(-3.0, 4.0, count))
 
 
-def _orientations(search: _Search, states: Moves, scene: Scene) -> FloatArray:
+def _orientations(search: _Search, states: Moves) -> FloatArray:
     """(k, a) of sets, from the places that their points have at the start: the circular mean."""
     points, _ = placed(search.sides, states)
     kappas = np.zeros((len(states.scale), len(search.sides.sets)))
-    for column, block in enumerate(search.sides.sets.tolist()):
-        sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
-        told = (search.sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
-        away = points[:, sight.points[told], :2] - points[:, sight.position, None, :2]
-        turn = np.exp(1j * (sight.directions[told] - np.arctan2(away[..., 0], away[..., 1])))
+    for column, (place, sighted, directions) in enumerate(search.sights):
+        away = points[:, sighted, :2] - points[:, place, None, :2]
+        turn = np.exp(1j * (directions - np.arctan2(away[..., 0], away[..., 1])))
         kappas[:, column] = np.angle(turn.sum(axis=1))
     return kappas
 
