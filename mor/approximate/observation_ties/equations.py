@@ -81,7 +81,8 @@ class Sides(NamedTuple):
 
 def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle: FloatArray) -> Sides:
     """Who knows what of two parts; sets and places that neither knows are looked for where it is worth it."""
-    count, turns = len(target.points), len(network.blocks["rotation"].ids)
+    attitudes = network.start.get("rotation", np.zeros((0, 3, 3)))
+    count, turns = len(target.points), len(attitudes)
     points, rotations = np.full((count, 3), np.nan), np.full((turns, 3, 3), np.nan)
     lowered, lever = np.zeros(count), np.zeros((count, 3))
     told, turned = np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)
@@ -99,8 +100,8 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     told[theirs], points[theirs] = 1, target.points[theirs]
     _put_frames(scene, target, middle, 1, turned, rotations)
     if target.given:
-        given = np.asarray(np.isfinite(network.start["rotation"]).all(axis=(1, 2)))
-        turned[given], rotations[given] = 1, network.start["rotation"][given]
+        given = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
+        turned[given], rotations[given] = 1, attitudes[given]
     places = _places(network, scene, told, turned)
     told[places] = 3
     sets = _sets(scene, told, turned)
