@@ -97,7 +97,10 @@ class Judgement(NamedTuple):
         """True where these are clearly better, or end at a smaller v'Pv."""
         if np.isfinite(self.squares) and np.isfinite(other.squares):
             return self.squares < (1.0 - SMALLER) * other.squares
-        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (other.missing, other.fit)
+        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (
+            other.missing,
+            other.fit,
+        )
 
 
 def likeliest(

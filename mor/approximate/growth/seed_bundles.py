@@ -77,7 +77,9 @@ def common_pairs(seen: Sightings) -> Pairs:
     return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int, passed: int = 0) -> Seed:
+def seed_bundles(
+    frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int, passed: int = 0
+) -> Seed:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
 
     ``passed``: so many that are better are passed over, as far as there are others.

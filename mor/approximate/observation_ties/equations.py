@@ -220,7 +220,11 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
     renumbered = []
     for one in rows:
         blocks = tuple(
-            new_points[given] if slot.kind == "point" else new_turns[given] if slot.kind == "rotation" else given
+            new_points[given]
+            if slot.kind == "point"
+            else new_turns[given]
+            if slot.kind == "rotation"
+            else given
             for slot, given in zip(one.group.type.slots, one.blocks, strict=True)
         )
         renumbered.append(one._replace(blocks=blocks))
@@ -301,4 +305,14 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
     return np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=1).reshape(-1, 3, 3)
 
 
-__all__ = ["Moves", "Rows", "Sides", "about_vertical", "only_used", "placed", "residuals", "rows_between", "sides_of"]
+__all__ = [
+    "Moves",
+    "Rows",
+    "Sides",
+    "about_vertical",
+    "only_used",
+    "placed",
+    "residuals",
+    "rows_between",
+    "sides_of",
+]

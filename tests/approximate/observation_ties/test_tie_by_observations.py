@@ -19,7 +19,7 @@ TURN = exponential(np.array([[0.4, -0.9, 1.7]]))[0]
 def places(draw):
     """Points of two parts, and two stations that neither knows."""
     left = draw.uniform(-5.0, 5.0, (6, 3))
-    right = draw.uniform(-5.0, 5.0, (6, 3)) + [14.0, 2.0, 1.0]
+    right = draw.uniform(-5.0, 5.0, (6, 3)) + np.array([14.0, 2.0, 1.0])
     return dict(zip([*LEFT, *RIGHT], np.concatenate([left, right]), strict=True)) | {
         "N": np.array([6.0, -9.0, 0.5]),
         "M": np.array([1.0, 11.0, -2.0]),
@@ -32,7 +32,9 @@ def pairs(draw, count):
 
 def distances(at, draw):
     rows = [[a, b, float(np.linalg.norm(at[b] - at[a]))] for a, b in pairs(draw, 14)]
-    return [{"type": "distance", "values": {"sigma": 1e-3}, "columns": ["from", "to", "distance"], "rows": rows}]
+    return [
+        {"type": "distance", "values": {"sigma": 1e-3}, "columns": ["from", "to", "distance"], "rows": rows}
+    ]
 
 
 def spatial_angles(at, draw):
@@ -55,7 +57,12 @@ def zenith_angles_and_distances(at, draw):
     ends = ["from", "to"]
     return [
         {"type": "distance", "values": {"sigma": 1e-3}, "columns": [*ends, "distance"], "rows": lengths},
-        {"type": "zenith_angle", "values": {"sigma": 1e-5}, "columns": [*ends, "zenith_angle"], "rows": zeniths},
+        {
+            "type": "zenith_angle",
+            "values": {"sigma": 1e-5},
+            "columns": [*ends, "zenith_angle"],
+            "rows": zeniths,
+        },
     ]
 
 
