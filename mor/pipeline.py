@@ -268,7 +268,7 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     ambiguous = tuple(
         Mistake(
             f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
-            "the one with the cameras above is taken"
+            "the likeliest one is taken"
         )
         for join in found.parts
         if join.tie is not None and join.tie.alternatives and not join.tie.open

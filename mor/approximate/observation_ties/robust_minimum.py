@@ -58,7 +58,7 @@ def minima(searched: Searched[States], starts: States) -> Minima:
 
 def some(states: States, numbers: IntArray) -> States:
     """Some of the states, by their numbers."""
-    return type(states)(*(array[numbers] for array in states))  # type: ignore[arg-type]
+    return type(states)(*(array[numbers] for array in states))
 
 
 def _objectives(off: FloatArray, width: float) -> FloatArray:
@@ -94,7 +94,7 @@ def _iterated(
         moved = searched.moved(states, np.clip(np.nan_to_num(change), -_LARGEST, _LARGEST))
         tried = searched.residuals(moved)
         better = _objectives(tried, wide) < _objectives(off, wide)
-        both = type(states)(*(np.concatenate(pair) for pair in zip(states, moved, strict=True)))  # type: ignore[arg-type]
+        both = type(states)(*(np.concatenate(pair) for pair in zip(states, moved, strict=True)))
         states = some(both, np.arange(count) + count * better)
         off = np.where(better[:, None], tried, off)
         damping = np.clip(np.where(better, 0.2 * damping, 8.0 * damping), 1e-9, 1e6)
