@@ -30,7 +30,7 @@ Found = TypeVar("Found")
 class Question(NamedTuple):
     """A question with several answers."""
 
-    count: int
+    answers: int
     taken: int
     alike: bool
     """True where the answers fit alike; false where the first one is the best, and may be wrong all the same."""
@@ -58,7 +58,7 @@ class Choices:
         found = [
             (not question.alike, other, place)
             for place, question in enumerate(self.asked)
-            for other in range(question.count)
+            for other in range(question.answers)
             if other != question.taken
         ]
         return [_trimmed((*before[:place], other)) for _, other, place in sorted(found)]
