@@ -132,7 +132,12 @@ def likeliest(
 
 
 def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:
-    """How many other answers are worth a try: those that fit alike may all agree, and one of them best."""
+    """How many other answers are worth a try: those that fit alike may all agree, and one of them best.
+
+    Where something is missing and the rest agrees, what is missing may not be measured at all.
+    """
+    if judgement.missing and judgement.worst <= AGREES:
+        return min(most(), SECOND_TRIES)
     if not judgement.agrees:
         return most()
     return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0

@@ -35,7 +35,9 @@ def main() -> None:
         "--situations", action="store_true", help="each of the single situations, instead of mixtures"
     )
     parser.add_argument(
-        "--surveys", choices=["composed", *OTHERS], help="surveys of the second generator, instead of mixtures"
+        "--surveys",
+        choices=["composed", *OTHERS],
+        help="surveys of the second generator, instead of mixtures",
     )
     parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
     options = parser.parse_args()

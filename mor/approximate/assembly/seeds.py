@@ -6,6 +6,7 @@ import numpy as np
 
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow
+from mor.approximate.choices import ROWS
 from mor.approximate.growth.grow_bundles import FEWEST
 from mor.approximate.growth.rigid_seeds import seed_polar
 from mor.approximate.growth.seed_bundles import common_pairs, seed_bundles
@@ -69,7 +70,8 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
         among = open_[pairs.first] & open_[pairs.second]
     frames, rows = scene.bare[0], np.flatnonzero(among)
     part, reason = seed_bundles(frames, rows, pairs, scene.points)
-    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if part is not None else 0
+    asks = part is not None and assembly.network.observations <= ROWS
+    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if asks else 0
     if passed:
         part, reason = seed_bundles(frames, rows, pairs, scene.points, passed)
     given_up |= open_ if part is None else False

@@ -60,10 +60,10 @@ def approximate(network: Network, settle: Settle | None = None) -> Approximation
     network = to_plane(standing_still(without_trajectories(network)))
     network = to_places(replace(network, start=with_observed(network)))
     scene, assembly = _likeliest(network, scene_of(network), moving, settle)
-    found = _contradicting(network, assembly.parts[0], scene)
     if assembly.network is not network:
-        result = replace(_approximation(assembly), replaced=tuple(str(one) for one in found))
+        result = replace(_approximation(assembly), replaced=_left_out(network, assembly))
         return replace(result, start=at_all_times(moving, result.start))
+    found = _contradicting(network, assembly.parts[0], scene)
     better = _with_others(network, scene, found) if found else None
     result = _approximation(assembly) if better is None else better
     return replace(result, start=at_all_times(moving, result.start))
@@ -96,8 +96,9 @@ def _without_some(
     Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
     else says where it is.
     """
-    some = [one for one in (points, frames, [*points, *frames]) if one] if points or frames else []
-    answer = scene.choices.take(len(some[:1] if not (points and frames) else some) + 1, alike=False)
+    some = [points, frames, [*points, *frames]] if points and frames else [points or frames]
+    asks = bool(some[0]) and network.observations <= ROWS
+    answer = scene.choices.take(len(some) + 1, alike=False) if asks else 0
     if not answer:
         return assembled(network, scene)
     reduced = replace(network, start=without(network, scene, some[answer - 1]))
@@ -107,12 +108,27 @@ def _without_some(
     return assembly
 
 
+def _left_out(network: Network, assembly: Assembly) -> tuple[str, ...]:
+    """What is said of start values that were left out: by how much rays contradict them, as far as they do."""
+    left = assembly.network.start
+    contradicted = {
+        one.name: str(one) for one in _contradicting(network, assembly.parts[0], assembly.scene)
+    }
+    points, frames = started_only(network, assembly.scene)
+    names = [one.name for one in points if np.isnan(left["point"][one.number]).any()]
+    for one in frames:
+        block = assembly.scene.frames[one.number].rotation
+        names += [one.name] if np.isnan(left["rotation"][block]).any() else []
+    return tuple(contradicted.get(name, f"{name}: with it the observations do not agree") for name in names)
+
+
 def _judged(assembly: Assembly, moving: Network, settle: Settle | None) -> Judgement:
     """How many things have no start values, and how well the others agree, before or after an adjustment."""
     network, found = assembly.network, _approximation(assembly)
-    judgement = Judgement(len(found.missing), *disagreement(network.groups, found.start))
+    missing = sum(thing.observations > 1 for thing in found.missing)
+    judgement = Judgement(missing, *disagreement(network.groups, found.start))
     small, sound = network.observations <= SMALL, judgement.worst <= SOUND
-    if settle is None or not small or judgement.missing or (sound and not assembly.scene.choices.open):
+    if settle is None or not small or found.missing or (sound and not assembly.scene.choices.open):
         return judgement
     settled = settle(at_all_times(moving, found.start))
     if settled is None:
