@@ -68,12 +68,12 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
         among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
     else:
         among = open_[pairs.first] & open_[pairs.second]
-    frames, rows = scene.bare[0], np.flatnonzero(among)
-    part, reason = seed_bundles(frames, rows, pairs, scene.points)
+    bare, rows = scene.bare[0], np.flatnonzero(among)
+    part, reason = seed_bundles(bare, rows, pairs, scene.points)
     asks = part is not None and assembly.network.observations <= ROWS
     passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if asks else 0
     if passed:
-        part, reason = seed_bundles(frames, rows, pairs, scene.points, passed)
+        part, reason = seed_bundles(bare, rows, pairs, scene.points, passed)
     given_up |= open_ if part is None else False
     assembly.reasons += [reason] if reason and not chained else []
     if part is not None:

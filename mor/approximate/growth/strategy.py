@@ -111,9 +111,7 @@ def _without_some(
 def _left_out(network: Network, assembly: Assembly) -> tuple[str, ...]:
     """What is said of start values that were left out: by how much rays contradict them, as far as they do."""
     left = assembly.network.start
-    contradicted = {
-        one.name: str(one) for one in _contradicting(network, assembly.parts[0], assembly.scene)
-    }
+    contradicted = {one.name: str(one) for one in _contradicting(network, assembly.parts[0], assembly.scene)}
     points, frames = started_only(network, assembly.scene)
     names = [one.name for one in points if np.isnan(left["point"][one.number]).any()]
     for one in frames:

@@ -219,7 +219,7 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
     new_points, new_turns = np.cumsum(points) - 1, np.cumsum(turns) - 1
     renumbered = []
     for one in rows:
-        blocks = tuple(
+        numbers = tuple(
             new_points[given]
             if slot.kind == "point"
             else new_turns[given]
@@ -227,7 +227,7 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
             else given
             for slot, given in zip(one.group.type.slots, one.blocks, strict=True)
         )
-        renumbered.append(one._replace(blocks=blocks))
+        renumbered.append(one._replace(blocks=numbers))
     kept = Sides(
         Known(sides.known.points[points], sides.known.rotations[turns]),
         sides.points[points],
@@ -266,7 +266,7 @@ def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
     found = [np.zeros((k, 0))]
     for one in rows:
         n = one.group.count
-        blocks = []
+        blocks: list[FloatArray] = []
         for slot, given in zip(one.group.type.slots, one.blocks, strict=True):
             if slot.kind == "point":
                 blocks.append(points[:, given.astype(np.int64)].reshape(k * n, 3))

@@ -22,7 +22,9 @@ States = TypeVar("States", bound=tuple[FloatArray, ...])
 class Searched(Protocol[States]):
     """What is minimised; every unknown is of the size of one."""
 
-    unknowns: int
+    @property
+    def unknowns(self) -> int:
+        """How many there are."""
 
     def residuals(self, states: States) -> FloatArray:
         """(k, n) of k states."""
