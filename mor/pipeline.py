@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
+from mor.approximate.approximation import Approximation
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
@@ -55,6 +57,8 @@ from mor.quality.treatment import Wanted, treat
 from mor.sparse.blas_threads import one_thread
 from mor.sparse.cholesky import NotFiniteError
 
+SETTLING = 40
+"""Iterations in which start values that are in doubt have to lead to a solution."""
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
@@ -255,17 +259,16 @@ def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArr
     if all_known(network.start):
         return _over_its_places(network, network.start)
     # Imported here: its libraries take as long to load as a small project to adjust.
-    from mor.approximate.growth.strategy import approximate
     from mor.approximate.parts.lines import with_lines_turned
 
-    found = approximate(network)
+    found = worked_out(network)
     replaced = tuple(
         Mistake(f"start value of {words}; another one takes its place") for words in found.replaced
     )
     ambiguous = tuple(
         Mistake(
             f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
-            "the one with the cameras above is taken"
+            "the likeliest one is taken"
         )
         for join in found.parts
         if join.tie is not None and join.tie.alternatives and not join.tie.open
@@ -299,6 +302,31 @@ def _over_its_places(
     from mor.project.world.planes_over import with_planes_over  # most projects need nothing of it
 
     return with_planes_over(network, start), start
+
+
+def worked_out(network: Network) -> Approximation:
+    """Start values worked out; of several that are possible those that the adjustment agrees with best."""
+    from mor.approximate.growth.strategy import approximate
+
+    return approximate(network, partial(_settled, network))
+
+
+def _settled(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Mapping[str, FloatArray], float] | None:
+    """Values to which start values lead and their v'Pv; ``None`` where they lead nowhere."""
+    from mor.approximate.parts.lines import with_lines_turned
+
+    network, start = with_lines_turned(network, start)
+    start, _ = completed(network, start, (), critical_value(network.project.settings.snooping_level))
+    start = with_shared_components(network.blocks, start)
+    if not all_known(start):
+        return None
+    try:
+        found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
+    except NotFiniteError:
+        return None
+    return (found.values, found.normals.objective) if found.outcome.is_solution else None
 
 
 def _means(

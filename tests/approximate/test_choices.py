@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mor.approximate.choices import Choices, disagreement
+from mor.approximate.choices import Choices, Judgement, disagreement, likeliest
 from mor.pipeline import read_document, read_network
 
 LEVELS = """mor: 1
@@ -16,10 +16,45 @@ observations:
 def test_the_likeliest_answer_is_taken_where_no_other_is_wanted():
     choices = Choices()
     assert [choices.take(count) for count in (1, 3, 2)] == [0, 0, 0]
-    assert choices.others(10) == [(1,), (2,), (0, 1)]
+    assert choices.others() == [(1,), (0, 1), (2,)]
     other = Choices((0, 1))
     assert [other.take(count) for count in (1, 3, 2)] == [0, 0, 1]
     assert Choices((5,)).take(2) == 1
+
+
+def test_what_fits_alike_is_tried_before_what_was_clear():
+    choices = Choices()
+    choices.take(2, alike=False)
+    choices.take(2)
+    assert choices.others() == [(0, 1), (1,)]
+
+
+def test_one_answer_after_another_is_changed_as_long_as_that_helps():
+    """Three questions, of which two were answered wrongly: each right answer helps by itself."""
+    right = (1, 0, 2)
+
+    def attempt(choices):
+        return tuple(choices.take(count) for count in (2, 2, 3))
+
+    def judged(found):
+        wrong = sum(one != other for one, other in zip(found, right, strict=True))
+        return Judgement(0, 2.0 * wrong, 5.0 * wrong)
+
+    assert likeliest(attempt, judged, lambda: 20)[0] == right
+    assert likeliest(attempt, judged, lambda: 0)[0] == (0, 0, 0)
+
+
+def test_nothing_else_is_tried_where_start_values_agree():
+    tried = []
+
+    def attempt(choices):
+        tried.append(choices.take(2))
+        return tried[-1]
+
+    likeliest(attempt, lambda _: Judgement(0, 0.5, 0.6), lambda: 20)
+    assert tried == [0]
+    likeliest(attempt, lambda _: Judgement(1, 0.5, 0.6), lambda: 20)
+    assert tried == [0, 0, 1]
 
 
 def test_start_values_are_judged_by_logarithms_of_their_misclosures(tmp_path):

@@ -18,7 +18,11 @@ from tests.mixtures.ingredients import mixture, wrong_identities
 from tests.mixtures.situations import SITUATIONS, situation
 from tests.mixtures.surveys.composed import composed
 from tests.mixtures.surveys.newer import NEWER
+from tests.mixtures.surveys.tied import tied
 from tests.mixtures.trial import Trial, compared, tried
+
+OTHERS = {**NEWER, "tied": tied}
+"""Surveys of one kind."""
 
 
 def main() -> None:
@@ -31,7 +35,9 @@ def main() -> None:
         "--situations", action="store_true", help="each of the single situations, instead of mixtures"
     )
     parser.add_argument(
-        "--surveys", choices=["composed", *NEWER], help="surveys of the second generator, instead of mixtures"
+        "--surveys",
+        choices=["composed", *OTHERS],
+        help="surveys of the second generator, instead of mixtures",
     )
     parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
     options = parser.parse_args()
@@ -49,7 +55,7 @@ def main() -> None:
 def _trials(seed: int, options: argparse.Namespace, folder: Path) -> Iterator[Trial]:
     if options.surveys:
         composes = options.surveys == "composed"
-        survey = composed(seed, options.wrong) if composes else NEWER[options.surveys](seed)
+        survey = composed(seed, options.wrong) if composes else OTHERS[options.surveys](seed)
         yield compared(*survey.write(folder), frozenset(survey.tags))
         return
     worlds = [situation(name, seed) for name in SITUATIONS] if options.situations else [mixture(seed)]

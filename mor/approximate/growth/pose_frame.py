@@ -19,6 +19,8 @@ from mor.arrays import FloatArray, IntArray
 
 NEIGHBOUR = 10
 """Known points from which the pose of a neighbour is tried as a start."""
+CONTROLLED = 6
+"""Known points from which some may be left out of a resection at once."""
 _REMEMBERED = 1024
 _SAMPLE = 60
 """Points of a frame a resection uses at the most."""
@@ -31,12 +33,15 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
     known, targets = _known_points(part, frame)
     if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
         return True
-    for slack in [s for s in slacks if s >= part.slack]:
+    usable = [s for s in slacks if s >= part.slack]
+    # Of few points none is to be left out as long as a looser fit has them all: four fit many a wrong pose.
+    least = [len(known)] * len(usable) if len(known) < CONTROLLED else []
+    least += [max(4, int(np.ceil(0.6 * len(known))))] * len(usable)
+    for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
         rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
         bundle, result = direction_bundle(rays, sigma), _resected(rays, sigma, targets)
         agreeing = int(np.count_nonzero(result.agreeing))
-        usable = result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
-        if usable and agreeing >= max(4, 0.6 * len(known)):
+        if result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK) and agreeing >= enough:
             pose = Pose(result.position, result.rotation)
             pose = _tied(part, frame, bundle.take(result.agreeing), targets[result.agreeing], pose)
             _enter(part, frame, number, pose, agreeing, len(known))

@@ -77,9 +77,14 @@ def common_pairs(seen: Sightings) -> Pairs:
     return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int) -> Seed:
-    """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best."""
-    best: tuple[float, Part] | None = None
+def seed_bundles(
+    frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int, passed: int = 0
+) -> Seed:
+    """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
+
+    ``passed``: so many that are better are passed over, as far as there are others.
+    """
+    oriented: list[tuple[float, Part]] = []
     reason: Rule | None = None
     upright = np.array([bool(np.isfinite(frame.up).all()) for frame in frames])
     fewest = np.where(
@@ -91,17 +96,17 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: Pairs, points:
         return Seed(None, _too_few(frames, pairs, among))
     enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
     for tried, (i, j) in enumerate(by_parallax(frames, first, second, pairs.common[both])):
-        if tried >= PAIRS_TRIED and best is not None:
+        if tried >= PAIRS_TRIED and oriented:
             break
         found = _oriented(frames, i, j, points)
         if isinstance(found, Rule):
             reason = reason or found
             continue
-        if best is None or found[0] > best[0]:
-            best = found
-        if best is not None and best[0] >= enough:
+        oriented.append(found)
+        if sum(score >= enough for score, _ in oriented) > passed:
             break
-    return Seed(None, reason) if best is None else Seed(best[1], None)
+    oriented.sort(key=lambda one: -one[0])
+    return Seed(oriented[min(passed, len(oriented) - 1)][1], None) if oriented else Seed(None, reason)
 
 
 def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> Rule | None:

@@ -70,7 +70,7 @@ def grow_single_points(
             continue
         places = meeting_places(surfaces, part.points[point], middle, size, fits)
         if len(places) == 1 or (ambiguous and places):
-            part.points[point] = places[0]
+            part.points[point] = places[scene.choices.take(len(places))]
             part.placed.add(point)
             words = ONE_PLACE if len(places) == 1 else SEVERAL_PLACES
             part.how[f"point {point}"] = rule(words, count=surfaces.equations, of=len(places))

@@ -84,6 +84,22 @@ def contradicting_points(network: Network, system: Part, scene: Scene) -> list[C
     ]
 
 
+def started_only(network: Network, scene: Scene) -> tuple[list[Contradiction], list[Contradiction]]:
+    """Points, and frames, that are given as start values and no more, whether or not anything contradicts them."""
+    given = network.start["point"]
+    loose = (network.blocks["point"].free & np.isnan(network.sigma["point"])).all(axis=1)
+    held = {frame.position for frame in scene.frames}
+    rows = np.flatnonzero(loose & np.isfinite(given).all(axis=1)).tolist()
+    ids = network.blocks["point"].ids
+    points = [Contradiction(p, f"point {ids[p]}", 0.0, True) for p in rows if p not in held]
+    frames = [
+        Contradiction(number, frame.name, 0.0)
+        for number, frame in enumerate(scene.frames)
+        if _only_started(network, frame)
+    ]
+    return points, frames
+
+
 def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:
     """Angles (n,) by which the rays of a frame pass by the known points they go to."""
     known = system.known(frame.points)

@@ -29,6 +29,8 @@ ALIKE = 3.0
 """Factor of the misfits from which on a shape is told from its mirrored one."""
 ALL_OPEN = 7
 """Movements between two parts that nothing ties."""
+MOST_TRIED = 6
+"""Movements that fit alike of which another one may be taken where what the first leads to does not agree."""
 MANY = 400
 """Common points of which the movement is worked out, at the most."""
 
@@ -87,6 +89,16 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
     """How many movements nothing determines between two parts."""
     found = tie_at_last(target, source, scene)
     return ALL_OPEN if found is None else found.open
+
+
+def lay_upon(part: Part, places: FloatArray) -> None:
+    """Carry a part to where most of some points (points, 3) are said to be, roughly; its shape and size stay."""
+    rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))
+    none = np.zeros((0, 3))
+    turn = Turn.VERTICAL if part.levelled else Turn.ANY
+    found = movement(Ties(part.points[rows], places[rows], none, none), turn, True) if len(rows) > 2 else None
+    if found is not None and not found.open:
+        part.transform(found.similarity)
 
 
 def _mirror(part: Part) -> None:
@@ -209,11 +221,14 @@ def _common_attitudes(target: Part, source: Part, scene: Scene) -> tuple[FloatAr
 
 
 def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
-    """Of movements that fit alike the one that leaves the cameras above what they see, where no other is wanted."""
-    if not found.alternatives or found.open:
+    """Of movements that fit alike the one that leaves the cameras above what they see, where no other is wanted.
+
+    Of those that leave something open the best.
+    """
+    if not found.alternatives:
         return found.similarity
-    both = [found.similarity, *found.alternatives]
-    if source.poses:
+    both = [found.similarity, *found.alternatives][:MOST_TRIED]
+    if source.poses and not found.open:
         centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
         seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
         both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))

@@ -52,6 +52,8 @@ class Part:
     """Points placed one at a time: what takes such a place away again does not have it placed anew."""
     asked_for_vertical: dict[int, int] = field(default_factory=dict)
     """Redundancy with which directions were asked for the vertical → directions there were."""
+    asked_for_ties: dict[tuple[int, int], int] = field(default_factory=dict)
+    """Part and redundancy with which all observations were asked for the movement to it → observations there were."""
     place_sigma: float = 0.0
     """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 

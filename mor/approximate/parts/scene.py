@@ -9,6 +9,7 @@ import numpy as np
 from mor.approximate.choices import Choices
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.frames import Frame, given_pose, image_frames, theodolite_frames
+from mor.approximate.parts.movement import Movement
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.sightings import Sightings, bare_frames, sightings, target_heights
 from mor.approximate.terrestrial.clusters import Cluster, clusters
@@ -77,6 +78,8 @@ class Scene:
     """Position block and height above it → the frames with that centre, where there are several."""
     choices: Choices = field(default_factory=Choices)
     """Which of several answers that fit alike are taken."""
+    tied: dict[bytes, Movement | None] = field(default_factory=dict)
+    """Movements that all observations between two parts told, by what was asked."""
 
     def rays_for(self, part: Part) -> tuple[tuple[Frame, ...], Sightings]:
         """The frames and rays that a part can use."""

@@ -76,7 +76,7 @@ def _found(
     redundant: int,
 ) -> Movement | None:
     ties = _about_middle(Planes(normal, at, point, of_source, reach, ahead))
-    rotations = _sampled(turn)
+    rotations = sampled_turns(turn)
     linear = _linear(ties, rotations, scaled)
     off = _residuals(ties, rotations, *linear)
     order = np.argsort(np.log1p(np.square(off / (10.0 * PRECISION))).sum(axis=1), kind="stable")[:_REFINED]
@@ -110,7 +110,8 @@ def _about_middle(planes: Planes) -> _Ties:
     return _Ties(moved, middles, (sizes[0], sizes[1]))
 
 
-def _sampled(turn: Turn) -> FloatArray:
+def sampled_turns(turn: Turn) -> FloatArray:
+    """Rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
     if turn is Turn.NONE:
         return np.eye(3)[None]
     angles = 2.0 * np.pi * np.arange(72) / 72
@@ -299,4 +300,4 @@ def _similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> Simila
     return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
 
 
-__all__ = ["Planes", "movement_by_rays"]
+__all__ = ["Planes", "movement_by_rays", "sampled_turns"]

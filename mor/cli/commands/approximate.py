@@ -96,17 +96,17 @@ def command(
 
 
 def _approximated(network: Network, quiet: bool) -> Approximation:
-    from mor.approximate.growth.strategy import approximate
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
     from mor.errors import screenful
+    from mor.pipeline import worked_out
     from mor.quality.diagnosis.determinable import completed_or_at_infinity
     from mor.quality.tests.test_statistics import critical_value
 
     for note in screenful(network.notes, "mor check --all") if not quiet else ():
         tell_note(note)
     with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
-        found = approximate(network)
+        found = worked_out(network)
     critical = critical_value(network.project.settings.snooping_level)
     start, missing = completed_or_at_infinity(network, found.start, found.missing, critical)
     return replace(found, start=start, missing=missing)

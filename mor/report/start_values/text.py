@@ -94,7 +94,7 @@ def _tied(join: Join, words: Words) -> str:
         said += "; " + words("{count:movement stays open|movements stay open}", count=tie.open)
     if tie.alternatives:
         said += "; " + words(
-            "{count:other movement fits|other movements fit} as well: the one with the cameras above is taken",
+            "{count:other movement fits|other movements fit} as well: the likeliest one is taken",
             count=tie.alternatives,
         )
     return said

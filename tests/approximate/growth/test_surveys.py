@@ -14,11 +14,12 @@ sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from tests.mixtures.surveys.composed import composed
 from tests.mixtures.surveys.newer import NEWER
+from tests.mixtures.surveys.tied import tied
 from tests.mixtures.trial import compared
 
-FIRST = (4001, 4028, 4126, 6036, 6053, 7088, 7137)
+FIRST = (4001, 4028, 4126, 6036, 6053, 7088, 7137, 7249, 7421, 7476)
 """Seeds that did not start before pairs in doubt, single points, raised targets; verticals by directions, ties by rays,
-answers tried one after another."""
+answers tried one after another, ties by any observations, rough start values left out."""
 
 
 @pytest.mark.parametrize("seed", [*FIRST, *range(1, 34)])
@@ -31,6 +32,12 @@ def test_a_survey_starts_from_nothing(seed, tmp_path):
 @pytest.mark.parametrize("seed", [2, 3, 7])
 def test_so_does_one_with_what_is_less_common(kind, seed, tmp_path):
     trial = compared(*NEWER[kind](seed).write(tmp_path), frozenset())
+    assert trial.reached or not trial.counts, trial.words
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 4, 6, 7, 8])
+def test_two_blocks_start_from_one_sort_of_observation_between_them(seed, tmp_path):
+    trial = compared(*tied(seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
 
 

@@ -1,0 +1,1 @@
+"""Parts on their way to one system: they begin, grow, and are put together."""

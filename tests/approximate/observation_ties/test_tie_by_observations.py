@@ -1,0 +1,148 @@
+"""The movement between two parts by nothing but observations between them, against a movement that is known."""
+
+import numpy as np
+import pytest
+
+from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
+from mor.approximate.parts.part import empty_part
+from mor.approximate.parts.scene import scene_of
+from mor.approximate.similarity import Similarity, SimilarityOutcome
+from mor.geometry.rotations import exponential
+from mor.pipeline import read_document, read_network
+
+LEFT = [f"L{k}" for k in range(6)]
+RIGHT = [f"R{k}" for k in range(6)]
+SCALE, SHIFT = 0.2, np.array([3.0, -1.0, 2.0])
+TURN = exponential(np.array([[0.4, -0.9, 1.7]]))[0]
+
+
+def places(draw):
+    """Points of two parts, and two stations that neither knows."""
+    left = draw.uniform(-5.0, 5.0, (6, 3))
+    right = draw.uniform(-5.0, 5.0, (6, 3)) + np.array([14.0, 2.0, 1.0])
+    return dict(zip([*LEFT, *RIGHT], np.concatenate([left, right]), strict=True)) | {
+        "N": np.array([6.0, -9.0, 0.5]),
+        "M": np.array([1.0, 11.0, -2.0]),
+    }
+
+
+def pairs(draw, count):
+    return [(str(draw.choice(LEFT)), str(draw.choice(RIGHT))) for _ in range(count)]
+
+
+def distances(at, draw):
+    rows = [[a, b, float(np.linalg.norm(at[b] - at[a]))] for a, b in pairs(draw, 14)]
+    return [
+        {"type": "distance", "values": {"sigma": 1e-3}, "columns": ["from", "to", "distance"], "rows": rows}
+    ]
+
+
+def spatial_angles(at, draw):
+    rows = []
+    for a, b in pairs(draw, 24):
+        fixed, far, near = (a, b, LEFT) if draw.random() < 0.5 else (b, a, RIGHT)
+        other = next(p for p in draw.permutation(near) if p != fixed)
+        u, v = at[far] - at[fixed], at[other] - at[fixed]
+        angle = float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
+        rows.append([fixed, far, str(other), angle])
+    columns = ["at", "from", "to", "angle"]
+    return [{"type": "spatial_angle", "values": {"sigma": 1e-5}, "columns": columns, "rows": rows}]
+
+
+def zenith_angles_and_distances(at, draw):
+    """From stations that neither knows; from one alone a part would be free to turn about it."""
+    away = [(n, p, at[p] - at[n]) for n in "NM" for p in [*LEFT, *RIGHT]]
+    lengths = [[n, p, float(np.linalg.norm(d))] for n, p, d in away]
+    zeniths = [[n, p, float(np.arctan2(np.hypot(d[0], d[1]), d[2]))] for n, p, d in away]
+    ends = ["from", "to"]
+    return [
+        {"type": "distance", "values": {"sigma": 1e-3}, "columns": [*ends, "distance"], "rows": lengths},
+        {
+            "type": "zenith_angle",
+            "values": {"sigma": 1e-5},
+            "columns": [*ends, "zenith_angle"],
+            "rows": zeniths,
+        },
+    ]
+
+
+def two_parts(observations, at, folder):
+    """The network, its scene, and the parts: the left points as they are, the right ones moved."""
+    import json
+
+    text = {
+        "mor": "1",
+        "units": {"length": "m", "angle": "rad"},
+        "points": [{"columns": ["id"], "rows": [[p] for p in at]}],
+        "datum": "free",
+        "observations": observations,
+    }
+    (folder / "project.yaml").write_text(json.dumps(text), encoding="utf-8")
+    network = read_network(read_document(folder / "project.yaml"), folder)
+    ids = list(network.blocks["point"].ids)
+    target, source = empty_part(len(ids)), empty_part(len(ids))
+    target.levelled = target.scaled = True
+    for p in LEFT:
+        target.points[ids.index(p)] = at[p]
+    for p in RIGHT:
+        source.points[ids.index(p)] = at[p]
+    there = Similarity(SimilarityOutcome.DETERMINED, SCALE, TURN, SHIFT, np.zeros((0, 3)), 0.0)
+    source.transform(there)
+    source.number = 1
+    return network, scene_of(network), target, source
+
+
+@pytest.mark.parametrize("observed", [distances, spatial_angles, zenith_angles_and_distances])
+def test_observations_of_one_sort_tie_two_parts(observed, tmp_path):
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    network, scene, target, source = two_parts(observed(at, draw), at, tmp_path)
+    found = tie_by_observations(network, target, source, scene)
+    assert found is not None
+    assert found.open == 0
+    np.testing.assert_allclose(found.scale, 1.0 / SCALE, rtol=1e-6)
+    np.testing.assert_allclose(found.rotation, TURN.T, atol=1e-6)
+    np.testing.assert_allclose(found.shift, -TURN.T @ SHIFT / SCALE, atol=1e-4)
+
+
+def test_one_gross_error_does_not_move_it(tmp_path):
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    observations = distances(at, draw)
+    observations[0]["rows"][3][2] += 2.0
+    network, scene, target, source = two_parts(observations, at, tmp_path)
+    found = tie_by_observations(network, target, source, scene)
+    np.testing.assert_allclose(found.rotation, TURN.T, atol=1e-3)
+
+
+def test_what_is_not_observed_stays_open(tmp_path):
+    """Horizontal distances alone between a levelled part and one that is not scaled: nothing tells the height."""
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    rows = [[a, b, float(np.hypot(*(at[b] - at[a])[:2]))] for a, b in pairs(draw, 20)]
+    observations = [
+        {
+            "type": "horizontal_distance",
+            "values": {"sigma": 1e-3},
+            "columns": ["from", "to", "distance"],
+            "rows": rows,
+        }
+    ]
+    network, scene, target, source = two_parts(observations, at, tmp_path)
+    source.transform(
+        Similarity(SimilarityOutcome.DETERMINED, 1.0 / SCALE, TURN.T, np.zeros(3), np.zeros((0, 3)), 0.0)
+    )
+    source.levelled = True
+    found = tie_by_observations(network, target, source, scene, 0)
+    assert found.open == 1
+    np.testing.assert_allclose(found.scale, 1.0, rtol=1e-4)
+
+
+def test_too_few_observations_tie_nothing(tmp_path):
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    observations = distances(at, draw)
+    observations[0]["rows"] = observations[0]["rows"][:8]
+    network, scene, target, source = two_parts(observations, at, tmp_path)
+    found = tie_by_observations(network, target, source, scene)
+    assert found is None or found.open > 0
