@@ -7,25 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from mor.adjustment.problem import Cluster, Datum, Problem
+from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
-from mor.approximate.approximation import Approximation
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.formats import is_foreign, read_foreign
 from mor.input_files import is_folder, read_text
-from mor.observations import without
-from mor.observations.sigma import with_sigma_model
-from mor.parameters.index import all_known, index_unknowns, with_shared_components
+from mor.preparation import determinable_start, make_problem, start_or_nothing
 from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate, without_empty_keys
@@ -35,7 +31,7 @@ from mor.project.network.reading import TableWatcher, ignore_table
 from mor.project.reduction import with_blocks_held
 from mor.project.tables.columns import MOST_TOLD
 from mor.quality.assess import Levels, Quality, assess
-from mor.quality.diagnosis.determinable import Means, adjust_determinable, completed, without_unknown
+from mor.quality.diagnosis.determinable import Means, adjust_determinable
 from mor.quality.diagnosis.self_check import checked
 from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
@@ -57,8 +53,6 @@ from mor.quality.treatment import Wanted, treat
 from mor.sparse.blas_threads import one_thread
 from mor.sparse.cholesky import NotFiniteError
 
-SETTLING = 40
-"""Iterations in which start values that are in doubt have to lead to a solution."""
 _SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
@@ -125,7 +119,7 @@ def _solved(
         from mor.quality.hypotheses.search import causes  # loaded where it is needed, which takes its time
 
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
-            return causes(whole, start, plain, solution, quality, make_problem, _start_or_nothing, looking)
+            return causes(whole, start, plain, solution, quality, make_problem, start_or_nothing, looking)
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
@@ -158,21 +152,11 @@ def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, 
         from mor.report.text.gross_errors.hypotheses import to_try
 
         names = {thing.name for thing in error.things}
-        found = causes_without_start(network, names, make_problem, _start_or_nothing, looking)
+        found = causes_without_start(network, names, make_problem, start_or_nothing, looking)
         if not found.offered:
             raise
         said = to_try(rows(network, found.offered))
         raise NoStartValuesError(error.things, error.remarks, said, found.offered) from None
-
-
-def _start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
-    """Start values of a changed network; nothing where there are none, or where it is no more as large."""
-    try:
-        reduced, start = determinable_start(network)
-    except (InputError, NoStartValuesError):
-        return None
-    sizes = [group.count for group in reduced.groups]
-    return start if sizes == [group.count for group in network.groups] else None
 
 
 def _without_gross_errors(
@@ -246,89 +230,6 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
         raise InputError([Mistake(f"{words} ({movements})")])
 
 
-def determinable_start(network: Network) -> tuple[Network, Mapping[str, FloatArray]]:
-    """The network and start values of all blocks, worked out where none are given.
-
-    Points at infinity stay without coordinates. What nobody could start is left out where the project wants that;
-    otherwise it raises :class:`NoStartValuesError`.
-    """
-    if network.trajectories:
-        from mor.approximate.along_trajectories import along_trajectories
-
-        network = along_trajectories(network)
-    if all_known(network.start):
-        return _over_its_places(network, network.start)
-    # Imported here: its libraries take as long to load as a small project to adjust.
-    from mor.approximate.parts.lines import with_lines_turned
-
-    found = worked_out(network)
-    replaced = tuple(
-        Mistake(f"start value of {words}; another one takes its place") for words in found.replaced
-    )
-    ambiguous = tuple(
-        Mistake(
-            f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
-            "the likeliest one is taken"
-        )
-        for join in found.parts
-        if join.tie is not None and join.tie.alternatives and not join.tie.open
-    )
-    untied = tuple(
-        Mistake(
-            f"start values: the part that began with {join.began} ({len(join.points)} points) was put anywhere: "
-            "nothing was found that ties it to the rest"
-        )
-        for join in found.untied
-    )
-    network = replace(network, notes=(*network.notes, *replaced, *ambiguous), untied=untied)
-    settings = network.project.settings
-    start: Mapping[str, FloatArray]
-    network, start = with_lines_turned(network, found.start)
-    start, missing = completed(network, start, found.missing, critical_value(settings.snooping_level))
-    if missing and settings.undetermined == "refuse":
-        raise NoStartValuesError(missing, map(str, found.remarks))
-    if missing:
-        network = without_unknown(network, start, missing)
-        start = network.start
-    return _over_its_places(network, with_shared_components(network.blocks, start))
-
-
-def _over_its_places(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Network, Mapping[str, FloatArray]]:
-    """The network and its start values, on the earth with projections as far as these reach."""
-    if network.world is None:
-        return network, start
-    from mor.project.world.planes_over import with_planes_over  # most projects need nothing of it
-
-    return with_planes_over(network, start), start
-
-
-def worked_out(network: Network) -> Approximation:
-    """Start values worked out; of several that are possible those that the adjustment agrees with best."""
-    from mor.approximate.growth.strategy import approximate
-
-    return approximate(network, partial(_settled, network))
-
-
-def _settled(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Mapping[str, FloatArray], float] | None:
-    """Values to which start values lead and their v'Pv; ``None`` where they lead nowhere."""
-    from mor.approximate.parts.lines import with_lines_turned
-
-    network, start = with_lines_turned(network, start)
-    start, _ = completed(network, start, (), critical_value(network.project.settings.snooping_level))
-    start = with_shared_components(network.blocks, start)
-    if not all_known(start):
-        return None
-    try:
-        found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
-    except NotFiniteError:
-        return None
-    return (found.values, found.normals.objective) if found.outcome.is_solution else None
-
-
 def _means(
     settings: ProjectSettings, watch: Watcher | None, rescued: list[tuple[Adjustment, Suspects]]
 ) -> Means:
@@ -380,26 +281,3 @@ def _with_settled_sigma(
         further = tuple(replace(step, number=step.number + count) for step in again.iterations)
         adjustment = replace(again, start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment
-
-
-def make_problem(
-    network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]
-) -> Problem:
-    """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
-
-    The datum refers to the coordinates of ``start``; distances in σ models are those of ``place``.
-    """
-    groups = tuple(with_sigma_model(group, place) for group in network.groups)
-    checks = (with_sigma_model(group, place) for group in network.checks)
-    groups += tuple(without(group, group.mask) for group in checks)
-    offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
-    widths = np.array([group.observed.shape[1] for group in groups])
-    clusters = tuple(
-        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
-        for c in network.correlations
-    )
-    coordinates = start["point"] if network.datum.reference is None else network.datum.reference
-    reference = {"point": coordinates}
-    movements = reference if network.datum.at_reference else None
-    datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
-    return Problem(index_unknowns(network.blocks), groups, clusters, datum)

@@ -24,6 +24,7 @@ LAYERS = (
     ("approximate", "adjustment"),
     ("quality",),
     ("report", "formats"),
+    ("preparation",),
     ("pipeline",),
     ("planning", "domains"),
     ("api",),

@@ -16,7 +16,7 @@ from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.memory import largest_resident
 from mor.parameters.index import all_known, with_shared_components
-from mor.pipeline import make_problem
+from mor.preparation import make_problem
 from mor.project.domains.part_network import PartNetwork, read_part
 from mor.project.domains.parts import Parts
 from mor.project.file.model import Project

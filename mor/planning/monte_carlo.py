@@ -27,9 +27,9 @@ from mor.compilation import chosen_by_size
 from mor.errors import InputError, MorError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.input_files import ReadFile
-from mor.pipeline import determinable_start, make_problem
 from mor.planning.plan import solve_plan
 from mor.planning.simulation import placed_network
+from mor.preparation import determinable_start, make_problem
 from mor.project.network.build import Network
 from mor.quality.simulation.monte_carlo import Tally, Truth, empty_tally, one_run, tally_of
 from mor.quality.solved import Solved

@@ -19,8 +19,9 @@ from mor.compilation import chosen_by_size
 from mor.errors import InputError, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.parameters.index import Values, all_known
-from mor.pipeline import check_minimal, determinable_start, levels, make_problem
+from mor.pipeline import check_minimal, levels
 from mor.planning.visibility.generation import with_visible
+from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.project.network.build import Network, build_network

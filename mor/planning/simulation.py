@@ -14,8 +14,9 @@ from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.observations import OBSERVED_PARAMETERS, ObservationGroup
 from mor.parameters.index import Values
-from mor.pipeline import make_problem, read_document
+from mor.pipeline import read_document
 from mor.planning.plan import at_its_place, read_plan
+from mor.preparation import make_problem
 from mor.project.file.nodes import Document
 from mor.project.network.build import Network
 from mor.quality.simulation.implied import is_implied, place_with_errors, unwritten

@@ -10,7 +10,8 @@ from small_projects import BLOCK, write, write_block
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.local_precision import local_precision
 from mor.geometry.rotations import rotate
-from mor.pipeline import make_problem, read_document, read_network, solve_network
+from mor.pipeline import read_document, read_network, solve_network
+from mor.preparation import make_problem
 
 CROSS = """\
 mor: 1

@@ -16,7 +16,8 @@ from mor.adjustment.solve import adjust
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.pipeline import Solved, determinable_start, levels, make_problem
+from mor.pipeline import Solved, levels
+from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.project.network.build import Network
 from mor.quality.assess import assess

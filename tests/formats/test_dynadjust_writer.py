@@ -14,7 +14,7 @@ from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
 from mor.formats.dynadjust.writer import sexagesimal_text
 from mor.formats.fieldbook.book import sexagesimal
-from mor.pipeline import determinable_start, make_problem
+from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 
 from .test_dynadjust import _files

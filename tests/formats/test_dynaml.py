@@ -11,7 +11,7 @@ from reference_data import missing, network_of, reference_folder
 from mor.adjustment.solve import adjust
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.pipeline import determinable_start, make_problem
+from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.units import parse_dms
 

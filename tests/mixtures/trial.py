@@ -8,7 +8,8 @@ from pathlib import Path
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
-from mor.pipeline import determinable_start, make_problem, read_document, read_network, solve_network
+from mor.pipeline import read_document, read_network, solve_network
+from mor.preparation import determinable_start, make_problem
 from mor.sparse.cholesky import NotFiniteError
 from tests.mixtures.project_file import write_project
 from tests.mixtures.world import World

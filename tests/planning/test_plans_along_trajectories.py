@@ -12,9 +12,10 @@ from small_projects import mor, write
 
 from mor.adjustment.solve import Settings, adjust
 from mor.errors import InputError
-from mor.pipeline import determinable_start, levels, make_problem, read_document, read_network
+from mor.pipeline import levels, read_document, read_network
 from mor.planning.plan import at_its_place, read_plan, solve_plan
 from mor.planning.simulation import simulated
+from mor.preparation import determinable_start, make_problem
 from mor.project.network.build import Network
 from mor.quality.assess import assess
 from mor.quality.precision.image_poses import with_poses

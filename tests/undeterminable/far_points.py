@@ -10,7 +10,8 @@ import numpy as np
 
 from mor.adjustment.solve import Settings, adjust
 from mor.geometry.rotations import angles_from_rotation
-from mor.pipeline import make_problem, read_document, read_network, solve_network
+from mor.pipeline import read_document, read_network, solve_network
+from mor.preparation import make_problem
 from mor.project.network.build import Network
 
 C, SIGMA = 30.0, 0.002

@@ -47,19 +47,19 @@ SMALL = 5_000
 """Observations up to which start values are adjusted before they are judged."""
 
 
-def approximate(network: Network, settle: Settle | None = None) -> Approximation:
+def approximate(network: Network, settle: Settle | None = None, others: int = OTHERS_TRIED) -> Approximation:
     """Start values of a network; nothing is done where all are given.
 
     Given poses and points that are start values and no more are tested against the rays; those that contradict are
     replaced where the rest can be worked out without them. With ``settle`` doubtful ones are judged by what an
-    adjustment makes of them.
+    adjustment makes of them. ``others``: possible answers that are tried where the likeliest ones do not agree.
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
     moving = network
     network = to_plane(standing_still(without_trajectories(network)))
     network = to_places(replace(network, start=with_observed(network)))
-    scene, assembly = _likeliest(network, scene_of(network), moving, settle)
+    scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
     if assembly.network is not network:
         result = replace(_approximation(assembly), replaced=_left_out(network, assembly))
         return replace(result, start=at_all_times(moving, result.start))
@@ -70,7 +70,7 @@ def approximate(network: Network, settle: Settle | None = None) -> Approximation
 
 
 def _likeliest(
-    network: Network, scene: Scene, moving: Network, settle: Settle | None
+    network: Network, scene: Scene, moving: Network, settle: Settle | None, others: int
 ) -> tuple[Scene, Assembly]:
     """The parts in the object system; where several answers were possible on the way, with those that agree best."""
 
@@ -83,7 +83,7 @@ def _likeliest(
         return _judged(assembly, moving, settle)
 
     assembly, choices = likeliest(
-        attempt, judged, lambda: max(OTHERS_TRIED * ROWS // max(network.observations, ROWS), 1)
+        attempt, judged, lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1))
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

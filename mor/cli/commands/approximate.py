@@ -99,7 +99,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.cli._compiler import compiler_announced
     from mor.compilation import chosen_by_size
     from mor.errors import screenful
-    from mor.pipeline import worked_out
+    from mor.preparation import worked_out
     from mor.quality.diagnosis.determinable import completed_or_at_infinity
     from mor.quality.tests.test_statistics import critical_value
 
@@ -115,7 +115,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
 def _report(
     network: Network, approximation: Approximation, as_json: bool, plot: Path | None, lang: str
 ) -> None:
-    from mor.pipeline import make_problem
+    from mor.preparation import make_problem
     from mor.report.plots.sheet import save, style
     from mor.report.results.json import to_json
     from mor.report.start_values.data import start_values

@@ -19,7 +19,8 @@ from scenes import levelling_network, photo_block, plane_network
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
-from mor.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.pipeline import read_document, read_network
+from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.precision.covariance import joint_cofactors
 

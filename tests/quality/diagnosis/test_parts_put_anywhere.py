@@ -7,7 +7,8 @@ from mor.adjustment.state import Outcome
 from mor.approximate.approximation import untied
 from mor.approximate.parts.history import Join, Tie
 from mor.approximate.parts.rule import rule
-from mor.pipeline import make_problem, read_document, read_network
+from mor.pipeline import read_document, read_network
+from mor.preparation import make_problem
 from mor.quality.diagnosis.loose_things import OPEN
 from mor.quality.diagnosis.unsettled import PUT_ANYWHERE, with_fitting_reason
 

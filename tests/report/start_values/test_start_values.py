@@ -15,7 +15,8 @@ from small_projects import mor, write
 from mor import approximate as approximations
 from mor import report
 from mor.approximate.growth.strategy import approximate
-from mor.pipeline import make_problem, read_document, read_network, solve_network
+from mor.pipeline import read_document, read_network, solve_network
+from mor.preparation import make_problem
 from mor.report.start_values.data import StartValue, start_values
 from mor.report.words.language import words_of_start_values
 
