@@ -14,6 +14,7 @@ from mor.adjustment.solve import adjust
 from mor.errors import ExitCode
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import index_unknowns
+from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.hypotheses import effort
 from mor.quality.hypotheses.changes import with_observed
@@ -36,7 +37,7 @@ def _network(of: Survey, folder: Path) -> Network:
 def _situation(solved: Solved) -> Situation:
     """That of a solved network, whatever fits or not."""
     plain, effort = solved.adjustment, Effort(1000, lambda _: None)
-    make = pipeline.make_problem
+    make = make_problem
     return Situation(solved.network, plain.start, plain.values, plain, make, lambda n: n.start, effort)
 
 
@@ -114,7 +115,7 @@ def test_the_reduction_by_the_other_sign_is_that_of_an_adjustment_with_it(tmp_pa
     promised = _reductions(_situation(solved), number, network.groups[number])
     row = int(np.argmin(np.abs(network.groups[number].observed[:, 0])))
     changed = with_observed(network, number, np.array([row]), np.negative)
-    again = adjust(pipeline.make_problem(changed, plain.start, plain.values), plain.values)
+    again = adjust(make_problem(changed, plain.start, plain.values), plain.values)
     assert again.outcome.is_solution
     rise = again.normals.objective - plain.normals.objective
     assert rise > 1e3

@@ -11,6 +11,7 @@ from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
+from mor.preparation import make_problem
 from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
 from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
@@ -69,12 +70,12 @@ def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Pa
     network, plain = solved.network, solved.adjustment
     sights = [one for one in _sights(network) if one.things[0] in ("P4", "NE1")]
     begin, effort = (lambda changed: changed.start), Effort(100, lambda _: None)
-    situation = Situation(network, plain.start, plain.values, plain, pipeline.make_problem, begin, effort)
+    situation = Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
     promised = _reductions(plain, sights)
     for one, reduction in zip(sights, promised, strict=True):
         changed = _hypothesis(situation, one, 1).change(network)
         values = {**plain.values, "height": changed.start["height"]}
-        again = adjust(pipeline.make_problem(changed, plain.start, values), values)
+        again = adjust(make_problem(changed, plain.start, values), values)
         if not again.outcome.is_solution:
             assert reduction == 0.0, "a height that nothing else controls promises nothing"
             continue
