@@ -33,7 +33,7 @@ from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.observations.projection_centre import takes_positions, to_projection_centres
 from mor.observations.spatial_angle import SPATIAL_ANGLE
-from mor.observations.time.rolling_shutter import MOVING_TYPES
+from mor.observations.time.rolling_shutter import MOVING_TYPES, read_out_at_once
 from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
@@ -99,6 +99,7 @@ __all__ = [
     "at_infinity",
     "can_be_at_infinity",
     "is_image_point",
+    "read_out_at_once",
     "some_rows",
     "target_slot",
     "to_projection_centres",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -197,7 +199,8 @@ def test_interrupted_once_more_while_clearing_away(
 
     def clearing(path: Path, ignore_errors: bool) -> None:
         monkeypatch.undo()
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
+        shutil.rmtree(path, ignore_errors=ignore_errors)
 
     def interrupt_clearing(rows: int) -> None:
         monkeypatch.setattr("mor.report.results.reservation.shutil.rmtree", clearing)

@@ -53,21 +53,29 @@ def _left_out(clean, world, expected, folder):
     named = {(row["kind"], row["id"]) for row in other["undeterminable"]}
     mistakes = [f"not named: {thing} ({expected[thing]})" for thing in set(expected) - named]
     mistakes += [f"wrongly left out: {thing}" for thing in named - set(expected)]
-    return [*mistakes, *_different(one, other)]
+    return [*mistakes, *_different(one, other, world.free and not world.given)]
 
 
-def _different(one, other):
-    points = {row["id"]: row for row in other["points"]}
-    worst = 0.0
-    for row in one["points"]:
-        for axis in "xyz":
-            sigma = row[f"s{axis}"]
-            if sigma:
-                value = points[row["id"]][axis]
-                if value is None:
-                    return [f"point {row['id']} has no coordinates"]
-                worst = max(worst, abs(value - row[axis]) / sigma)
+def _different(one, other, anywhere):
+    """How far points are from those of the sound project; ``anywhere``: but for a movement, where nothing is given."""
+    rows = {row["id"]: row for row in other["points"]}
+    there = [[rows[row["id"]][axis] for axis in "xyz"] for row in one["points"]]
+    lost = [row["id"] for row, place in zip(one["points"], there, strict=True) if None in place]
+    if lost:
+        return [f"point {lost[0]} has no coordinates"]
+    X, Y = np.array([[row[axis] for axis in "xyz"] for row in one["points"]]), np.array(there)
+    if anywhere:
+        Y = _moved(Y, X)
+    sigma = np.array([[row[f"s{axis}"] or np.inf for axis in "xyz"] for row in one["points"]])
+    worst = float(np.max(np.abs(Y - X) / sigma))
     return [f"the rest differs by {worst:.2g} sigma"] if worst > CLOSE else []
+
+
+def _moved(these, onto):
+    """Points (n, 3) turned and shifted onto others."""
+    left, _, right = np.linalg.svd((these - these.mean(axis=0)).T @ (onto - onto.mean(axis=0)))
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return (these - these.mean(axis=0)) @ turn + onto.mean(axis=0)
 
 
 def _refused(world, expected, folder):

@@ -19,7 +19,7 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
     """Add points that rays alone do not determine; true where anything was added.
 
     ``contradicting``: also where lines and planes pass by each other, or hardly meet. The adjustment will tell
-    which of them is wrong.
+    which of them is wrong. Where there are rays alone, these have been asked whether they meet.
     """
     if not part.levelled:
         return False
@@ -27,7 +27,8 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
     smallest = 0.05 * SMALLEST_ANGLE if contradicting else SMALLEST_ANGLE
     added = False
     for point in np.flatnonzero(np.isnan(part.points).any(axis=1)).tolist():
-        if point not in planes:
+        bare = np.isnan(part.points[point]).all()
+        if point not in planes or (contradicting and bare and _only_rays(planes[point])):
             continue
         X, fits = _meeting(part.points[point], planes[point], smallest)
         if fits or (contradicting and np.isfinite(X).all()):
@@ -37,6 +38,10 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
             )
             added = True
     return added
+
+
+def _only_rays(planes: list[tuple[FloatArray, FloatArray, FloatArray]]) -> bool:
+    return all(len(across) == 2 for across, *_ in planes)
 
 
 def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]]:

@@ -22,6 +22,7 @@ from mor.approximate.assembly.joined import assembled
 from mor.approximate.choices import ROWS, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.approximate.parts.contradictions import (
     Contradiction,
+    agreeing_points,
     contradicting_frames,
     contradicting_points,
     put_back,
@@ -52,7 +53,8 @@ def approximate(network: Network, settle: Settle | None = None, others: int = OT
 
     Given poses and points that are start values and no more are tested against the rays; those that contradict are
     replaced where the rest can be worked out without them. With ``settle`` doubtful ones are judged by what an
-    adjustment makes of them. ``others``: possible answers that are tried where the likeliest ones do not agree.
+    adjustment makes of them. ``others``: possible answers that are tried where the likeliest ones do not agree; with
+    none nothing that was given is replaced, either.
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
@@ -61,9 +63,9 @@ def approximate(network: Network, settle: Settle | None = None, others: int = OT
     network = to_places(replace(network, start=with_observed(network)))
     scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
     if assembly.network is not network:
-        result = replace(_approximation(assembly), replaced=_left_out(network, assembly))
+        result = _with_what_agrees(network, assembly, moving, settle)
         return replace(result, start=at_all_times(moving, result.start))
-    found = _contradicting(network, assembly.parts[0], scene)
+    found = _contradicting(network, assembly.parts[0], scene) if others else []
     better = _with_others(network, scene, found) if found else None
     result = _approximation(assembly) if better is None else better
     return replace(result, start=at_all_times(moving, result.start))
@@ -80,7 +82,7 @@ def _likeliest(
         return _without_some(network, replace(scene, choices=choices), *loose)
 
     def judged(assembly: Assembly) -> Judgement:
-        return _judged(assembly, moving, settle)
+        return _judged(assembly, _approximation(assembly), moving, settle)
 
     assembly, choices = likeliest(
         attempt, judged, lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1))
@@ -108,21 +110,43 @@ def _without_some(
     return assembly
 
 
-def _left_out(network: Network, assembly: Assembly) -> tuple[str, ...]:
-    """What is said of start values that were left out: by how much rays contradict them, as far as they do."""
-    left = assembly.network.start
-    contradicted = {one.name: str(one) for one in _contradicting(network, assembly.parts[0], assembly.scene)}
-    points, frames = started_only(network, assembly.scene)
-    names = [one.name for one in points if np.isnan(left["point"][one.number]).any()]
-    for one in frames:
-        block = assembly.scene.frames[one.number].rotation
-        names += [one.name] if np.isnan(left["rotation"][block]).any() else []
-    return tuple(contradicted.get(name, f"{name}: with it the observations do not agree") for name in names)
+def _with_what_agrees(
+    network: Network, assembly: Assembly, moving: Network, settle: Settle | None
+) -> Approximation:
+    """Start values of parts from which given ones were left out; those that agree come back, where that does no harm.
+
+    Of the others it is said that another one takes their place.
+    """
+    system, scene, left = assembly.parts[0], assembly.scene, assembly.network.start
+    points, frames = started_only(network, scene)
+    gone = [one for one in points if np.isnan(left["point"][one.number]).any()]
+    gone += [one for one in frames if np.isnan(left["rotation"][scene.frames[one.number].rotation]).any()]
+    wrong = {one.name: str(one) for one in _contradicting(network, system, scene)}
+    agreeing = set(agreeing_points(network, system, scene).tolist())
+    agree = [
+        one
+        for one in gone
+        if one.name not in wrong and one.number in (agreeing if one.is_point else system.poses)
+    ]
+    words = tuple(
+        wrong.get(one.name, f"{one.name}: without it and others the observations agree better")
+        for one in gone
+        if one not in agree
+    )
+    found = replace(_approximation(assembly), replaced=words)
+    start = {kind: values.copy() for kind, values in found.start.items()}
+    put_back(network, scene, start, agree)
+    kept = replace(found, start=start)
+    return (
+        found
+        if _judged(assembly, found, moving, settle).beats(_judged(assembly, kept, moving, settle))
+        else kept
+    )
 
 
-def _judged(assembly: Assembly, moving: Network, settle: Settle | None) -> Judgement:
+def _judged(assembly: Assembly, found: Approximation, moving: Network, settle: Settle | None) -> Judgement:
     """How many things have no start values, and how well the others agree, before or after an adjustment."""
-    network, found = assembly.network, _approximation(assembly)
+    network = assembly.network
     missing = sum(thing.observations > 1 for thing in found.missing)
     judgement = Judgement(missing, *disagreement(network.groups, found.start))
     small, sound = network.observations <= SMALL, judgement.worst <= SOUND

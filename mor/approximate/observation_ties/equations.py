@@ -14,7 +14,7 @@ import numpy as np
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup, is_image_point, some_rows, wrap
+from mor.observations import ObservationGroup, is_image_point, read_out_at_once, some_rows, wrap
 from mor.project.network.build import Network
 from mor.units import ANGLE, IMAGE
 
@@ -241,7 +241,8 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
 
 
 def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
-    taken = some_rows(group, rows)
+    # As everywhere in start values: how far an image moves while it is read out is left to the adjustment.
+    taken = read_out_at_once(some_rows(group, rows))
     blocks, constant = [], np.ones(len(rows))
     for slot, numbers in zip(taken.type.slots, taken.blocks, strict=True):
         kept = slot.kind in ("point", "rotation")

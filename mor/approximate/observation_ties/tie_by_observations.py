@@ -199,7 +199,7 @@ def _starts(search: _Search) -> Moves:
     """Turns all over, with shifts and scales drawn about what is common or in reach."""
     draw = np.random.default_rng(1)
     turns = sampled_turns(search.turn)
-    most = int(MEMORY / (3 * len(search.sides.points) * (search.unknowns + 1)))
+    most = int(MEMORY / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
     turns = np.tile(turns, (-(-STARTS // len(turns)), 1, 1))
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     k = len(turns)

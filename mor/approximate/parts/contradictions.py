@@ -11,7 +11,7 @@ from mor.approximate.parts.frames import SLACKS, Frame
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.project.network.build import Network
 
 MOST = 0.5
@@ -62,26 +62,45 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
 
 def contradicting_points(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
     """Points given as start values and no more that most rays from posed frames pass by."""
-    seen, given = scene.seen, network.start["point"]
-    loose = network.blocks["point"].free & np.isnan(network.sigma["point"])
-    tested = np.asarray(loose.all(axis=1) & np.isfinite(given).all(axis=1))
-    rays = np.flatnonzero(tested[seen.point])
-    if len(rays) == 0 or not system.poses:
-        return []
-    posed = posed_frames(system.poses, seen.frames)
-    rays = rays[np.isfinite(posed.centres[seen.frame[rays], 0])]
-    frame, point = seen.frame[rays], seen.point[rays]
-    away = given[point] + _lifted(seen.height[rays]) - posed.centres[frame]
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-    off = np.linalg.norm(np.einsum("nij,nj->ni", posed.turns[frame], away) - seen.rays[rays], axis=1)
-    count = np.bincount(point, minlength=scene.points)
-    agreeing = np.bincount(point[off < AGREES], minlength=scene.points)
-    doubtful = np.flatnonzero((count >= FEWEST_OF_POINT) & (agreeing < MOST * count))
+    point, off = _rays_past_points(network, system, scene)
+    doubtful = np.flatnonzero(_tested(point, scene) & ~_agreeing(point, off, scene))
     ids = network.blocks["point"].ids
     return [
         Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True)
         for p in doubtful.tolist()
     ]
+
+
+def agreeing_points(network: Network, system: Part, scene: Scene) -> IntArray:
+    """Points given as start values and no more that the rays from posed frames go to."""
+    point, off = _rays_past_points(network, system, scene)
+    return np.flatnonzero(_tested(point, scene) & _agreeing(point, off, scene))
+
+
+def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[IntArray, FloatArray]:
+    """Of every ray from a posed frame to such a point: the point, and the angle (radians) by which it passes by."""
+    seen, given = scene.seen, network.start["point"]
+    loose = network.blocks["point"].free & np.isnan(network.sigma["point"])
+    tested = np.asarray(loose.all(axis=1) & np.isfinite(given).all(axis=1))
+    rays = np.flatnonzero(tested[seen.point])
+    if len(rays) == 0 or not system.poses:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    posed = posed_frames(system.poses, seen.frames)
+    rays = rays[np.isfinite(posed.centres[seen.frame[rays], 0])]
+    frame, point = seen.frame[rays], seen.point[rays]
+    away = given[point] + _lifted(seen.height[rays]) - posed.centres[frame]
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+    there = np.einsum("nij,nj->ni", posed.turns[frame], away)
+    return point, np.asarray(np.linalg.norm(there - seen.rays[rays], axis=1))
+
+
+def _tested(point: IntArray, scene: Scene) -> BoolArray:
+    return np.asarray(np.bincount(point, minlength=scene.points) >= FEWEST_OF_POINT)
+
+
+def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:
+    count = np.bincount(point, minlength=scene.points)
+    return np.asarray(np.bincount(point[off < AGREES], minlength=scene.points) >= MOST * count)
 
 
 def started_only(network: Network, scene: Scene) -> tuple[list[Contradiction], list[Contradiction]]:
@@ -134,7 +153,8 @@ def put_back(
             continue
         frame = scene.frames[one.number]
         start["rotation"][frame.rotation] = network.start["rotation"][frame.rotation]
-        start["point"][frame.position] = network.start["point"][frame.position]
+        given = network.start["point"][frame.position]
+        start["point"][frame.position] = np.where(np.isnan(given), start["point"][frame.position], given)
 
 
 def without(network: Network, scene: Scene, found: list[Contradiction]) -> dict[str, FloatArray]:

@@ -15,6 +15,7 @@ image, digit by digit.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,16 @@ from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.geometry.frames import by_rotation, into_frame
 from mor.geometry.motion import Moved, by_time, moved, right_jacobian
-from mor.observations._contract import Computed, ObservationType, Slot
-from mor.observations.image import COMPONENTS, FRAME_SLOTS, MEASURED, POINT_SLOT, REFERENCES, WRITTEN
+from mor.observations._contract import Computed, ObservationGroup, ObservationType, Slot
+from mor.observations.image import (
+    COMPONENTS,
+    FRAME_SLOTS,
+    IMAGE_TYPES,
+    MEASURED,
+    POINT_SLOT,
+    REFERENCES,
+    WRITTEN,
+)
 from mor.parameters.kinds import interior_key
 from mor.units import NUMBER, Component
 
@@ -129,6 +138,17 @@ def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:
     """(n,) part of the readout that has passed at image coordinates (n, 2), less 1/2; ``clock`` (n, 3)."""
     passed: FloatArray = clock[:, 0] * xy[:, 0] + clock[:, 1] * xy[:, 1] + clock[:, 2]
     return passed
+
+
+def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
+    """A group of such image coordinates as if the images had been frames; any other group as it is."""
+    form, _, key = group.type.key.partition("/")
+    if form != MOVING:
+        return group
+    frame = IMAGE_TYPES[key]
+    pairs = zip(group.type.slots, group.blocks, strict=True)
+    blocks = tuple(numbers for slot, numbers in pairs if slot in frame.slots)
+    return replace(group, type=frame, blocks=blocks, constants=group.constants[:, : len(frame.constants)])
 
 
 _ROUNDS = 20
