@@ -13,6 +13,7 @@ import numpy as np
 
 from mor.adjustment.problem import Cluster, Datum, Problem
 from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Outcome
 from mor.approximate.approximation import Approximation
 from mor.arrays import FloatArray
 from mor.errors import InputError, NoStartValuesError
@@ -122,7 +123,7 @@ def worked_out(network: Network) -> Approximation:
 def _settled(
     network: Network, start: Mapping[str, FloatArray]
 ) -> tuple[Mapping[str, FloatArray], float] | None:
-    """Values to which start values lead and their v'Pv; ``None`` where they lead nowhere."""
+    """Values to which start values lead and their v'Pv, infinite where singular; ``None`` where they lead nowhere."""
     from mor.approximate.parts.lines import with_lines_turned
 
     network, start = with_lines_turned(network, start)
@@ -134,6 +135,8 @@ def _settled(
         found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
     except NotFiniteError:
         return None
+    if found.outcome is Outcome.SINGULAR:
+        return found.values, np.inf
     return (found.values, found.normals.objective) if found.outcome.is_solution else None
 
 

@@ -41,7 +41,7 @@ from mor.parameters.index import all_known
 from mor.project.network.build import Network
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
-"""Adjusts start values: the values they lead to and v'Pv, or ``None`` where they lead nowhere."""
+"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree."""
 SMALL = 5_000
@@ -156,6 +156,8 @@ def _judged(assembly: Assembly, found: Approximation, moving: Network, settle: S
     if settled is None:
         return judgement._replace(worst=np.inf)
     values, squares = settled
+    if np.isinf(squares):  # other start values seldom help, and none of them may take the place of given ones
+        return judgement._replace(fit=np.inf, worst=np.inf)
     return Judgement(0, *disagreement(moving.groups, values), squares)
 
 

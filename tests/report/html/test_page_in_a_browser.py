@@ -217,6 +217,10 @@ def test_light_and_dark(opened: Any) -> None:
 
 
 def test_page_prints(opened: Any) -> None:
+    # The driver waits ten seconds at the most, and has the document tagged; mor report --pdf prints all rows.
+    opened.execute_script(
+        "for (const t of Object.values(report.tables)) t.printed = Math.min(t.printed, 200)"
+    )
     pdf = base64.b64decode(opened.print_page())
     assert pdf.startswith(b"%PDF")
     assert len(pdf) > 100_000
