@@ -78,10 +78,15 @@ class Workers:
                     self.idle_since = None
                     return found
         except KilledWorker as error:
-            words = (
-                "workers died one after the other at the same task; have they less memory than they were told"
-            )
-            raise InputError([Mistake(f"{words}? {str(error).splitlines()[0]}")]) from None
+            said = str(error).splitlines()[0]
+            raise InputError(
+                [
+                    Mistake(
+                        "workers died one after the other at the same task; "
+                        f"have they less memory than they were told? {said}"
+                    )
+                ]
+            ) from None
         except (CancelledError, FutureCancelledError, OSError):
             raise InputError([Mistake("the scheduler is lost, and with it the tasks")]) from None
 

@@ -91,8 +91,7 @@ def _unknown(path: Path, key: str) -> str:
         projects = sorted(file.name for file in path.glob("*.yaml"))
         hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
         folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
-        words = "this is a folder, expected a project file, or a folder in one of the formats"
-        return f"{words} {folders}{hint}"
+        return f"this is a folder, expected a project file, or a folder in one of the formats {folders}{hint}"
     return f"nothing in this file tells its format; --from says it (known: {readable})"
 
 
