@@ -26,12 +26,12 @@ def main(results: list[str]) -> int:
         folders = [Path(one) for one in results] or _samples(Path(place))
         for folder in folders:
             for language in LANGUAGES:
-                page = Path(place) / "page.html"
-                done = mor("report", folder, "--lang", language, "-o", page, "--force")
+                written = Path(place) / "written.html"
+                done = mor("report", folder, "--lang", language, "-o", written, "--force")
                 assert done.code == 0, done.err
+                page = written.read_text(encoding="utf-8")
                 wrong += sum(
-                    _said(folder, language, page.read_text(encoding="utf-8"), width, theme, Path(place))
-                    for width, theme in LOOKS
+                    _said(folder, language, page, width, theme, Path(place)) for width, theme in LOOKS
                 )
     return int(wrong > 0)
 
