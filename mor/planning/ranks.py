@@ -90,4 +90,5 @@ def _of_large_block(
     ):
         unestimable += [(u.group, u.row) for u, good in zip(units, estimable, strict=True) if not good]
         found += [one for one, good in zip(of_units(units, outcome), estimable, strict=True) if good]
+    found.sort(key=lambda one: (one.unit.group, one.unit.row))
     return Ranking(network, now, (), tuple(by_worth(found, now, True)), (), tuple(unestimable))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
@@ -70,19 +69,19 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
     for group in problem.groups:
         if not len(blocks) or group.type.slots[-1].kind != "point":
             continue
-        seen = np.flatnonzero(place[group.blocks[-1]] >= 0)
+        number = place[group.blocks[-1]]
+        seen = np.argsort(number, kind="stable")[int((number < 0).sum()) :]
         for first in range(0, len(seen), _RAYS):
             rows = seen[first : first + _RAYS]
             part = linearise(group, problem.index, adjustment.values, tangent, rows)
             weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
             J = part.jacobian * weight[:, :, None]
             by_point, by_others = J[:, :, -3:], J[:, :, :-3]
-            number = place[group.blocks[-1][rows]]
-            normals += _summed(number, by_point.transpose(0, 2, 1) @ by_point, len(blocks))
+            normals += _summed(number[rows], by_point.transpose(0, 2, 1) @ by_point, len(blocks))
             coupling = by_others.transpose(0, 2, 1) @ by_point
             others = part.columns[:, :-3]
             free = others >= 0
-            key = number[:, None] * size + plan.reduced[np.maximum(others, 0)]
+            key = number[rows, None] * size + plan.reduced[np.maximum(others, 0)]
             keys.append(key[free])
             values.append(coupling[free])
     inverse = np.asarray(np.linalg.inv(normals), dtype=np.float64)
@@ -100,15 +99,15 @@ def _padded(
     inverse: FloatArray, keys: list[IntArray], values: list[FloatArray], size: int
 ) -> tuple[IntArray, FloatArray, tuple[tuple[IntArray, int], ...]]:
     """Unknowns (P, k) of the rays of each point, each once, N⁻¹Cᵀ (P, 3, k), and the parts to work in."""
-    point, other = np.divmod(np.concatenate(keys), size)
-    all_values = np.concatenate(values)
-    by_axis = []  # each a matrix of points by unknowns, in which equal places are added
-    for c in range(3):
-        matrix = csr_matrix((all_values[:, c], (point, other)), shape=(len(inverse), size))
-        matrix.sum_duplicates()
-        by_axis.append(matrix)
-    other, coupling = by_axis[0].indices, np.stack([matrix.data for matrix in by_axis], axis=1)
-    begin = by_axis[0].indptr.astype(np.int64)
+    key = np.concatenate(keys)
+    order = np.argsort(key, kind="stable")  # rays come by point: few runs to merge
+    key = key[order]
+    first = np.flatnonzero(np.diff(key, prepend=-1))
+    coupling = np.concatenate(values)[order]
+    if len(first) < len(key):  # unknowns that several rays of a point share
+        key, coupling = key[first], np.add.reduceat(coupling, first, axis=0)
+    point, other = np.divmod(key, size)
+    begin = np.searchsorted(point, np.arange(len(inverse) + 1))
     count = np.diff(begin)
     point = np.repeat(np.arange(len(inverse)), count)
     within = np.arange(len(other)) - begin[point]
@@ -116,7 +115,9 @@ def _padded(
     others = np.zeros((len(inverse), most), dtype=np.int64)
     padded = np.zeros((len(inverse), most, 3))
     others[point, within], padded[point, within] = other, coupling
-    order = np.argsort(count, kind="stable")
+    order = (
+        np.lexsort((others[:, 0], count)) if most else np.argsort(count)
+    )  # neighbours meet the same cofactors
     parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
     return (
         others,

@@ -188,6 +188,9 @@ def wide_outcomes(
         whole = group.mask.sum(axis=1)
         for size in np.unique(whole[whole > 0]).tolist():
             here = np.flatnonzero(whole == size)
+            here = here[
+                np.argsort(group.blocks[0][here], kind="stable")
+            ]  # neighbours meet the same cofactors
             for first in range(0, len(here), _AT_A_TIME):
                 rows = here[first : first + _AT_A_TIME]
                 outcome, estimable = _outcomes(
