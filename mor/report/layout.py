@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mor.arrays import FloatArray
 from mor.report.columns import WIDTH, drawn
 from mor.report.tables.worst import component_of
 from mor.report.words.language import ENGLISH, Words
@@ -57,6 +58,15 @@ def digits_worth(value: float, sigma: float | None) -> int:
     if sigma is None or not sigma > 0.0 or value == 0.0:
         return 10
     return int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(sigma)) + 3, 3, 10))
+
+
+def sigma_decimals(sigmas: FloatArray, digits: int = 2) -> int:
+    """Decimals with which nearly every one of some σ has so many digits: one number for a whole column."""
+    known = np.sort(sigmas[np.isfinite(sigmas) & (sigmas > 0.0)])
+    if not len(known):
+        return digits
+    small = known[int(0.1 * len(known))]
+    return int(np.clip(digits - 1 - np.floor(np.log10(small)), 0, 9))
 
 
 def short(value: float | None, digits: int = 6) -> str:

@@ -10,13 +10,15 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from mor.arrays import FloatArray
+from mor.report.html.figures.labels import placed
 from mor.report.html.figures.layout import round_length, small_unit
-from mor.report.layout import short
 from mor.report.words.language import Words
 
 WIDTH, _MOST, _LEAST = 960, 640, 260
 _MARGIN, _LEGEND = 60, 30
-_MOST_SIGHTS, _MOST_LABELS = 3_000, 150
+_MOST_SIGHTS, _MOST_LABELS = 3_000, 400
+_LETTER, _LINE = 7.2, 13.0
+"""Width of a letter and height of a line of a name."""
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
@@ -61,7 +63,7 @@ def network_drawing(found: Drawing, sights: Sequence[tuple[str, Sequence[str]]],
     shift = np.array([WIDTH / 2.0, (height - _LEGEND) / 2.0]) - factor * (low + high) / 2.0
 
     def on_paper(place: FloatArray) -> FloatArray:
-        return np.asarray(place[axes] * signs * factor + shift)
+        return np.asarray(place[..., axes] * signs * factor + shift)
 
     parts = []
     for number, (kind, names) in enumerate(sights[:_MOST_SIGHTS]):
@@ -75,8 +77,8 @@ def network_drawing(found: Drawing, sights: Sequence[tuple[str, Sequence[str]]],
         zip(found.names, found.places, found.covariances, strict=True)
     ):
         if np.isfinite(place).all():
-            label = name if len(found.names) <= _MOST_LABELS else ""
-            parts.append(_point(number, label, on_paper(place), _drawn(found, covariance)))
+            parts.append(_point(number, name, on_paper(place), _drawn(found, covariance)))
+    parts += _labels(found, on_paper(found.places), height)
     parts.append(_scale_bar(found, height))
     label = escape(words("The network as planned"))
     return Markup(
@@ -100,8 +102,22 @@ def _point(number: int, name: str, at: FloatArray, covariance: FloatArray) -> st
     return (
         f'<g transform="{place}"><ellipse class="before" rx="{a:.2f}" ry="{b:.2f}" transform="rotate({turn:.2f})"/>'
         f'<ellipse class="now" data-point="{number}" rx="{a:.2f}" ry="{b:.2f}" transform="rotate({turn:.2f})"/>'
-        f'<circle r="2.2"/><text x="6" y="-6">{escape(name)}</text></g>'
+        f'<circle r="2.2"/><title>{escape(name)}</title></g>'
     )
+
+
+def _labels(found: Drawing, xy: FloatArray, height: float) -> list[str]:
+    """Names of points where nothing else is; none where there is no such place."""
+    known = np.flatnonzero(np.isfinite(xy).all(axis=1))[:_MOST_LABELS].tolist()
+    size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in known]).reshape(-1, 2)
+    edge = np.array([0.0, 0.0, WIDTH, height - _LEGEND])
+    said = []
+    for number, offset in placed(xy[known], size, edge):
+        x, y = xy[known[number]] + offset
+        said.append(
+            f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[known[number]])}</text>'
+        )
+    return said
 
 
 def _scale_bar(found: Drawing, height: float) -> str:
@@ -134,7 +150,7 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
         bars.append(("min r", row["smallest_r"], best, "", "r"))
         for said, value, most, its_unit, kind in bars:
             length = _BARS * float(value or 0.0) / most
-            number_said = words.number(short(value, 3)) if value is not None else words("no solution")
+            number_said = words.number(f"{value:#.3g}") if value is not None else words("no solution")
             parts.append(
                 f'<rect class="{kind}" x="{_NAMES}" y="{y:.1f}" width="{length:.1f}" height="{_BAR - 2}"/>'
                 f'<text class="value" x="{_NAMES + length + 5:.1f}" y="{y + _BAR - 3:.1f}">'

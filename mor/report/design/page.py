@@ -26,7 +26,7 @@ from mor.report.html.page import asset, environment
 from mor.report.html.paper import running_heads
 from mor.report.html.payload import drawn_axes
 from mor.report.identity import Identity, identity_of
-from mor.report.layout import short
+from mor.report.layout import fixed, short, sigma_decimals
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import image_table, point_table, station_table
 from mor.report.tables.observations import named_places
@@ -39,6 +39,7 @@ _WORDS = (
     "{on} of {all} observations; smallest r {r} ({place})",
 )
 """Sentences that the script of the page says."""
+_SIGMAS = ("sx", "sy", "sz")
 
 
 def design_page(
@@ -73,13 +74,12 @@ def design_page(
             drawing=network_drawing(drawing, ends, words) if drawing else "",
             variants=variants_drawing(variants, network.project.units.length, words) if variants else "",
             units=units,
-            points=_point_rows(solved) if quality is not None else [],
+            points=_point_rows(solved, words) if quality is not None else [],
             unit=network.project.units.length,
             payload=Markup(_payload(found, drawing, judged, solved, words)) if found and drawing else "",
             limits={"unknowns": MOST_UNKNOWNS, "units": MOST_UNITS},
             identity=about,
             say=words,
-            short=lambda value: words.number(short(value, 4)),
             style=Markup(asset("page.css") + asset("certificate.css") + asset("design.css")),
             script=Markup(asset("design.js")),
             running=running_heads(title, about, words),
@@ -91,7 +91,7 @@ def _requirement(one: Judged, solved: Solved, words: Words) -> dict[str, Any]:
     row = requirement_row(one, solved)
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     limit, worst = (
-        words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"])
+        words.number("∞" if v is None else short(v, 3)) + unit for v in (row["limit"], row["worst"])
     )
     return {
         "what": words(WHAT[row["of"]]),
@@ -157,9 +157,17 @@ def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict
     }
 
 
-def _point_rows(solved: Solved) -> list[dict[str, Any]]:
-    columns = ("id", "sx", "sy", "sz")
-    return [dict(zip(columns, row, strict=True)) for row in point_table(solved).select(columns).iter_rows()]
+def _point_rows(solved: Solved, words: Words) -> list[dict[str, Any]]:
+    table, decimals = point_table(solved), _decimals(solved)
+    return [
+        {"id": row["id"], "sigma": [words.number(fixed(row[key], decimals)) for key in _SIGMAS]}
+        for row in table.iter_rows(named=True)
+    ]
+
+
+def _decimals(solved: Solved) -> int:
+    """Decimals of the σ of points: nearly all have three digits, for plans are compared by them."""
+    return sigma_decimals(point_table(solved).select(_SIGMAS).to_numpy().ravel(), 3)
 
 
 def _payload(
@@ -192,6 +200,7 @@ def _payload(
         "require": [_wanted(one, blocks, quality.noncentrality) for one in judged],
         "unit": network.project.units.length,
         "decimal": words.decimal,
+        "decimals": _decimals(solved),
         "words": {english: words.listed(english) for english in _WORDS},
     }
     return json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")

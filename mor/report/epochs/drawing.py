@@ -9,6 +9,7 @@ from markupsafe import Markup, escape
 from scipy.special import chdtri
 
 from mor.arrays import BoolArray, FloatArray
+from mor.report.html.figures.labels import placed
 from mor.report.html.figures.layout import round_length, small_unit
 from mor.report.words.language import ENGLISH, Words
 
@@ -108,32 +109,18 @@ def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
 
 def _labels(found: Moved, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
     """Names, those of moved points first, each where nothing else is; none where there is no such place."""
-    taken = [(x - 3, y - 3, x + 3, y + 3) for x, y in [*xy.tolist(), *tips[found.moved].tolist()]]
-    order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS]
+    order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS].tolist()
+    size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in order]).reshape(-1, 2)
+    edge = np.array([0.0, 0.0, WIDTH, height - _LEGEND])
+    others = np.concatenate([np.delete(xy, order, axis=0), tips[found.moved]])
     said = []
-    for k in order.tolist():
-        width = _LETTER * len(found.names[k])
-        for dx, dy in (
-            (6, -4),
-            (6, 14),
-            (-6 - width, -4),
-            (-6 - width, 14),
-            (-width / 2, -9),
-            (-width / 2, 19),
-        ):
-            x, y = xy[k, 0] + dx, xy[k, 1] + dy
-            box = (x, y - _LINE + 3, x + width, y + 2)
-            inside = box[0] >= 0 and box[2] <= WIDTH and box[1] >= 0 and box[3] <= height - _LEGEND
-            if inside and not any(_overlap(box, other) for other in taken):
-                taken.append(box)
-                weight = ' class="strong"' if found.moved[k] else ""
-                said.append(f'<text{weight} x="{x:.1f}" y="{y:.1f}">{escape(found.names[k])}</text>')
-                break
+    for number, offset in placed(xy[order], size, edge, others):
+        k = order[number]
+        (x, y), weight = xy[k] + offset, ' class="strong"' if found.moved[k] else ""
+        said.append(
+            f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[k])}</text>'
+        )
     return said
-
-
-def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _bar(scale: float, unit: str, height: float, words: Words) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mor.arrays import FloatArray
 from mor.escapes import escaped, shortened
+from mor.report.html.figures.labels import placed
 from mor.report.html.sights import with_given
 from mor.report.plots.sheet import spell_out
 from mor.report.tables.rays import places
@@ -23,8 +24,6 @@ _MOST = 1000
 """Names beyond which none is drawn: hardly any would have room."""
 _LONGEST = 30
 """Letters of a name."""
-_MARK = 3.0
-"""Half the width of a mark, points."""
 
 
 def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
@@ -53,30 +52,6 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
             va="center",
             zorder=6,
         ).set_in_layout(False)
-
-
-def placed(marks: FloatArray, size: FloatArray, edge: FloatArray) -> list[tuple[int, tuple[float, float]]]:
-    """Number and offset of the middle of those names that have room, the first ones first; all in points.
-
-    ``marks`` (n, 2) are the places, ``size`` (n, 2) width and height of the names, ``edge`` the left, lower, right and
-    upper end of the picture.
-    """
-    taken = np.concatenate([marks - _MARK, marks + _MARK], axis=1)
-    found = []
-    for k, (mark, (width, height)) in enumerate(zip(marks, size, strict=True)):
-        side, above = 0.5 * width + 1.4 * _MARK, 0.5 * height + 1.2 * _MARK
-        for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1)):
-            offset = np.array([x * side, y * (above if x == 0 else 0.5 * height)])
-            half = 0.5 * np.array([width, height])
-            box = np.concatenate([mark + offset - half, mark + offset + half])
-            if (box[:2] < edge[:2]).any() or (box[2:] > edge[2:]).any():
-                continue
-            if ((box[:2] < taken[:, 2:]) & (taken[:, :2] < box[2:])).all(axis=1).any():
-                continue
-            taken = np.concatenate([taken, box[None]])
-            found.append((k, (float(offset[0]), float(offset[1]))))
-            break
-    return found
 
 
 def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:

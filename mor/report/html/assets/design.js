@@ -123,7 +123,9 @@ const plan = (() => {
   }
 
   const words = (english, values = {}) => given.words[english].replace(/\{(\w+)\}/g, (place, name) => values[name]);
-  const said = (number, digits = 4) => (Number.isFinite(number) ? String(Number(number.toPrecision(digits))) : "∞").replace(".", given.decimal);
+  const local = (text) => text.replace(".", given.decimal);
+  const share = (r) => local(r >= 0.001 || r === 0 ? r.toFixed(3) : r.toExponential(1));
+  const said = (number, digits = 3) => (Number.isFinite(number) ? String(Number(number.toPrecision(digits))) : "∞").replace(".", given.decimal);
 
   function showPoint(point) {
     const C = covariance(point), [a, b] = given.view.axes, [s, t] = given.view.signs, f = given.view.scale;
@@ -136,7 +138,7 @@ const plan = (() => {
       ellipse.setAttribute("transform", `rotate(${turn})`);
     }
     const cells = document.querySelectorAll(`tr[data-point="${point}"] td`);
-    [0, 1, 2].forEach((k) => { if (cells[k + 1]) cells[k + 1].textContent = said(Math.sqrt(Math.max(C[k][k], 0))); });
+    [0, 1, 2].forEach((k) => { if (cells[k + 1]) cells[k + 1].textContent = local(Math.sqrt(Math.max(C[k][k], 0)).toFixed(given.decimals)); });
   }
 
   function show(message = "") {
@@ -147,7 +149,7 @@ const plan = (() => {
     given.units.forEach((unit, k) => {
       const its = Math.min(...unit.rows.map((one) => r[one]));
       const cell = document.querySelector(`td.r[data-unit="${k}"]`), box = document.querySelector(`input[data-unit="${k}"]`);
-      cell.textContent = on[k] ? said(Math.max(its, 0)) : "";
+      cell.textContent = on[k] ? share(Math.max(its, 0)) : "";
       cell.classList.toggle("weak", on[k] && its < 0.1);
       box.checked = on[k];
       box.closest("tr").className = on[k] ? "on" : unit.candidate ? "candidate" : "off";
@@ -165,7 +167,7 @@ const plan = (() => {
       verdict.textContent = words(one.met ? "reached" : "NOT REACHED");
       verdict.className = `text verdict ${one.met ? "good" : "bad"}`;
     });
-    const line = words("{on} of {all} observations; smallest r {r} ({place})", { on: active, all, r: said(Math.max(least, 0)), place: nameOf(row) });
+    const line = words("{on} of {all} observations; smallest r {r} ({place})", { on: active, all, r: share(Math.max(least, 0)), place: nameOf(row) });
     document.getElementById("state").textContent = message ? `${message} ${line}` : line;
     state = { r, judgements };
   }
