@@ -281,8 +281,10 @@ def test_page_of_two_epochs(tmp_path: Path) -> None:
         np.allclose(lengths, size * (lengths @ size) / (size @ size), atol=0.15) for size in sizes.values()
     )
     boxes = [
-        (float(x), float(y) - 10.0, float(x) + 6.0 * len(name), float(y))
-        for x, y, name in re.findall(r'<text(?: class="strong")? x="([\d.]+)" y="([\d.]+)">(P\d+)<', drawing)
+        (float(x) - 3.0 * len(name), float(y) - 10.0, float(x) + 3.0 * len(name), float(y))
+        for x, y, name in re.findall(
+            r'<text(?: class="strong")? x="([\d.]+)" y="([\d.]+)" text-anchor="middle">(P\d+)<', drawing
+        )
     ]
     assert len(boxes) >= 6
     apart = [
