@@ -23,7 +23,7 @@
     if (a.contains(b) || b.contains(a)) return;
     if (p.left < q.right - 1 && q.left < p.right - 1 && p.top < q.bottom - 1 && q.top < p.bottom - 1 && (a.closest("nav") === null) === (b.closest("nav") === null)) found.push(`overlap: ${a.textContent.trim().slice(0, 30)} and ${b.textContent.trim().slice(0, 30)}`);
   }));
-  const names = document.querySelectorAll("#chart-plan .plot .textpoint text, #chart-plan .plot g.text text");
+  const names = document.querySelectorAll("#chart-plan .plot .textpoint text, #chart-plan .plot g.text text, #chart-plan .annotation-text-g text"); // the bar of ellipses has words, too
   const boxes = [...names].filter((node) => node.textContent && seen(node)).map((node) => node.getBoundingClientRect());
   let meeting = 0;
   boxes.forEach((p, k) => boxes.slice(k + 1).forEach((q) => { if (p.left < q.right - 2 && q.left < p.right - 2 && p.top < q.bottom - 4 && q.top < p.bottom - 4) meeting++; }));

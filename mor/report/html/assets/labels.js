@@ -25,7 +25,7 @@ function placedLabels(plot, x, y, larger = 1) {
   const measured = document.createElement("canvas").getContext("2d");
   measured.font = `${NAME_SIZE}px ${plot._fullLayout.font.family}`;
   const taken = new Grid(), marks = candidates.map(({ px, py }) => [px - 4, py - 4, px + 4, py + 4]);
-  marks.forEach((box) => taken.add(box));
+  [...marks, ...written(plot)].forEach((box) => taken.add(box));
   for (const one of candidates.sort((a, b) => a.rank - b.rank)) {
     const half = (larger * (measured.measureText(one.name).width + 2)) / 2;
     for (const [dx, dy] of [[half + 7, -8], [half + 7, 8], [-half - 7, -8], [-half - 7, 8], [0, -13], [0, 13]]) {
@@ -37,6 +37,12 @@ function placedLabels(plot, x, y, larger = 1) {
     }
   }
   return placed;
+}
+
+// Boxes of the scale bar and its words, in pixels of the drawing.
+function written(plot) {
+  const area = plot.querySelector(".nsewdrag")?.getBoundingClientRect();
+  return area ? Array.from(plot.querySelectorAll(".annotation-text-g, .shapelayer path"), (one) => one.getBoundingClientRect()).map(({ left, top, right, bottom }) => [left - area.left - 3, top - area.top - 3, right - area.left + 3, bottom - area.top + 3]) : [];
 }
 
 // Boxes in cells of 64 pixels, so that few are looked at.
