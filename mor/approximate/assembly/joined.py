@@ -8,7 +8,7 @@ from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow, grow_until_tied
 from mor.approximate.assembly.seeds import next_seed
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, intersect_the_rest, pose_the_rest
-from mor.approximate.growth.grow_levelled import begin_heights
+from mor.approximate.growth.grow_levelled import begin_heights, place_as_if_level
 from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.pose_by_three import pose_by_three
 from mor.approximate.growth.rigid_seeds import rigid_seeds
@@ -122,6 +122,8 @@ def _place_the_rest(assembly: Assembly) -> None:
     while pose_by_three(parts[0], scene) or grow_single_points(parts[0], scene, ambiguous=True):
         grow(parts[0], scene, assembly.fewest)
     while place_by_few_distances(parts[0], scene.distances[1]):
+        grow(parts[0], scene, assembly.fewest)
+    if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.approximate.choices import Choices
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import Rule, rule
@@ -15,6 +16,8 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
+RISES = 0.1, -0.1, 0.5, -0.5
+"""Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
 SMALLEST_SECTION = 0.05
 """Radians at which two bearings must meet."""
 
@@ -84,6 +87,31 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
                 _place(part, int(point), xy, rule("polar from {one}", one=sight.name))
                 added = True
     return added
+
+
+def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, choices: Choices) -> bool:
+    """Points of which a direction and a slope distance tell all but the height: nearly as high as what sights them.
+
+    Nothing tells how steep the sight is; but the adjustment comes from there, and nothing else is known of them. It
+    would not from a level sight, whose length says nothing of heights.
+    """
+    if not (part.levelled and part.scaled):
+        return False
+    found = [
+        (sight, point, direction - kappa, *distances.slope[sight.position, point])
+        for number, kappa in part.kappas.items()
+        if _level_known(part, (sight := measured.sights[number]).position)
+        for point, direction in _unknown_sights(part, sight)
+        if (sight.position, point) in distances.slope
+    ]
+    slope = RISES[choices.take(len(RISES))] if found else 0.0
+    for sight, point, t, length, rise in found:
+        here = part.points[sight.position]
+        if np.isnan(part.points[point, 2]):
+            part.points[point, 2] = here[2] + rise + slope * length
+        xy = here[:2] + length * np.array([np.sin(t), np.cos(t)])
+        _place(part, point, xy, rule("polar from {one}, as if at its height", one=sight.name))
+    return bool(found)
 
 
 def _polar_backwards(part: Part, measured: Terrestrial, distances: Distances) -> bool:

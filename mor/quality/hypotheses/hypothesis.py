@@ -41,7 +41,7 @@ class Hypothesis:
     rows: tuple[tuple[int, int], ...] = ()
     """(group, row) of the few observations it changes; none where it changes many."""
     anew: Mapping[str, IntArray] = field(default_factory=dict)
-    """Blocks of each kind that begin from the given start values again."""
+    """Blocks of each kind that begin from the given start values again; where none are given, from all else."""
     afresh: bool = False
     """True where missing start values are worth being worked out anew."""
     amount: Callable[[Values], Amount] | None = None

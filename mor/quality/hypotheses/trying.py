@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -64,12 +65,21 @@ def _beginnings(
     """
     if situation.begun:
         here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
+        missing = False
+        open_ = dict(here)
         for kind, blocks in hypothesis.anew.items():
             given = network.start[kind][blocks]
             told: BoolArray = np.asarray(np.isfinite(given.reshape(len(given), -1)).all(axis=1))
-            here[kind] = here[kind].copy()
-            here[kind][blocks[told]] = given[told]
+            here[kind], open_[kind] = here[kind].copy(), here[kind].copy()
+            here[kind][blocks[told]] = open_[kind][blocks[told]] = given[told]
+            open_[kind][blocks[~told]] = np.nan
+            missing |= not told.all()
         yield with_shared_components(network.blocks, here)
+        if missing:  # worked out from all else, which is known
+            situation.effort.take(DAMPED)
+            begin = situation.begin(replace(network, start=open_))
+            if begin is not None:
+                yield begin
     known = all_known(network.start)
     # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees.
     afresh &= hypothesis.afresh and situation.most_do_not_fit

@@ -67,6 +67,7 @@ def _of_rows(
             yield _hypothesis(
                 "circle unit",
                 (*things, other),
+                group,
                 number,
                 rows,
                 partial(_read_in, factor),
@@ -78,6 +79,7 @@ def _of_rows(
         yield _hypothesis(
             "circle sense",
             things,
+            group,
             number,
             rows,
             partial(_negative, columns),
@@ -90,6 +92,7 @@ def _of_rows(
         yield _hypothesis(
             "elevation for zenith",
             things,
+            group,
             number,
             rows,
             partial(_complement, columns),
@@ -118,6 +121,7 @@ def _given_unit(network: Network, group: ObservationGroup) -> str:
 def _hypothesis(
     cause: str,
     things: tuple[str, ...],
+    group: ObservationGroup,
     number: int,
     rows: IntArray,
     change: Callable[[FloatArray], FloatArray],
@@ -131,8 +135,18 @@ def _hypothesis(
         line,
         len(_UNITS),
         stretch=stretch,
+        anew=_stations(group, rows),
         afresh=True,
     )
+
+
+def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
+    """Positions and rotations of what observes some rows."""
+    found: dict[str, list[IntArray]] = {}
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
+            found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
+    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
 
 
 def _read_in(factor: float, angles: FloatArray) -> FloatArray:
