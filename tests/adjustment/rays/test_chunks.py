@@ -39,7 +39,12 @@ NAMES = (
     "two cameras",
     "left to numpy",
     "missing and excluded",
+    "rolling shutters",
+    "a rolling shutter among frames",
+    "readout time of two models",
 )
+ROLLING = NAMES[-3:]
+READOUT = "T"
 
 
 def block(kind: str, models: tuple[str, ...]) -> Scene:
@@ -56,19 +61,34 @@ def block(kind: str, models: tuple[str, ...]) -> Scene:
             only = [k % 2] if kind == "missing and excluded" and (k + number) % 5 == 0 else None
             frame = (f"C{number}", f"R{number}", *_extras(kind, number))
             interior = f"I {model} {number}" if kind == "image-variant" else f"I {model}"
+            form = "image"
+            if _rolls(kind, number):
+                form, frame = "moving", (*frame, f"V{number}", f"W{number}", READOUT)
+                constants = [*constants, 0.01, -0.04, 0.02]
             scene.observe(
-                f"image/{model}", *frame, interior, name, sigma=(0.002, 0.003), constants=constants, only=only
+                f"{form}/{model}", *frame, interior, name, sigma=(0.002, 0.003), constants=constants, only=only
             )
     return scene
+
+
+def _rolls(kind: str, number: int) -> bool:
+    return kind in ROLLING and (number % 2 == 0 or kind != "a rolling shutter among frames")
 
 
 def _add_image(scene: Scene, kind: str, number: int, place: list[float], model: str) -> None:
     end = number in (0, len(PLACES) - 1)
     free: bool | tuple[bool, ...] = not end
+    if _rolls(kind, number):
+        moves = kind != "readout time of two models"
+        scene.add("image velocity", f"V{number}", [0.5 - number, 2.0, -0.4], free=moves and not end)
+        turns = (moves, False, moves) if number == 2 else moves and number == 1
+        scene.add("rotation rate", f"W{number}", [0.1, -0.1 * number, 0.2 * number], free=turns)
+        if READOUT not in scene.truth.get("readout", {}):
+            scene.add("readout", READOUT, [0.3], free=not moves)
     scene.add("point", f"C{number}", place, free=free)
     turned = (True, False, True) if kind == "partly free" and not end else free
     scene.add("rotation", f"R{number}", looking_at(place, [0.0, 0.0, 0.0], 0.3 * number), free=turned)
-    if kind in ("all free", "partly free"):
+    if kind in ("all free", "partly free", "rolling shutters"):
         scene.add("height", f"H{number}", [1.5], free=kind == "all free" and number == 1)
         wanted = (kind == "all free", False, kind == "all free" and number == 2)
         scene.add("eccentricity", f"E{number}", [0.1, -0.2, 0.05], free=wanted if not end else False)
@@ -80,7 +100,8 @@ def _add_image(scene: Scene, kind: str, number: int, place: list[float], model: 
 
 
 def _extras(kind: str, number: int) -> tuple[str | None, str | None]:
-    return (f"H{number}", f"E{number}") if kind in ("all free", "partly free") else (None, None)
+    kinds = "all free", "partly free", "rolling shutters"
+    return (f"H{number}", f"E{number}") if kind in kinds else (None, None)
 
 
 def _constants(model: str, number: int, k: int) -> list[float]:
@@ -93,6 +114,8 @@ def scene_of(name: str) -> Scene:
         "two cameras": ("mor", "brown-forward"),
         "left to numpy": ("mor", "opencv", "brown"),
         "image-variant": ("brown",),
+        "a rolling shutter among frames": ("mor", "opencv", "brown"),
+        "readout time of two models": ("brown", "brown-forward"),
     }.get(name, ("mor",))
     return block(name, models)
 
@@ -220,6 +243,13 @@ def test_positions_and_rotations_that_belong_together_are_one_block():
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-3)
     sizes = make_plan(problem, eliminable_rays(problem, values)).target.structure.sizes
     assert sorted(sizes) == [3, 3, 3, 3, 6, 6]
+
+
+def test_the_motion_of_an_image_is_in_the_block_of_its_pose():
+    scene = scene_of("rolling shutters")
+    problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-3)
+    sizes = make_plan(problem, eliminable_rays(problem, values)).target.structure.sizes
+    assert sorted(sizes) == [3, 9, 11, 12]  # the interior, and three free images
 
 
 def test_residuals_are_zero_where_nothing_was_observed():
