@@ -135,7 +135,7 @@ def meet(
         t = T * phase
         turn = small_turn(-rate[0] * t, -rate[1] * t, -rate[2] * t)
         shifted = lever[0] - velocity[0] * t, lever[1] - velocity[1] * t, lever[2] - velocity[2] * t
-        q, along, about = turned(turn, shifted), turned(turn, velocity), (0.0, 0.0, 0.0)
+        q, along = turned(turn, shifted), turned(turn, velocity)
         about = cross(rate, q)
         star = q[0] + e[0], q[1] + e[1], q[2] + e[2]
         seen = sight(model, star[0], star[1], star[2], i, r0, u, v)
