@@ -121,15 +121,13 @@ def turned_back(turn: Turn, row: Vector) -> Vector:
 
 
 @compile_kernel
-def meet(
-    values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v: float, x: float, y: float
-) -> Meeting:
-    """Return where a point at ``lever`` = D (X − X0) meets the shutter, looked for from x, y; (u, v) as measured."""
+def meet(values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v: float) -> Meeting:
+    """Return where a point at ``lever`` = D (X − X0) meets the shutter, looked for from (u, v), as measured."""
     T, model, e, r0 = values.readout[f], values.model[f] - MOVING, values.eccentricity[f], values.r0[f]
     gx, gy, g0 = values.clock[f, 0], values.clock[f, 1], values.clock[f, 2]
     velocity = values.velocity[f, 0], values.velocity[f, 1], values.velocity[f, 2]
     rate = values.rate[f, 0], values.rate[f, 1], values.rate[f, 2]
-    rounds = 0
+    x, y, rounds = u, v, 0
     while True:
         phase = gx * x + gy * y + g0
         t = T * phase
@@ -179,7 +177,7 @@ def linearise_moving(
                 i[k] = interiors[f, k]
             lever = lever_of(values, f, points, p)
             u, v = measured[n, 0], measured[n, 1]
-            met = meet(values, f, lever, i, u, v, u, v)
+            met = meet(values, f, lever, i, u, v)
             X, Y, Z = met.star
             model, r0, by_ideal = values.model[f] - MOVING, values.r0[f], met.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, r0, u, v, by_ideal, by_interior)
@@ -260,7 +258,7 @@ def moving_residuals(
             for k in range(i.size):
                 i[k] = values.interior[f, k]
             u, v = measured[n, 0], measured[n, 1]
-            met = meet(values, f, lever_of(values, f, points, p), i, u, v, u, v)
+            met = meet(values, f, lever_of(values, f, points, p), i, u, v)
             w, z = weight[n, 0], weight[n, 1]
             residual[n, 0] = (met.x - observed[n, 0]) * w if w != 0.0 else 0.0
             residual[n, 1] = (met.y - observed[n, 1]) * z if z != 0.0 else 0.0
@@ -290,7 +288,7 @@ def follow_moving(
                 i[k] = interiors[f, k]
             lever = lever_of(values, f, points, p)
             u, v = measured[n, 0], measured[n, 1]
-            met = meet(values, f, lever, i, u, v, u, v)
+            met = meet(values, f, lever, i, u, v)
             X, Y, Z = met.star
             model, r0, by_ideal = values.model[f] - MOVING, values.r0[f], met.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, r0, u, v, by_ideal, by_interior)
