@@ -69,15 +69,8 @@ def block(kind: str, models: tuple[str, ...]) -> Scene:
             if _rolls(kind, number):
                 form, frame = "moving", (*frame, f"V{number}", f"W{number}", READOUT)
                 constants = [*constants, 0.01, -0.04, 0.02]
-            scene.observe(
-                f"{form}/{model}",
-                *frame,
-                interior,
-                name,
-                sigma=(0.002, 0.003),
-                constants=constants,
-                only=only,
-            )
+            type_, slots = f"{form}/{model}", (*frame, interior, name)
+            scene.observe(type_, *slots, sigma=(0.002, 0.003), constants=constants, only=only)
     return scene
 
 
