@@ -63,6 +63,8 @@ class Factor:
         """
         plan = self.elimination
         columns = right_hand_side[:, None] if right_hand_side.ndim == 1 else right_hand_side
+        if columns.shape[1] == 0:  # a network whose datum is settled has no direction to be anchored
+            return np.zeros(columns.shape)
         x = np.ascontiguousarray(columns[plan.permutation], dtype=np.float64)
         with one_thread():
             self._forward(x, plan.fronts)

@@ -21,7 +21,7 @@ from mor.parameters.index import Index, Values
 _POSITION, _ROTATION = range(2)
 _POSE = ("position", "rotation", "height", "eccentricity")
 _MOTION = ("velocity", "rate", "readout")
-"""Slots of image coordinates in their order: a pose, the motion of a rolling shutter, interior orientation and point."""
+"""Slots of image coordinates in their order: pose, motion of a rolling shutter, interior orientation and point."""
 _WIDTHS = {
     "readout": 1,
     "velocity": 3,
@@ -57,8 +57,8 @@ class GroupFrames:
         r0: (f,) constant of the camera model.
         clock: (f, 3) phases of a rolling shutter, zero for others.
         picks: derivatives that are wanted.
-        together: pairs of slots whose blocks go together, a rotation the second: the position of an image, the motion of
-            a rolling shutter; or the position of each knot.
+        together: pairs of slots whose blocks go together, a rotation the second: the position of an image or of each
+            knot, the motion of a rolling shutter.
     """
 
     group: int
