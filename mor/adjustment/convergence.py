@@ -80,14 +80,16 @@ def residuals_stay(before: Adjustment, after: Adjustment) -> bool:
 def stands_still(iterations: tuple[Iteration, ...]) -> bool:
     """True where the last iterations neither made vᵀPv smaller, nor their steps: nothing is to be expected of more.
 
-    Steps that shrink slowly, all those to come together by less than one σ, are slow and do not stand still.
+    Steps that shrink slowly, all those to come together by less than one σ, are slow and do not stand still. A step of
+    nothing, with which an adjustment begins at the solution in another datum, is none to be compared with.
     """
     if len(iterations) < 2 * _STANDING:
         return False
     earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
     if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
         return False
-    before, now = (min(iteration.largest_change for iteration in part) for part in (earlier, later))
+    steps = [iteration.largest_change for iteration in earlier if iteration.largest_change > ACCURACY]
+    before, now = min(steps, default=0.0), min(iteration.largest_change for iteration in later)
     rate = (now / before) ** (1.0 / _STANDING) if before > 0.0 else 0.0
     return now > 0.5 * before and (rate >= 1.0 or now * rate / (1.0 - rate) > 1.0)
 

@@ -91,7 +91,7 @@ def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     row_sets = tuple(_row_set(number, group, clusters, rays) for number, group in enumerate(problem.groups))
     remains = np.ones(problem.index.count, dtype=bool)
     remains[rays.columns] = False
-    kept, block_of, sizes = reduced_blocks(problem.index, np.flatnonzero(remains), rays)
+    kept, block_of, sizes = reduced_blocks(problem, np.flatnonzero(remains), rays)
     reduced = np.full(problem.index.count, -1, dtype=np.int64)
     reduced[kept] = np.arange(len(kept))
     of_rows, wide = _sorted_clusters(problem, clusters)
@@ -225,43 +225,43 @@ def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
     return np.sort(order[first])
 
 
-def reduced_blocks(index: Index, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:
+def reduced_blocks(problem: Problem, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:
     """Unknowns (n,) in the order of the reduced system, block number of each, and size of every block.
 
     A block for each parameter block; but position and rotation of an image are one where each belongs to the other
-    alone, for then they occur together only, and one block of six is quicker than four of three by three.
+    alone, for then they occur together only, and one block of six is quicker than four of three by three. So it is with
+    the motion of a rolling shutter.
     """
-    kind, block = index.kind_of[kept], index.block_of[kept]
+    kind, block = problem.index.kind_of[kept], problem.index.block_of[kept]
     if len(kept) == 0:
         return kept, kept, kept
     numbers = np.cumsum(np.concatenate([[0], (np.diff(kind) != 0) | (np.diff(block) != 0)]))
-    joined = _joined(index, kept, numbers, rays)
+    joined = _joined(problem, kept, numbers, rays)
     order = np.argsort(joined, kind="stable")
     kept, joined = kept[order], joined[order]
     block_of = np.cumsum(np.concatenate([[0], np.diff(joined) != 0])).astype(np.int64)
     return kept, block_of, np.bincount(block_of).astype(np.int64)
 
 
-def _joined(index: Index, kept: IntArray, numbers: IntArray, rays: RayPlan) -> IntArray:
-    """Block numbers (n,) of the unknowns, the same for the position and the rotation of an image."""
-    if not rays.frames.groups:
-        return numbers
+def _joined(problem: Problem, kept: IntArray, numbers: IntArray, rays: RayPlan) -> IntArray:
+    """Block numbers (n,) of the unknowns, the same for what goes together with the rotation of an image."""
+    index, count = problem.index, int(numbers[-1]) + 1
     number_of = np.full(index.count, -1, dtype=np.int64)
     number_of[kept] = numbers
-    pairs = np.unique(np.concatenate(rays.poses(), axis=1), axis=1)
-    columns = [
-        index.columns[kind][pairs[k]].max(axis=1, initial=-1) for k, kind in enumerate(("point", "rotation"))
-    ]
-    free = (columns[0] >= 0) & (columns[1] >= 0)
-    position, rotation = (number_of[column[free]] for column in columns)
-    kept_both = (position >= 0) & (rotation >= 0)
-    position, rotation = position[kept_both], rotation[kept_both]
-    count = int(numbers[-1]) + 1
-    alone = (np.bincount(position, minlength=count)[position] == 1) & (
-        np.bincount(rotation, minlength=count)[rotation] == 1
-    )
+    pairs: dict[str, list[IntArray]] = {}
+    for kind, together in rays.together(problem.groups):
+        pairs.setdefault(kind, []).append(together)
     into = np.arange(count)
-    into[position[alone]] = rotation[alone]
+    for kind, found in pairs.items():
+        other, rotation = np.unique(np.concatenate(found, axis=1), axis=1)
+        columns = index.columns[kind][other], index.columns["rotation"][rotation]
+        both = np.stack([column.max(axis=1, initial=-1) for column in columns])
+        both = number_of[both[:, (both >= 0).all(axis=0)]]
+        one, turn = both[:, (both >= 0).all(axis=0)]
+        alone = (np.bincount(one, minlength=count)[one] == 1) & (
+            np.bincount(turn, minlength=count)[turn] == 1
+        )
+        into[one[alone]] = turn[alone]
     return into[numbers]
 
 

@@ -8,14 +8,16 @@ fixed at zero, and what remains is the factorisation of the matrix without its r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from mor.arrays import FloatArray, IntArray
-from mor.sparse.blas_threads import threads_for
+from mor.sparse.blas_threads import alike, one_thread, threads_for
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.compiled.fronts import factor_setting_aside
 from mor.sparse.fronts import Moves, moves
@@ -28,6 +30,7 @@ TOLERANCE = 1e-10
 # Below this order vanishing pivots are looked for column by column; above it the matrix is halved first.
 _HALVE_ABOVE = 64
 _NONE = np.empty(0, dtype=np.int64)
+_Front = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class NotFiniteError(ValueError):
@@ -60,8 +63,10 @@ class Factor:
         """
         plan = self.elimination
         columns = right_hand_side[:, None] if right_hand_side.ndim == 1 else right_hand_side
+        if columns.shape[1] == 0:  # a network whose datum is settled has no direction to be anchored
+            return np.zeros(columns.shape)
         x = np.ascontiguousarray(columns[plan.permutation], dtype=np.float64)
-        with threads_for(plan.largest_front):
+        with one_thread():
             self._forward(x, plan.fronts)
             self._backward(x, plan.fronts)
         solution = np.empty_like(x)
@@ -72,7 +77,7 @@ class Factor:
         """Of a factor without its last front: y of L y = b (n, k), and what is left of b for the last front (p, k)."""
         plan = self.elimination
         x = np.ascontiguousarray(right_hand_side[plan.permutation], dtype=np.float64)
-        with threads_for(plan.largest_front):
+        with one_thread():
             self._forward(x, plan.fronts - 1)
         return x, x[plan.pivot_pointers[-2] :].copy()
 
@@ -81,7 +86,7 @@ class Factor:
         plan = self.elimination
         x = y.copy()
         x[plan.pivot_pointers[-2] :] = last
-        with threads_for(plan.largest_front):
+        with one_thread():
             self._backward(x, plan.fronts - 1)
         solution = np.empty_like(x)
         solution[plan.permutation] = x
@@ -175,29 +180,38 @@ def _eliminated(matrix: BlockMatrix, elimination: Elimination, tolerance: float,
     pivots, below = _room_for(elimination)
     move = moves()
     set_aside = [np.empty(0, dtype=np.int64)]
-    with threads_for(elimination.largest_front):
-        for f in range(elimination.fronts):
-            children = updates.pop(f, [])
-            front = _assembled_front(move, matrix.values, elimination, f, pivots[f], below[f], children)
-            if f >= fronts:
-                continue
-            factor, vanished = _factor_in_place(front[0], tolerance), _NONE
-            if factor is None:  # the assembled pivots are gone, and are needed once more
-                front[0][...], front[1][...] = 0.0, 0.0
-                front = _assembled_front(move, matrix.values, elimination, f, pivots[f], below[f], children)
-                factor, vanished = _factor_dense(front[0], tolerance)
-            _keep(factor, pivots[f])
-            lower = _below(factor, vanished, *front[1:])
-            _keep(lower, below[f])
-            if vanished.size:
-                set_aside.append(vanished + elimination.pivot_pointers[f])
-            if lower.size:
-                places = elimination.row_in_parent[
-                    elimination.row_pointers[f] : elimination.row_pointers[f + 1]
-                ]
-                updates.setdefault(int(elimination.parent[f]), []).append((front[2], places))
+    for order, run in alike(elimination.orders):
+        with threads_for(order):
+            for f in run:
+                children = updates.pop(f, [])
+                front = partial(
+                    _assembled_front, move, matrix.values, elimination, f, pivots[f], below[f], children
+                )
+                if f >= fronts:
+                    front()
+                    continue
+                rest, vanished = _factor_front(front, tolerance)
+                if vanished.size:
+                    set_aside.append(vanished + elimination.pivot_pointers[f])
+                if rest.size:
+                    rows = slice(elimination.row_pointers[f], elimination.row_pointers[f + 1])
+                    of_parent = updates.setdefault(int(elimination.parent[f]), [])
+                    of_parent.append((rest, elimination.row_in_parent[rows]))
     at = np.concatenate(set_aside)
     return Factor(elimination, tuple(pivots), tuple(below), np.sort(elimination.permutation[at]), at)
+
+
+def _factor_front(assembled: Callable[[], _Front], tolerance: float) -> tuple[FloatArray, IntArray]:
+    """Replace pivots and what is below them by L11 and L21; return what is left for the parent, and vanished pivots."""
+    pivots, below, rest = assembled()
+    factor, vanished = _factor_in_place(pivots, tolerance), _NONE
+    if factor is None:  # the assembled pivots are gone, and are needed once more
+        pivots[...], below[...] = 0.0, 0.0
+        pivots, below, rest = assembled()
+        factor, vanished = _factor_dense(pivots, tolerance)
+    _keep(factor, pivots)
+    _keep(_below(factor, vanished, below, rest), below)
+    return rest, vanished
 
 
 def _room_for(plan: Elimination) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -232,7 +246,7 @@ def _assembled_front(
     pivots: FloatArray,
     below: FloatArray,
     updates: list[tuple[FloatArray, IntArray]],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> _Front:
     """Return the arrays (pivots, below, rest) of a front with the matrix and the children's updates in it.
 
     ``pivots`` (k, k) and ``below`` (r, k) are zeros to be used.

@@ -15,7 +15,7 @@ from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dpotri
 
 from mor.arrays import FloatArray
-from mor.sparse.blas_threads import threads_for
+from mor.sparse.blas_threads import alike, threads_for
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.cholesky import Factor
 from mor.sparse.fronts import Moves, moves
@@ -41,26 +41,27 @@ def selected_inverse(
     move = moves()
     waiting = np.bincount(plan.parent[plan.parent >= 0], minlength=plan.fronts)
     inverses: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
-    with threads_for(plan.largest_front):
-        for f in range(plan.fronts - 1, -1, -1):
-            parent = int(plan.parent[f])
-            places = plan.row_in_parent[plan.row_pointers[f] : plan.row_pointers[f + 1]]
-            rest = np.empty((places.size, places.size), order="F")
-            if places.size:
-                move.inherit(places, *inverses[parent], rest)
-            if last is not None and f == plan.fronts - 1:
-                pivots, below = np.asfortranarray(last), np.empty((0, len(last)), order="F")
-            else:
-                pivots, below = _inverse_of_front(move, factor, f, rest)
-            move.extract(values, *plan.entries.of_front(f), pivots, below)
-            if watch is not None and f in tellings:
-                watch(tellings[f])
-            if waiting[f]:
-                inverses[f] = (pivots, below, rest)
-            if parent >= 0:
-                waiting[parent] -= 1
-                if waiting[parent] == 0:
-                    del inverses[parent]
+    for order, run in reversed(alike(plan.orders)):
+        with threads_for(order):
+            for f in reversed(run):
+                parent = int(plan.parent[f])
+                places = plan.row_in_parent[plan.row_pointers[f] : plan.row_pointers[f + 1]]
+                rest = np.empty((places.size, places.size), order="F")
+                if places.size:
+                    move.inherit(places, *inverses[parent], rest)
+                if last is not None and f == plan.fronts - 1:
+                    pivots, below = np.asfortranarray(last), np.empty((0, len(last)), order="F")
+                else:
+                    pivots, below = _inverse_of_front(move, factor, f, rest)
+                move.extract(values, *plan.entries.of_front(f), pivots, below)
+                if watch is not None and f in tellings:
+                    watch(tellings[f])
+                if waiting[f]:
+                    inverses[f] = (pivots, below, rest)
+                if parent >= 0:
+                    waiting[parent] -= 1
+                    if waiting[parent] == 0:
+                        del inverses[parent]
     return BlockMatrix(plan.structure, values)
 
 

@@ -96,9 +96,15 @@ class Elimination:
         return np.diff(self.pivot_pointers)
 
     @property
+    def orders(self) -> IntArray:
+        """(f,) order of each front."""
+        order: IntArray = self.pivots + np.diff(self.row_pointers)
+        return order
+
+    @property
     def largest_front(self) -> int:
         """Order of the largest front."""
-        return int((self.pivots + np.diff(self.row_pointers)).max(initial=0))
+        return int(self.orders.max(initial=0))
 
 
 def analyse(structure: BlockStructure) -> Elimination:

@@ -7,7 +7,7 @@ import pytest
 
 from mor.sparse.block_matrix import structure_from_cliques
 from mor.sparse.compiled import symbolic
-from mor.sparse.symbolic_factorisation import analyse
+from mor.sparse.symbolic_factorisation import _PRICES, analyse
 
 
 def _structure(blocks, cliques, seed=0):
@@ -98,3 +98,21 @@ def test_column_orders_count_the_rows_of_the_factor():
 def test_postorder_keeps_subtrees_together():
     parent = np.array([3, 4, 3, -1, -1, 4])
     assert symbolic.postorder(parent).tolist() == [0, 2, 3, 1, 5, 4]
+
+
+@pytest.mark.parametrize("size", [1, 3, 6])
+def test_a_long_chain_becomes_fronts_of_the_cheapest_order(size):
+    """Against every order that all fronts of a chain might have, priced one by one."""
+    blocks = 6000 // size
+    ties = np.stack([np.arange(blocks - 1), np.arange(1, blocks)], axis=1)
+    structure = structure_from_cliques(np.full(blocks, size), 2 * np.arange(blocks), ties.ravel())
+    plan = analyse(structure)
+
+    def price(pivots, order):
+        k, m = np.asarray(pivots, dtype=float), np.asarray(order, dtype=float)
+        return _PRICES[0] + _PRICES[1] * m**2 + _PRICES[2] * (k * m**2 - k**2 * m + k**3 / 3.0)
+
+    found = price(plan.pivots, plan.orders).sum()
+    together = size * np.arange(1, 400 // size)
+    cheapest = (price(together, together + size) * structure.unknowns / together).min()
+    assert found < 1.1 * cheapest

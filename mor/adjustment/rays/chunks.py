@@ -15,12 +15,12 @@ import numpy as np
 from mor import compilation
 from mor.adjustment.linearise import rotation_tangents
 from mor.adjustment.problem import Problem
-from mor.adjustment.rays.compiled import image_passes, image_rays
+from mor.adjustment.rays.compiled import image_passes, image_rays, moving_rays
+from mor.adjustment.rays.compiled.cameras import MOVING
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.rays.linearised import Rays
-from mor.adjustment.rays.moving import compiled_model, computed_moving
 from mor.adjustment.rays.plan import Chunk, RayPlan, pieces
 from mor.adjustment.rays.point_elimination import (
     accumulate,
@@ -130,7 +130,10 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
         measured = _measured(plan, chunk)
         if _fits(place, chunk):
             points = values["point"][plan.points[chunk.points]]
-            image_rays.residuals(place.frames, frame, _pointers(plan, chunk), points, measured, residual)
+            arrays = place.frames, frame, _pointers(plan, chunk), points, measured, residual
+            image_rays.residuals(*arrays)
+            if _any_moving(place, chunk):
+                moving_rays.moving_residuals(*arrays)
         for group, here in _left_to_numpy(place, chunk, frame):
             computed = _computed(place, group, plan.row[chunk.rays][here])
             residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
@@ -170,9 +173,10 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
         points = np.take(
             place.values["point"], plan.points[chunk.points], axis=0
         )  # a third of the time of an index
-        image_rays.linearise(
-            place.frames, plan.frames.layout, frame, pointers, points, measured, residual, by_point, by_others
-        )
+        arrays = place.frames, plan.frames.layout, frame, pointers, points, measured
+        image_rays.linearise(*arrays, residual, by_point, by_others)
+        if _any_moving(place, chunk):
+            moving_rays.linearise_moving(*arrays, residual, by_point, by_others)
     for group, here in _left_to_numpy(place, chunk, frame):
         weight = measured.weight[here]
         computed = _computed(place, group, plan.row[chunk.rays][here])
@@ -207,6 +211,11 @@ def _all_compiled(place: _Place, chunk: Chunk) -> bool:
     return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).all())
 
 
+def _any_moving(place: _Place, chunk: Chunk) -> bool:
+    """True where some rays of the chunk are of a rolling shutter."""
+    return bool((place.frames.model[chunk.frames] >= MOVING).any())
+
+
 def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
     """Rays of a chunk that have no compiled form, group by group."""
     plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
@@ -221,9 +230,6 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
 
 def _computed(place: _Place, group: GroupFrames, rows: SmallIntArray) -> Computed:
     observations = place.problem.groups[group.group]
-    model = compiled_model(observations) if compilation.wanted() else -1
-    if model >= 0:
-        return computed_moving(observations, model, place.values, rows)
     blocks = [
         place.values[slot.kind][number[rows]]
         for slot, number in zip(observations.type.slots, observations.blocks, strict=True)

@@ -5,21 +5,35 @@ Columns and values are looked up once for every frame, not once for every ray.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import MODELS, ON_THE_SPHERE
+from mor.adjustment.rays.compiled.cameras import MODELS, MOVING, ON_THE_SPHERE
 from mor.adjustment.rays.compiled.image_rays import FrameChange, FrameValues, Layout
 from mor.arrays import FloatArray, IntArray
-from mor.observations import IMAGE_TYPES, ObservationGroup
+from mor.observations import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.on_the_sphere import is_on_the_sphere, on_the_sphere
 from mor.parameters.index import Index, Values
 
-_POSITION, _ROTATION, _HEIGHT, _ECCENTRICITY, _INTERIOR = range(5)
-"""Slots of image coordinates, the point left out."""
-_WIDTHS = (3, 3, 1, 3)
+_POSITION, _ROTATION = range(2)
+_POSE = ("position", "rotation", "height", "eccentricity")
+_MOTION = ("velocity", "rate", "readout")
+"""Slots of image coordinates in their order: pose, motion of a rolling shutter, interior orientation and point."""
+_WIDTHS = {
+    "readout": 1,
+    "velocity": 3,
+    "rate": 3,
+    "rotation": 3,
+    "position": 3,
+    "height": 1,
+    "eccentricity": 3,
+}
+"""Columns of the compiled derivatives, before those by the interior orientation.
+
+Velocity, rate, rotation and position of an image stand in one block of the reduced system, in this order."""
 
 
 class Pick(NamedTuple):
@@ -41,8 +55,10 @@ class GroupFrames:
         slots: slots that have unknowns in some frame, the point left out.
         model: number of the compiled camera model, −1 where the equations in numpy are taken.
         r0: (f,) constant of the camera model.
+        clock: (f, 3) phases of a rolling shutter, zero for others.
         picks: derivatives that are wanted.
-        poses: slots of positions and of the rotations that go with them: one pair, or one for each knot.
+        together: pairs of slots whose blocks go together, a rotation the second: the position of an image or of each
+            knot, the motion of a rolling shutter.
     """
 
     group: int
@@ -51,13 +67,20 @@ class GroupFrames:
     slots: tuple[int, ...]
     model: int
     r0: FloatArray
+    clock: FloatArray
     picks: tuple[Pick, ...] = ()
-    poses: tuple[tuple[int, int], ...] = ((_POSITION, _ROTATION),)
+    together: tuple[tuple[int, int], ...] = ((_POSITION, _ROTATION),)
 
     @property
     def count(self) -> int:
         """Number of frames f."""
         return int(self.blocks.shape[1])
+
+    @property
+    def parts(self) -> dict[str, int]:
+        """Slots of a compiled group by what they are."""
+        names = (*_POSE, *_MOTION) if self.model >= MOVING else _POSE
+        return {name: slot for slot, name in enumerate((*names, "interior"))}
 
 
 @dataclass(frozen=True)
@@ -120,32 +143,43 @@ def group_frames(
         for k, (slot, used) in enumerate(zip(group.type.slots[:-1], blocks, strict=True))
         if (index.columns[slot.kind][used] >= 0).any()
     )
-    model, r0 = _compiled_model(group, rows, frame, blocks.shape[1])
-    positions, rotations = (
-        [k for k, slot in enumerate(group.type.slots[:-1]) if slot.kind == kind]
-        for kind in ("point", "rotation")
-    )
-    poses = tuple(zip(positions, rotations, strict=False))  # behind them the relative rotation of a follower
-    return frame, GroupFrames(number, first, blocks, slots, model, r0, poses=poses)
+    model, r0, clock = _compiled_model(group, rows, frame, blocks.shape[1])
+    return frame, GroupFrames(number, first, blocks, slots, model, r0, clock, together=_together(group))
+
+
+def _together(group: ObservationGroup) -> tuple[tuple[int, int], ...]:
+    """Pairs of slots: positions with the rotations that go with them, and what moves an image with its rotation."""
+    of_kind = {
+        kind: [k for k, slot in enumerate(group.type.slots[:-1]) if slot.kind == kind]
+        for kind in ("point", "rotation", "image velocity", "rotation rate")
+    }
+    rotations = of_kind.pop("rotation")
+    # behind the rotations that go with positions there is the relative rotation of a follower
+    return tuple(pair for slots in of_kind.values() for pair in zip(slots, rotations, strict=False))
 
 
 def _compiled_model(
     group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int
-) -> tuple[int, FloatArray]:
-    """Number of the compiled camera model, and its constant for each frame."""
-    r0 = np.zeros(frames)
+) -> tuple[int, FloatArray, FloatArray]:
+    """Number of the compiled camera model, its constant for each frame, and the clock."""
+    r0, clock = np.zeros(frames), np.zeros((frames, 3))
     if is_on_the_sphere(group.type):
         single = any(group.type is on_the_sphere(type_) for type_ in IMAGE_TYPES.values())
-        return ON_THE_SPHERE if single else -1, r0
+        return ON_THE_SPHERE if single else -1, r0, clock
     for key, model in MODELS.items():
-        if group.type is IMAGE_TYPES[key]:
-            if group.constants.shape[1] > 2:
-                constant = group.constants[rows, 2]
-                r0[frame] = constant
-                if not np.array_equal(r0[frame], constant):
-                    return -1, r0
-            return model, r0
-    return -1, r0
+        moving = group.type is MOVING_TYPES[key]
+        if not moving and group.type is not IMAGE_TYPES[key]:
+            continue
+        constants = group.constants[rows, 2:]
+        found = np.zeros((frames, constants.shape[1]))
+        found[frame] = constants
+        if not np.array_equal(found[frame], constants):
+            break
+        if moving:
+            clock, found = np.ascontiguousarray(found[:, -3:]), found[:, :-3]
+        r0 = np.ascontiguousarray(found[:, 0]) if found.shape[1] else r0
+        return model + MOVING if moving else model, r0, clock
+    return -1, r0, clock
 
 
 def all_frames(
@@ -178,31 +212,34 @@ def _picks(group: GroupFrames, observed: ObservationGroup, index: Index, layout:
             Pick(k, np.arange(size), np.arange(end - size, end))
             for (k, size), end in zip(sizes.items(), ends, strict=True)
         )
-    starts = (layout.position, layout.rotation, layout.height, layout.eccentricity)
+    starts = layout._asdict()
     picks = [
-        Pick(k, np.arange(sizes[k]), starts[k] + np.arange(sizes[k])) for k in group.slots if k != _INTERIOR
+        Pick(slot, np.arange(sizes[slot]), starts[part] + np.arange(sizes[slot]))
+        for part, slot in group.parts.items()
+        if slot in sizes and part in _WIDTHS
     ]
-    if _INTERIOR in sizes:
-        known = layout.components < sizes[_INTERIOR]
-        picks.append(Pick(_INTERIOR, layout.components[known], layout.interior + np.flatnonzero(known)))
+    interior = group.parts["interior"]
+    if interior in sizes:
+        known = layout.components < sizes[interior]
+        picks.append(Pick(interior, layout.components[known], layout.interior + np.flatnonzero(known)))
     return tuple(picks)
 
 
 def _layout(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index) -> Layout:
     """Layout of the compiled derivatives."""
     compiled = [group for group in groups if group.model >= 0]
-    used: set[int] = {slot for group in compiled for slot in group.slots}
-    widths = [width if slot in used else 0 for slot, width in enumerate(_WIDTHS)]
-    at = sum(widths)
-    position, rotation, height, eccentricity = (
-        sum(widths[:slot]) if width else -1 for slot, width in enumerate(widths)
-    )
+    used = {part for group in compiled for part, slot in group.parts.items() if slot in group.slots}
+    at, starts = 0, dict.fromkeys(_WIDTHS, -1)
+    for part in (part for part in _WIDTHS if part in used):
+        starts[part] = at
+        at += _WIDTHS[part]
+    of_motion = sum(_WIDTHS[part] for part in _MOTION if part in used)
     free: set[int] = set()
     for group in compiled:
-        kind = observed[group.group].type.slots[_INTERIOR].kind
-        free |= set(np.flatnonzero((index.columns[kind][group.blocks[_INTERIOR]] >= 0).any(axis=0)).tolist())
+        kind, blocks = _interior_kind(observed[group.group]), group.blocks[group.parts["interior"]]
+        free |= set(np.flatnonzero((index.columns[kind][blocks] >= 0).any(axis=0)).tolist())
     components = np.array(sorted(free), dtype=np.int64)
-    return Layout(position, rotation, height, eccentricity, at, components)
+    return Layout(of_motion, **starts, interior=at, components=components)
 
 
 def frame_values(
@@ -220,23 +257,37 @@ def frame_values(
         np.zeros((count, widest)),
         np.zeros(count),
         np.zeros((turned, 3, 3)),
+        np.zeros((count, 3)),
+        np.zeros((count, 3)),
+        np.zeros(count),
+        np.zeros((count, 3)),
     )
     for group in _compiled(frames):
         here = slice(group.first, group.first + group.count)
-        kinds = [slot.kind for slot in observed[group.group].type.slots]
-        position, rotation, height, eccentricity, interior = (
-            values[kind][blocks] for kind, blocks in zip(kinds, group.blocks, strict=False)
-        )
+        part = _parts(group, observed, lambda kind, blocks: values[kind][blocks])
         result.model[here] = group.model
-        result.centre[here] = position
-        result.centre[here, 2] += height[:, 0]
-        result.D[here] = rotation.reshape(-1, 9)
-        result.eccentricity[here] = eccentricity
-        result.interior[here, : interior.shape[1]] = interior
+        result.centre[here] = part["position"]
+        result.centre[here, 2] += part["height"][:, 0]
+        result.D[here] = part["rotation"].reshape(-1, 9)
+        result.eccentricity[here] = part["eccentricity"]
+        result.interior[here, : part["interior"].shape[1]] = part["interior"]
         result.r0[here] = group.r0
         if tangent is not None:
             result.tangent[here] = tangent[group.blocks[_ROTATION]]
+        if "readout" in part:
+            result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
+            result.readout[here], result.clock[here] = part["readout"][:, 0], group.clock
     return result
+
+
+def _parts(
+    group: GroupFrames,
+    observed: tuple[ObservationGroup, ...],
+    of_blocks: Callable[[str, IntArray], FloatArray],
+) -> dict[str, FloatArray]:
+    """What is asked of the blocks (f,) of each slot of a compiled group, by what the slot is."""
+    slots = observed[group.group].type.slots
+    return {part: of_blocks(slots[slot].kind, group.blocks[slot]) for part, slot in group.parts.items()}
 
 
 def frame_change(
@@ -249,21 +300,22 @@ def frame_change(
 ) -> FrameChange:
     """Changes of the compiled frames by a step (u,) of all unknowns; ``widest`` interior components."""
     count = sum(group.count for group in frames.groups)
-    result = FrameChange(*(np.zeros((count, size)) for size in (3, 3, 3, widest)))
+    shapes = ((count, 3), (count, 3), (count, 3), (count, widest), (count, 3), (count, 3), (count,))
+    result = FrameChange(*(np.zeros(shape) for shape in shapes))
     for group in _compiled(frames):
         here = slice(group.first, group.first + group.count)
-        slots = observed[group.group].type.slots
-        position, turn, height, eccentricity, interior = (
-            _of_blocks(step, index.columns[slot.kind][blocks])
-            for slot, blocks in zip(slots, group.blocks, strict=False)
-        )
+        part = _parts(group, observed, lambda kind, blocks: _of_blocks(step, index.columns[kind][blocks]))
+        turn = part["rotation"]
         if tangent is not None:
             turn = np.einsum("fij,fj->fi", tangent[group.blocks[_ROTATION]], turn)
-        result.centre[here] = position
-        result.centre[here, 2] += height[:, 0]
+        result.centre[here] = part["position"]
+        result.centre[here, 2] += part["height"][:, 0]
         result.turn[here] = turn
-        result.eccentricity[here] = eccentricity
-        result.interior[here, : interior.shape[1]] = interior
+        result.eccentricity[here] = part["eccentricity"]
+        result.interior[here, : part["interior"].shape[1]] = part["interior"]
+        if "readout" in part:
+            result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
+            result.readout[here] = part["readout"][:, 0]
     return result
 
 
@@ -276,4 +328,4 @@ def _compiled(frames: Frames) -> list[GroupFrames]:
 
 
 def _interior_kind(group: ObservationGroup) -> str:
-    return group.type.slots[_INTERIOR].kind
+    return group.type.slots[-2].kind

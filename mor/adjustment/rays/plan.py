@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from mor.adjustment.rays.compiled import sorting
 from mor.adjustment.rays.compiled.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
-from mor.observations import IMAGE_TYPES, ObservationGroup
+from mor.observations import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.on_the_sphere import is_on_the_sphere
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
@@ -100,9 +100,11 @@ class RayPlan:
             return self.row
         return self.row[self.group_of_frame[self.frame_of_ray] == number] if len(self.row) else self.row
 
-    def poses(self) -> list[IntArray]:
-        """(2, f) position and rotation block of the frames of each group, or of their knots."""
-        return [group.blocks[list(pair)] for group in self.frames.groups for pair in group.poses]
+    def together(self, groups: Sequence[ObservationGroup]) -> Iterator[tuple[str, IntArray]]:
+        """Blocks (2, f) of the frames that go together, and the kind of the first: with a rotation, the second."""
+        for own in self.frames.groups:
+            for pair in own.together:
+                yield groups[own.group].type.slots[pair[0]].kind, own.blocks[list(pair)]
 
 
 def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
@@ -185,7 +187,8 @@ def _measured(
 def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
     """Measurements of some rows of a group."""
     # Nothing else looks at the measured coordinates.
-    forward = group.type is not IMAGE_TYPES["brown"] and not is_on_the_sphere(group.type)
+    inverse = group.type in (IMAGE_TYPES["brown"], MOVING_TYPES["brown"])
+    forward = not inverse and not is_on_the_sphere(group.type)
     one_sigma = group.sigma.strides == (0, 8) and bool(np.isfinite(group.observed).all())
     if forward and one_sigma and longest < len(rows):
         weight = 1.0 / group.sigma[:longest]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -51,10 +54,9 @@ def _settle_first_epochs(reading: Reading, groups: list[Group]) -> None:
             if slot.kind != "point" or found.epochs is None:
                 continue
             rows = np.flatnonzero(np.isin(blocks, free) & (found.epochs != NONE))
-            for block, epoch in np.unique(
-                np.stack([blocks[rows], found.epochs[rows]], axis=1), axis=0
-            ).tolist():
-                motion.points[block].epochs.add(epoch)
+            pairs = np.unique(blocks[rows].astype(np.int64) * len(motion.times) + found.epochs[rows])
+            for block, epochs in _epochs_of_blocks(pairs, len(motion.times)):
+                motion.points[block].epochs.update(epochs)
     for block in free.tolist():
         point = motion.points[block]
         if point.epochs:
@@ -103,7 +105,8 @@ def _called_by_epoch(reading: Reading, group: ObservationGroup, blocks: list[Int
     for reference, names in zip(group.type.references, group.references, strict=True):
         for k, slot in enumerate(group.type.slots):
             if slot.kind == "point" and slot.of == reference.name and "point" in reference.among:
-                names = _renamed(reading, names, np.asarray(group.blocks[k]), blocks[k])
+                own = np.asarray(group.blocks[k], dtype=np.int64)
+                names = _renamed(reading, names, own, blocks[k])
         called.append(names)
     return tuple(called)
 
@@ -111,7 +114,9 @@ def _called_by_epoch(reading: Reading, group: ObservationGroup, blocks: list[Int
 def _renamed(reading: Reading, names: Names, own: IntArray, placed: IntArray) -> Names:
     rows = np.flatnonzero(own != placed)
     points = reading.motion.points
-    rows = np.array([r for r in rows.tolist() if names[r] == points[int(own[r])].name], dtype=np.int64)
+    pairs, which = np.unique(own[rows] * len(names.known) + names.numbers[rows], return_inverse=True)
+    called = [names.known[name] == points[block].name for block, name in _apart(pairs, len(names.known))]
+    rows = rows[np.array(called, dtype=bool)[which.ravel()]]
     if not len(rows):
         return names
     others, which = np.unique(placed[rows], return_inverse=True)
@@ -174,23 +179,35 @@ def _placed(
     placed = blocks.copy()
     of_place = [np.zeros(len(blocks), dtype=np.int64) for _ in MOTIONS]
     rows = np.flatnonzero(np.isin(blocks, np.array(sorted(motion.points), dtype=np.int64)))
-    keys, which = np.unique(blocks[rows] * len(motion.times) + epochs[rows], return_inverse=True)
-    pairs = np.stack(np.divmod(keys, len(motion.times)), axis=1)
+    pairs, which = np.unique(blocks[rows] * len(motion.times) + epochs[rows], return_inverse=True)
     _add_epochs(reading, pairs, group, rows, which)
-    there = np.zeros(len(pairs), dtype=np.int64)
-    moved = np.zeros((len(pairs), len(MOTIONS)), dtype=np.int64)
-    for k, (block, epoch) in enumerate(pairs.tolist()):
+    there: list[int] = []
+    moved: list[list[int]] = []
+    for block, of_block in _epochs_of_blocks(pairs, len(motion.times)):
         point = motion.points[block]
         if reading.section == "observations":
-            point.epochs.add(epoch)
-        there[k] = (
+            point.epochs.update(of_block)
+        there += [
             point.by_epoch.get(epoch, block) if point.own_epochs else point.at(epoch, motion.times[epoch])
-        )
-        moved[k] = [point.motions.get(kind.key, 0) for kind in MOTIONS]
-    placed[rows] = there[which.ravel()]
-    for k, column in enumerate(of_place):
-        column[rows] = moved[which.ravel(), k]
+            for epoch in of_block
+        ]
+        moved += [[point.motions.get(kind.key, 0) for kind in MOTIONS]] * len(of_block)
+    placed[rows] = np.array(there, dtype=np.int64)[which.ravel()]
+    for column, of_pairs in zip(of_place, zip(*moved, strict=True), strict=False):
+        column[rows] = np.array(of_pairs, dtype=np.int64)[which.ravel()]
     return placed, of_place
+
+
+def _apart(pairs: IntArray, count: int) -> list[tuple[int, int]]:
+    """First and second number of pairs (n,) kept as first · count + second."""
+    first, second = np.divmod(pairs, count)
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def _epochs_of_blocks(pairs: IntArray, epochs: int) -> Iterator[tuple[int, list[int]]]:
+    """Blocks of ascending pairs (n,) block · epochs + epoch, and the epochs of each."""
+    for block, of_block in groupby(_apart(pairs, epochs), key=itemgetter(0)):
+        yield block, [epoch for _, epoch in of_block]
 
 
 def _add_epochs(
@@ -199,7 +216,7 @@ def _add_epochs(
     """Coordinates of their own for points in epochs that have not come before; the first epoch has the point's."""
     motion = reading.motion
     new: list[tuple[int, int]] = []
-    for block, epoch in pairs.tolist():
+    for block, epoch in _apart(pairs, len(motion.times)):
         point = motion.points[block]
         if not point.own_epochs or epoch in point.by_epoch:
             continue

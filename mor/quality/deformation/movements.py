@@ -74,10 +74,11 @@ def movements(solved: Solved) -> Movements | None:
     for point in points:
         found.parameters(point, parameters)
     asked = [_pairs(motion, point) for point in points]
-    wide = sum(3 * len(set(_blocks(motion, p))) for p in points if len(set(_blocks(motion, p))) > 1)
+    places = [len(set(_blocks(motion, point))) for point in points]
+    wide = sum(3 * count for count in places if count > 1)
     between, unlisted = _Vectors(), 0
-    for point, pairs in zip(points, asked, strict=True):
-        if wide > MOST_COLUMNS and len(set(_blocks(motion, point))) > 1:
+    for point, pairs, count in zip(points, asked, places, strict=True):
+        if wide > MOST_COLUMNS and count > 1:
             unlisted += 1
             continue
         found.between(point, pairs, between)

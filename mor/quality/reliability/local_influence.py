@@ -10,6 +10,7 @@ b = AᵀP e ∇, nonzero in a handful of places, only the rays of that one point
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,9 @@ from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
+
+_NUMBERS = 4_000_000
+"""Numbers of right-hand sides at a time. More are fresh memory with every array: to clear it takes most of the time."""
 
 
 class EliminatedPoint(NamedTuple):
@@ -38,8 +42,25 @@ def point_movements(
     quality: Quality, entries: list[Entry], errors: FloatArray, points: list[list[int]]
 ) -> list[FloatArray]:
     """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
+    eliminated = eliminated_points(quality.adjustment, {p for some in points for p in some})
+    some = max(1, _NUMBERS // max(len(quality.adjustment.plan.kept), 1))
+    parts = (slice(first, first + some) for first in range(0, len(entries), some))
+    return [
+        moved
+        for part in parts
+        for moved in _movements(quality, entries[part], errors[part], points[part], eliminated)
+    ]
+
+
+def _movements(
+    quality: Quality,
+    entries: list[Entry],
+    errors: FloatArray,
+    points: list[list[int]],
+    eliminated: Mapping[int, EliminatedPoint],
+) -> list[FloatArray]:
+    """The same of some entries, with the rays of all eliminated points that are listed."""
     adjustment, plan = quality.adjustment, quality.adjustment.plan
-    eliminated = eliminated_points(adjustment, {p for some in points for p in some})
     right = np.zeros((len(plan.kept), len(entries)))
     sparse: list[tuple[IntArray, FloatArray]] = []
     for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):

@@ -33,11 +33,11 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
     quality = solved.quality
     if quality is None or quality.redundancy == 0:
         return None
-    entries = _uncontrolled(quality)
+    count, entries = _uncontrolled(quality)
     rows: dict[str, Any] = {
         "least_redundancy": quality.levels.least_redundancy,
-        "uncontrolled": len(entries),
-        "observations": _observations(solved, quality, entries[:NAMED]),
+        "uncontrolled": count,
+        "observations": _observations(solved, quality, entries),
     }
     found = {one.of: one for one in solved.reliability_map}
     unknown = unknown_coordinates(solved)
@@ -60,19 +60,21 @@ def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
     return (observations > 0) & (unknown > 0) & (observations <= unknown + 1)
 
 
-def _uncontrolled(quality: Quality) -> list[Entry]:
-    """All of them, those with the smallest redundancy numbers first."""
+def _uncontrolled(quality: Quality) -> tuple[int, list[Entry]]:
+    """How many there are, and those with the smallest redundancy numbers."""
     found = []
     for number, one in enumerate(quality.groups):
         rows, components = np.nonzero(uncontrolled(quality, number))
         if len(rows):
             used, inverse = np.unique(rows, return_inverse=True)
-            r = one.at(used).r[inverse, components]
-            found += [
-                (round(float(r[k]), 7), Entry(number, int(rows[k]), int(components[k])))
-                for k in range(len(rows))
-            ]
-    return [entry for _, entry in sorted(found)]
+            r = np.round(one.at(used).r[inverse, components], 7)
+            found.append(np.stack([r, np.full(len(rows), number), rows, components]))
+    if not found:
+        return 0, []
+    r, *entries = np.concatenate(found, axis=1)
+    first = np.lexsort((*reversed(entries), r))[:NAMED]
+    named = np.stack(entries, axis=1)[first].astype(np.int64).tolist()
+    return len(r), [Entry(*entry) for entry in named]
 
 
 def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> list[dict[str, Any]]:

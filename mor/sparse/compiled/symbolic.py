@@ -91,7 +91,8 @@ def amalgamate(parent: IntArray, pivots: IntArray, orders: IntArray, prices: Flo
     """Return for each chain the chain it is merged into (itself if it stays), children before parents.
 
     A front with k pivots and m rows costs ``prices @ (1, m², flops)``; a chain joins its parent wherever
-    one front is not dearer than two. ``pivots`` and ``orders`` are k and m of the chains.
+    one front is not dearer than two, and the pivots of the parent not dearer than its own: a long chain of small ones
+    becomes fronts that are cheapest for each pivot. ``pivots`` and ``orders`` are k and m of the chains.
     """
     into = np.arange(parent.size)
     k = pivots.astype(np.float64)
@@ -100,8 +101,9 @@ def amalgamate(parent: IntArray, pivots: IntArray, orders: IntArray, prices: Flo
         p = parent[child]
         if p < 0:
             continue
-        apart = front_cost(k[child], m[child], prices) + front_cost(k[p], m[p], prices)
-        if front_cost(k[child] + k[p], k[child] + m[p], prices) <= apart:
+        alone = front_cost(k[child], m[child], prices)
+        further = front_cost(k[child] + k[p], k[child] + m[p], prices) - alone
+        if further <= front_cost(k[p], m[p], prices) and further * k[child] <= alone * k[p]:
             into[child] = p
             m[p] += k[child]
             k[p] += k[child]

@@ -21,6 +21,7 @@ from mor.adjustment.rays.plan import plan_rays
 from mor.adjustment.rays.point_elimination import back_substitute
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
+from mor.observations.time.rolling_shutter import read_out_at_once
 from mor.parameters.kinds import INTERIORS
 from mor.quality.assess import assess
 
@@ -39,7 +40,15 @@ NAMES = (
     "two cameras",
     "left to numpy",
     "missing and excluded",
+    "rolling shutters",
+    "a rolling shutter among frames",
+    "readout time of two models",
+    "all of rolling shutters",
 )
+ROLLING = NAMES[-4:]
+FREE_OF_ALL = ("all free", "all of rolling shutters")
+WITH_GAPS = {"missing and excluded": 5, "all of rolling shutters": 11}
+READOUT = "T"
 
 
 def block(kind: str, models: tuple[str, ...]) -> Scene:
@@ -53,24 +62,34 @@ def block(kind: str, models: tuple[str, ...]) -> Scene:
             if (k + number) % 4 == 0:
                 continue
             constants = _constants(model, number, k)
-            only = [k % 2] if kind == "missing and excluded" and (k + number) % 5 == 0 else None
+            only = [k % 2] if kind in WITH_GAPS and (k + number) % WITH_GAPS[kind] == 0 else None
             frame = (f"C{number}", f"R{number}", *_extras(kind, number))
             interior = f"I {model} {number}" if kind == "image-variant" else f"I {model}"
-            scene.observe(
-                f"image/{model}", *frame, interior, name, sigma=(0.002, 0.003), constants=constants, only=only
-            )
+            form = "image"
+            if _rolls(kind, number):
+                form, frame = "moving", (*frame, f"V{number}", f"W{number}", READOUT)
+                constants = [*constants, 0.01, -0.04, 0.02]
+            type_, slots = f"{form}/{model}", (*frame, interior, name)
+            scene.observe(type_, *slots, sigma=(0.002, 0.003), constants=constants, only=only)
     return scene
+
+
+def _rolls(kind: str, number: int) -> bool:
+    return kind in ROLLING and (number % 2 == 0 or kind != "a rolling shutter among frames")
 
 
 def _add_image(scene: Scene, kind: str, number: int, place: list[float], model: str) -> None:
     end = number in (0, len(PLACES) - 1)
     free: bool | tuple[bool, ...] = not end
+    if _rolls(kind, number):
+        _add_motion(scene, kind, number, end)
     scene.add("point", f"C{number}", place, free=free)
     turned = (True, False, True) if kind == "partly free" and not end else free
     scene.add("rotation", f"R{number}", looking_at(place, [0.0, 0.0, 0.0], 0.3 * number), free=turned)
-    if kind in ("all free", "partly free"):
-        scene.add("height", f"H{number}", [1.5], free=kind == "all free" and number == 1)
-        wanted = (kind == "all free", False, kind == "all free" and number == 2)
+    if _has_extras(kind):
+        everything = kind in FREE_OF_ALL
+        scene.add("height", f"H{number}", [1.5], free=everything and number == 1)
+        wanted = (everything, False, everything and number == 2)
         scene.add("eccentricity", f"E{number}", [0.1, -0.2, 0.05], free=wanted if not end else False)
     name = f"I {model} {number}" if kind == "image-variant" else f"I {model}"
     if name not in scene.truth.get(INTERIORS[model].key, {}):
@@ -79,8 +98,23 @@ def _add_image(scene: Scene, kind: str, number: int, place: list[float], model: 
         scene.add(INTERIORS[model].key, name, INTERIOR[model], free=some)
 
 
+def _add_motion(scene: Scene, kind: str, number: int, end: bool) -> None:
+    moves = kind != "readout time of two models"
+    turning = (moves, False, moves) if number == 2 else moves and number == 1
+    times = 6.0 if kind == "all of rolling shutters" else 1.0  # turns by more than series are for
+    scene.add("image velocity", f"V{number}", [0.5 - number, 2.0, -0.4], free=moves and not end)
+    rate = times * np.array([0.1, -0.1 * number, 0.2 * number])
+    scene.add("rotation rate", f"W{number}", rate, free=turning)
+    if READOUT not in scene.truth.get("readout", {}):
+        scene.add("readout", READOUT, [0.3], free=not moves or kind in FREE_OF_ALL)
+
+
+def _has_extras(kind: str) -> bool:
+    return kind in (*FREE_OF_ALL, "partly free", "rolling shutters")
+
+
 def _extras(kind: str, number: int) -> tuple[str | None, str | None]:
-    return (f"H{number}", f"E{number}") if kind in ("all free", "partly free") else (None, None)
+    return (f"H{number}", f"E{number}") if _has_extras(kind) else (None, None)
 
 
 def _constants(model: str, number: int, k: int) -> list[float]:
@@ -93,6 +127,9 @@ def scene_of(name: str) -> Scene:
         "two cameras": ("mor", "brown-forward"),
         "left to numpy": ("mor", "opencv", "brown"),
         "image-variant": ("brown",),
+        "a rolling shutter among frames": ("mor", "opencv", "brown"),
+        "readout time of two models": ("brown", "brown-forward"),
+        "all of rolling shutters": ("mor", "brown"),
     }.get(name, ("mor",))
     return block(name, models)
 
@@ -126,6 +163,22 @@ def test_compiled_rays_are_those_of_the_equations(name, monkeypatch):
     for one, other in zip(found, linearised(problem, values), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-11 * max(1.0, np.abs(other).max()))
     assert np.abs(found[2]).max() > 1.0
+
+
+@pytest.mark.parametrize("name", ROLLING)
+def test_shutters_without_readout_time_are_those_of_frames(name):
+    scene = scene_of(name)
+    problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-2)
+    values["readout"] = np.zeros_like(values["readout"])
+    still = replace(problem, groups=tuple(read_out_at_once(group) for group in problem.groups))
+    found, expected = (
+        [
+            residual
+            for _, residual in ray_residuals(p, plan_rays(p, eliminable_rays(p, values).points), values)
+        ]
+        for p in (problem, still)
+    )
+    np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-11, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -222,6 +275,13 @@ def test_positions_and_rotations_that_belong_together_are_one_block():
     assert sorted(sizes) == [3, 3, 3, 3, 6, 6]
 
 
+def test_the_motion_of_an_image_is_in_the_block_of_its_pose():
+    scene = scene_of("rolling shutters")
+    problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-3)
+    sizes = make_plan(problem, eliminable_rays(problem, values)).target.structure.sizes
+    assert sorted(sizes) == [3, 9, 11, 12]  # the interior, and three free images
+
+
 def test_residuals_are_zero_where_nothing_was_observed():
     scene = scene_of("missing and excluded")
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-2)
@@ -292,7 +352,7 @@ def test_the_order_of_the_rows_does_not_matter():
     np.testing.assert_allclose(other.groups[0].v, one.groups[0].v[turned], atol=1e-10)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[:-1])  # the last one has hardly a redundant observation
 def test_quality_of_rays_is_that_of_the_dense_system(name, monkeypatch):
     """Redundancy numbers against the dense system, all else against the form in numpy."""
     scene = scene_of(name)

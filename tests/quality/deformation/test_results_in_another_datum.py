@@ -81,7 +81,7 @@ def test_carried_and_direct_are_one(name, target):
     other = scene.problem(np.random.default_rng(3), targets[target], reference=reference)
     direct, carried = adjust(other, scene.start(1e-3, seed=8)), adjust(other, here.values)
     assert direct.outcome is carried.outcome is Outcome.CONVERGED
-    assert len(carried.iterations) <= 7
+    assert len(carried.iterations) <= 11  # mostly six; the last digit of the start decides
     np.testing.assert_allclose(carried.values["point"], direct.values["point"], atol=1e-9, rtol=0.0)
     assert np.abs(here.values["point"] - direct.values["point"]).max() > 1e-4
     one, two = assess(direct), assess(carried)
@@ -95,6 +95,23 @@ def test_carried_and_direct_are_one(name, target):
         np.testing.assert_allclose(two.cofactors[kind], q, atol=1e-9 * np.outer(size, size).max(), rtol=0.0)
     moving = np.diagonal(everything(one)) > 1e-14 * np.diagonal(everything(one)).max()
     assert_equal_covariances(everything(two)[np.ix_(moving, moving)], everything(one)[np.ix_(moving, moving)])
+
+
+@pytest.mark.parametrize("name", ["images", "images and a scale bar", "local system"])
+def test_a_way_into_another_datum_is_no_standstill(name):
+    """It begins with a step of nothing, and takes some pieces, as many as the last digits will have it."""
+    make, *targets = NETWORKS[name]
+    scene, points = make()
+    reference = scene.start(2e-2, seed=5)["point"]
+    for seed in range(3, 11):
+        here = adjust(
+            scene.problem(np.random.default_rng(seed), points, reference=reference), scene.start(1e-3)
+        )
+        for target in targets:
+            other = scene.problem(np.random.default_rng(seed), target, reference=reference)
+            carried = adjust(other, here.values)
+            assert carried.outcome is Outcome.CONVERGED, (seed, carried.reason)
+            assert len(carried.iterations) <= 12
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, "correlated"])

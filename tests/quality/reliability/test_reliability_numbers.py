@@ -12,6 +12,7 @@ from scenes import Scene, levelling_network, mixed_network, photo_block, plane_n
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
+from mor.quality.reliability import local_influence
 from mor.quality.reliability.detectable_errors import student_square
 from mor.quality.reliability.effects import effects
 from mor.quality.reliability.influence_on_unknowns import Entry, movements
@@ -213,8 +214,10 @@ def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, f
     assert moved_at_all > len(entries) // 2
 
 
+@pytest.mark.parametrize("numbers", [200, 4_000_000])  # a few right-hand sides at a time, and all
 @pytest.mark.parametrize("name", NETWORKS)
-def test_movements_of_the_points_next_to_an_error_are_those_of_the_whole(name):
+def test_movements_of_the_points_next_to_an_error_are_those_of_the_whole(name, numbers, monkeypatch):
+    monkeypatch.setattr(local_influence, "_NUMBERS", numbers)
     make, free = NETWORKS[name]
     scene, points = make()
     quality = assess(solve(scene, np.random.default_rng(4), points if free else None))

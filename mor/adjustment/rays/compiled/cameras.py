@@ -6,6 +6,7 @@ The equations and their sources stand in ``mor.geometry.cameras``; a model that 
 from __future__ import annotations
 
 from math import atan2, copysign, sqrt
+from typing import NamedTuple
 
 from mor.arrays import FloatArray
 from mor.compilation import compile_kernel
@@ -15,6 +16,8 @@ MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
 _MOR, _BROWN_FORWARD = 0, 1
 ON_THE_SPHERE = 3
 """Number of what takes the place of every model where rays are directions (``mor.observations.on_the_sphere``)."""
+MOVING = 4
+"""Added to the number of a model where the rows are read out one after the other."""
 
 
 @compile_kernel
@@ -136,43 +139,93 @@ def project(
             axes[5] * per_length,
         )
         return arcs(X, Y, Z, u, v, axes)
+    seen = sight(model, X, Y, Z, i, r0, u, v)
+    by_star[0, 0], by_star[0, 1], by_star[0, 2] = seen.by_star[0]
+    by_star[1, 0], by_star[1, 1], by_star[1, 2] = seen.by_star[1]
+    fill_by_interior(model, X, Y, Z, i, r0, u, v, seen.by_ideal, by_interior)
+    return seen.x, seen.y
+
+
+class Sight(NamedTuple):
+    """A point in the image.
+
+    Attributes:
+        x, y: image coordinates.
+        by_star: their derivatives by X, Y, Z.
+        by_ideal: their derivatives by the ideal image coordinates, xx, xy, yx, yy.
+    """
+
+    x: float
+    y: float
+    by_star: tuple[tuple[float, float, float], tuple[float, float, float]]
+    by_ideal: tuple[float, float, float, float]
+
+
+@compile_kernel
+def sight(model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float) -> Sight:
+    """Return the image coordinates of a point X, Y, Z in the image system, with their derivatives by it."""
     per_depth = -1.0 / Z
-    x_by_c, y_by_c = X * per_depth, Y * per_depth
-    x, y = i[0] * x_by_c, i[0] * y_by_c
-    xx, xy, yx, yy = 1.0, 0.0, 0.0, 1.0  # derivatives of the image coordinates by the ideal ones
+    x, y = i[0] * X * per_depth, i[0] * Y * per_depth
+    xx, xy, yx, yy = 1.0, 0.0, 0.0, 1.0
     if model == _MOR or model == _BROWN_FORWARD:
         forward = model == _BROWN_FORWARD
         sign, zero = (-1.0, 0.0) if forward else (1.0, r0)
         dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], zero)
         sxx, sxy, syy = distortion_slopes(x, y, i[3], i[4], i[5], i[6], i[7], zero)
-        fill_by_distortion(x, y, zero, sign, by_interior)
         xx, xy, yx, yy = 1.0 + sign * sxx, sign * sxy, sign * sxy, 1.0 + sign * syy
         found_x, found_y = i[1] + x + sign * dx, i[2] + y + sign * dy
-        by_interior[0, 1], by_interior[0, 2] = 1.0, 0.0
-        by_interior[1, 1], by_interior[1, 2] = 0.0, 1.0
         if not forward:
             xx += i[8]
             xy += i[9]
             found_x += i[8] * x + i[9] * y
+    else:
+        a, b = u - i[1], v - i[2]
+        a_affine = (1.0 + i[8]) * a + i[9] * b
+        dx, dy = distortion(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
+        found_x, found_y = u + x - a_affine - dx, v + y - b - dy
+    scale, x_by_depth, y_by_depth = i[0] * per_depth, x * per_depth, y * per_depth
+    by_star = (
+        (xx * scale, xy * scale, xx * x_by_depth + xy * y_by_depth),
+        (yx * scale, yy * scale, yx * x_by_depth + yy * y_by_depth),
+    )
+    return Sight(found_x, found_y, by_star, (xx, xy, yx, yy))
+
+
+@compile_kernel
+def fill_by_interior(
+    model: int,
+    X: float,
+    Y: float,
+    Z: float,
+    i: FloatArray,
+    r0: float,
+    u: float,
+    v: float,
+    by_ideal: tuple[float, float, float, float],
+    by_interior: FloatArray,
+) -> None:
+    """Set the derivatives (2, k) of the image coordinates by the interior orientation."""
+    per_depth = -1.0 / Z
+    x_by_c, y_by_c = X * per_depth, Y * per_depth
+    xx, xy, yx, yy = by_ideal
+    if model == _MOR or model == _BROWN_FORWARD:
+        x, y = i[0] * x_by_c, i[0] * y_by_c
+        sign, zero = (-1.0, 0.0) if model == _BROWN_FORWARD else (1.0, r0)
+        fill_by_distortion(x, y, zero, sign, by_interior)
+        by_interior[0, 1], by_interior[0, 2] = 1.0, 0.0
+        by_interior[1, 1], by_interior[1, 2] = 0.0, 1.0
+        if model == _MOR:
             by_interior[0, 8], by_interior[0, 9] = x, y
             by_interior[1, 8], by_interior[1, 9] = 0.0, 0.0
     else:
         a, b = u - i[1], v - i[2]
         a_affine = (1.0 + i[8]) * a + i[9] * b
-        dx, dy = distortion(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
         sxx, sxy, syy = distortion_slopes(a_affine, b, i[3], i[4], i[5], i[6], i[7], 0.0)
         fill_by_distortion(a_affine, b, 0.0, -1.0, by_interior)
-        found_x, found_y = u + x - a_affine - dx, v + y - b - dy
         sxx, syy = 1.0 + sxx, 1.0 + syy
         by_interior[0, 1], by_interior[0, 2] = sxx * (1.0 + i[8]), sxx * i[9] + sxy
         by_interior[1, 1], by_interior[1, 2] = sxy * (1.0 + i[8]), sxy * i[9] + syy
         by_interior[0, 8], by_interior[0, 9] = -sxx * a, -sxx * b
         by_interior[1, 8], by_interior[1, 9] = -sxy * a, -sxy * b
-    scale, x_by_depth, y_by_depth = i[0] * per_depth, x * per_depth, y * per_depth
-    by_star[0, 0], by_star[0, 1] = xx * scale, xy * scale
-    by_star[0, 2] = xx * x_by_depth + xy * y_by_depth
-    by_star[1, 0], by_star[1, 1] = yx * scale, yy * scale
-    by_star[1, 2] = yx * x_by_depth + yy * y_by_depth
     by_interior[0, 0] = xx * x_by_c + xy * y_by_c
     by_interior[1, 0] = yx * x_by_c + yy * y_by_c
-    return found_x, found_y

@@ -19,6 +19,7 @@ from mor.adjustment.rays.compiled.image_rays import (
     follow,
     linearise,
 )
+from mor.adjustment.rays.compiled.moving_rays import follow_moving, linearise_moving
 from mor.adjustment.rays.compiled.point_products import Gathering, store_points
 from mor.adjustment.rays.compiled.points import solve_points, whiten_points
 from mor.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
@@ -78,6 +79,9 @@ def gather_image_rays(
         piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end])
         residual, by_point, by_other = residuals[:n], by_points[:n], by_others[:n]
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
+        linearise_moving(
+            values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
+        )
         for i in range(n):
             squares += residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1]
         white, moved = whites[:n], shifted[:n]
@@ -111,6 +115,7 @@ def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, ste
         piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end])
         residual, by_point = residuals[:n], by_points[:n]
         follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
+        follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         solve_points(residual, by_point, own, damping, steps[first:last])
         first = last
 

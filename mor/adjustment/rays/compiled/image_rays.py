@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import image_point, project
+from mor.adjustment.rays.compiled.cameras import MOVING, image_point, project
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 
@@ -15,13 +15,17 @@ class FrameValues(NamedTuple):
     """Values of the f frames of a chunk.
 
     Attributes:
-        model: (f,) number of the camera model, −1 where it has no compiled form: such rays are passed over.
+        model: (f,) number of the camera model, −1 where it has no compiled form: such rays are passed over. Those of
+            rolling shutters, from ``MOVING`` on, have kernels of their own (``moving_rays``).
         D: (f, 9) rotation, row by row.
         centre: (f, 3) rotation centre.
         eccentricity: (f, 3).
         interior: (f, k) interior orientation, filled up with zeros.
         r0: (f,) second zero crossing of the radial distortion.
         tangent: (f, 3, 3) what turns small rotations into their columns, or none (0, 3, 3).
+        velocity, rate: (f, 3) motion while a frame is read out, in its own axes.
+        readout: (f,) time from the first row to the last.
+        clock: (f, 3) part of the readout that has passed at x, y: by x, by y, and at 0.
     """
 
     model: IntArray
@@ -31,6 +35,10 @@ class FrameValues(NamedTuple):
     interior: FloatArray
     r0: FloatArray
     tangent: FloatArray
+    velocity: FloatArray
+    rate: FloatArray
+    readout: FloatArray
+    clock: FloatArray
 
 
 class FrameChange(NamedTuple):
@@ -41,22 +49,32 @@ class FrameChange(NamedTuple):
         turn: (f, 3) small rotation.
         eccentricity: (f, 3).
         interior: (f, k).
+        velocity, rate: (f, 3).
+        readout: (f,).
     """
 
     centre: FloatArray
     turn: FloatArray
     eccentricity: FloatArray
     interior: FloatArray
+    velocity: FloatArray
+    rate: FloatArray
+    readout: FloatArray
 
 
 class Layout(NamedTuple):
     """First column of the derivatives by each block of a frame, −1 where they are not wanted.
 
-    ``components`` are the components of the interior orientation whose derivatives are wanted.
+    ``components`` are the components of the interior orientation whose derivatives are wanted. The first ``of_motion``
+    columns are those by readout time, velocity and rate.
     """
 
-    position: int
+    of_motion: int
+    readout: int
+    velocity: int
+    rate: int
     rotation: int
+    position: int
     height: int
     eccentricity: int
     interior: int
@@ -84,14 +102,14 @@ def linearise(
     by_others: FloatArray,
 ) -> None:
     """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
-    model, D, centre, e, interiors, r0, tangent = values
+    model, D, centre, e, interiors, r0, tangent = values[:7]
     observed, weight, measured = rays
     interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if model[f] < 0:
+            if model[f] < 0 or model[f] >= MOVING:
                 continue
             for k in range(i.size):
                 i[k] = interiors[f, k]
@@ -111,6 +129,8 @@ def linearise(
                 residual[n, m] = (found - observed[n, m]) * w
                 s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
                 set_row(by_point, by_others, n, m, layout, D, tangent, f, a, b, c, s, t, d)
+                for k in range(layout.of_motion):
+                    by_others[n, m, k] = 0.0
                 for k in range(layout.components.size):
                     by_others[n, m, layout.interior + k] = w * interior[m, layout.components[k]]
                 for k in range(layout.interior + layout.components.size, by_others.shape[2]):
@@ -184,13 +204,13 @@ def residuals(
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) divided by σ, and nothing else."""
-    model, D, centre, e, interiors, r0, _ = values
+    model, D, centre, e, interiors, r0 = values[:6]
     observed, weight, measured = rays
     interior = np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if model[f] < 0:
+            if model[f] < 0 or model[f] >= MOVING:
                 continue
             for k in range(interior.size):
                 interior[k] = interiors[f, k]
@@ -225,15 +245,15 @@ def follow(
 
     With q = D (X − X0) the point moves in the image system by q × δ − D ΔX0 + Δr0*.
     """
-    model, D, centre, e, interiors, r0, _ = values
-    moved, turn, shift, altered = change
+    model, D, centre, e, interiors, r0 = values[:6]
+    moved, turn, shift, altered = change[:4]
     observed, weight, measured = rays
     interior, by_interior = np.empty(interiors.shape[1]), np.zeros((2, interiors.shape[1]))
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if model[f] < 0:
+            if model[f] < 0 or model[f] >= MOVING:
                 continue
             for k in range(interior.size):
                 interior[k] = interiors[f, k]
