@@ -87,12 +87,12 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> 
 def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
     """A line for every system some of whose angles are fixed: these oppose a turn that its points may not know."""
     systems = solved.network.things["system"]
-    rotations = solved.adjustment.problem.index.columns["rotation"]
+    columns = solved.adjustment.problem.index.columns
     length = solved.network.project.units.length
     lines = []
     for name in systems.ids:
         rotation = systems.part(name, "rotation")
-        fixed = rotations[rotation] < 0
+        fixed = columns["rotation"][rotation] < 0
         points = _points_seen(solved, rotation)
         if fixed.all() or not fixed.any() or len(points) < 2:
             continue
