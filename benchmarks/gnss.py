@@ -4,7 +4,7 @@ python benchmarks/gnss.py                            20 000 vectors between 5 00
 python benchmarks/gnss.py sessions --session 10
 
 ``columns`` is one table with the covariance matrix of each vector in its row; ``sessions`` are clusters (X) of
-DynAdjust's measurement file, all vectors of a session with one matrix.
+DynAdjust's measurement file, all vectors of a session, from one point to those nearest to it, with one matrix.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ _WIDTH = 3.0
 """Extent of the network in degrees."""
 
 
-def network(points: int, vectors: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Latitudes, longitudes, heights (n, 3), geocentric coordinates (n, 3), and ends (m, 2) of vectors."""
+def network(points: int, vectors: int, each: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Latitudes, longitudes, heights (n, 3), geocentric coordinates (n, 3), and ends (m, 2) of vectors.
+
+    ``each``: vectors that begin in one point.
+    """
     random = np.random.default_rng(1)
     geodetic = np.column_stack(
         [
@@ -40,9 +43,9 @@ def network(points: int, vectors: int) -> tuple[FloatArray, FloatArray, IntArray
     )
     places = Transformer.from_crs("EPSG:7843", "EPSG:7842", always_xy=True)
     geocentric = np.stack(places.transform(geodetic[:, 1], geodetic[:, 0], geodetic[:, 2]), axis=1)
-    each = vectors // points
-    near = cKDTree(geocentric).query(geocentric, each + 1)[1][:, 1:]
-    ends = np.stack([np.repeat(np.arange(points), each), near.ravel()], axis=1)
+    from_ = np.arange(vectors // each) * (points * each) // vectors
+    near = cKDTree(geocentric).query(geocentric[from_], each + 1)[1][:, 1:]
+    ends = np.stack([np.repeat(from_, each), near.ravel()], axis=1)
     return geodetic, geocentric, ends
 
 
@@ -56,7 +59,7 @@ def factors(count: int, size: int) -> FloatArray:
 
 def write_columns(folder: Path, points: int, vectors: int) -> Path:
     """A project with one table of vectors; returns its file."""
-    geodetic, geocentric, ends = network(points, vectors)
+    geodetic, geocentric, ends = network(points, vectors, vectors // points)
     factor = factors(len(ends), 3)
     errors = np.einsum("nij,nj->ni", factor, np.random.default_rng(3).standard_normal((len(ends), 3)))
     values = geocentric[ends[:, 1]] - geocentric[ends[:, 0]] + errors
@@ -86,7 +89,7 @@ def write_columns(folder: Path, points: int, vectors: int) -> Path:
 
 def write_sessions(folder: Path, points: int, vectors: int, session: int) -> Path:
     """DynAdjust's files with clusters of so many vectors; returns the measurement file."""
-    _, geocentric, ends = network(points, vectors)
+    _, geocentric, ends = network(points, vectors, session)
     lines = [f"!#=DNA 3.01 MSR    13.12.2018       GDA2020    01.01.2020  {len(ends) // session:8d}"]
     random = np.random.default_rng(3)
     for first, L in zip(

@@ -7,6 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import (
+    AlikeClusters,
+    ClusterRows,
+    alike_clusters,
+    cluster_columns,
+    group_columns,
+)
 from mor.adjustment.problem import Cluster, Problem
 from mor.adjustment.rays.plan import RayPlan, plan_rays
 from mor.arrays import FloatArray, IntArray, ranges
@@ -25,17 +32,6 @@ class RowSet:
     rows: IntArray
     weight: FloatArray
     """(n, m) 1/σ."""
-
-
-@dataclass(frozen=True)
-class ClusterRows:
-    """A correlated cluster: where its entries stand, and the matrix that makes them uncorrelated."""
-
-    groups: IntArray
-    rows: IntArray
-    components: IntArray
-    whitening: FloatArray
-    """(k, k) W with W Σ Wᵀ = I."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +60,10 @@ class Plan:
     clusters: tuple[ClusterRows, ...]
 
     @cached_property
-    def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[ClusterRows, ...]]:
-        """Clusters that are single rows, by group, and the others."""
-        return _sorted_clusters(self.problem, self.clusters)
+    def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[AlikeClusters, ...]]:
+        """Clusters that are single rows, by group, and the others, those that are alike together."""
+        of_rows, wide = _sorted_clusters(self.problem, self.clusters)
+        return of_rows, alike_clusters(self.problem, wide)
 
     @cached_property
     def places_in_clusters(self) -> dict[tuple[int, int, int], tuple[ClusterRows, int]]:
@@ -120,16 +117,6 @@ def _row_clusters(problem: Problem, number: int, clusters: list[ClusterRows]) ->
     return RowClusters(number, np.array([cluster.rows[0] for cluster in clusters], dtype=np.int64), whitening)
 
 
-def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntArray:
-    """(n, K) unknowns of the chosen rows, over all slots that are not fixed throughout."""
-    parts = [
-        index.columns[slot.kind][number[rows]]
-        for slot, number in zip(group.type.slots, group.blocks, strict=True)
-    ]
-    used = [part for part in parts if (part >= 0).any()]
-    return np.concatenate(used, axis=1) if used else np.zeros((len(rows), 0), dtype=np.int64)
-
-
 def _row_set(
     number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan
 ) -> RowSet:
@@ -181,16 +168,6 @@ def _structure(
         members.append(blocks)
     pointers = np.concatenate([[0], np.cumsum(np.concatenate(lengths))])
     return structure_from_cliques(sizes, pointers, np.concatenate(members))
-
-
-def cluster_columns(problem: Problem, cluster: ClusterRows) -> IntArray:
-    """Unknowns (sorted, each once) that the entries of a cluster depend on."""
-    found = [np.zeros(0, dtype=np.int64)]
-    for number in np.unique(cluster.groups):
-        rows = np.unique(cluster.rows[cluster.groups == number])
-        found.append(group_columns(problem.groups[number], problem.index, rows).ravel())
-    columns = np.unique(np.concatenate(found))
-    return columns[columns >= 0]
 
 
 def reduced_columns(columns: IntArray, reduced: IntArray) -> IntArray:

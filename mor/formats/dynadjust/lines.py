@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
 from mor.formats.text import read_lines
@@ -35,6 +36,10 @@ class Collected:
     frames: dict[str, int] = field(default_factory=dict)
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
+    clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(
+        default_factory=dict
+    )
+    """Rows and covariance matrix of each cluster, by type and columns."""
 
     def skip(self, what: str, line: int) -> None:
         """The measurement at a line is not read."""
