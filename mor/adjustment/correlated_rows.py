@@ -96,8 +96,7 @@ def spread(matrix: FloatArray, part: PartOfClusters, values: FloatArray) -> None
 def alike_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> tuple[AlikeClusters, ...]:
     """Clusters by their numbers of entries and unknowns, in pieces that have room in memory."""
     alike: dict[tuple[int, int], list[tuple[ClusterRows, IntArray]]] = {}
-    for cluster in clusters:
-        columns = cluster_columns(problem, cluster)
+    for cluster, columns in zip(clusters, columns_of_clusters(problem, clusters), strict=True):
         alike.setdefault((len(cluster.rows), len(columns)), []).append((cluster, columns))
     found = []
     for (k, c), some in alike.items():
@@ -143,9 +142,7 @@ def linearised_parts(
 ) -> list[tuple[PartOfClusters, Linearised]]:
     """The parts of alike clusters with their linearised rows."""
     groups, index = problem.groups, problem.index
-    return [
-        (part, linearise(groups[part.group], index, values, tangent, part.rows)) for part in alike.parts
-    ]
+    return [(part, linearise(groups[part.group], index, values, tangent, part.rows)) for part in alike.parts]
 
 
 def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntArray:
@@ -158,11 +155,17 @@ def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntA
     return np.concatenate(used, axis=1) if used else np.zeros((len(rows), 0), dtype=np.int64)
 
 
-def cluster_columns(problem: Problem, cluster: ClusterRows) -> IntArray:
-    """Unknowns (sorted, each once) that the entries of a cluster depend on."""
+def columns_of_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> list[IntArray]:
+    """Unknowns (sorted, each once) that the entries of each cluster depend on."""
+    if not clusters:
+        return []
+    groups, rows = (np.concatenate([getattr(c, name) for c in clusters]) for name in ("groups", "rows"))
+    cluster = np.repeat(np.arange(len(clusters)), [len(one.rows) for one in clusters])
+    count = problem.index.count
     found = [np.zeros(0, dtype=np.int64)]
-    for number in np.unique(cluster.groups):
-        rows = np.unique(cluster.rows[cluster.groups == number])
-        found.append(group_columns(problem.groups[number], problem.index, rows).ravel())
-    columns = np.unique(np.concatenate(found))
-    return columns[columns >= 0]
+    for number in np.unique(groups).tolist():
+        own = groups == number
+        columns = group_columns(problem.groups[number], problem.index, rows[own])
+        found.append((columns + cluster[own, None] * count)[columns >= 0])
+    which, columns = np.divmod(np.unique(np.concatenate(found)), max(count, 1))
+    return np.split(columns, np.searchsorted(which, np.arange(1, len(clusters))))

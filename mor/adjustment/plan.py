@@ -11,7 +11,7 @@ from mor.adjustment.correlated_rows import (
     AlikeClusters,
     ClusterRows,
     alike_clusters,
-    cluster_columns,
+    columns_of_clusters,
     group_columns,
 )
 from mor.adjustment.problem import Cluster, Problem
@@ -158,8 +158,8 @@ def _structure(
         counts, blocks = _cliques(reduced_columns(columns, reduced), block_of)
         lengths.append(counts)
         members.append(blocks)
-    for cluster in clusters:
-        blocks = np.unique(block_of[reduced[cluster_columns(problem, cluster)]])
+    for columns in columns_of_clusters(problem, clusters):
+        blocks = np.unique(block_of[reduced[columns]])
         lengths.append(np.array([len(blocks)]))
         members.append(blocks)
     if len(rays.columns):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
-from mor.formats.draft import Draft, Row, number
+from mor.formats.draft import LARGEST, Draft, Row, number
 from mor.formats.text import read_lines
 
 _MARK = "!#=DNA"
@@ -69,7 +69,9 @@ class Measurements(Collected):
         if text[:1].strip():
             raise ValueError("the measurement is not complete: expected its values and covariances")
         self.at += 1
-        return [number(word) for word in NUMBER.findall(text[VALUES:])]
+        words = NUMBER.findall(text[VALUES:])
+        values = list(map(float, words))
+        return values if all(-LARGEST <= value <= LARGEST for value in values) else list(map(number, words))
 
     def stations_of(self, text: str, count: int) -> list[str]:
         """Names of a line. Raises ``ValueError`` where there are not so many different ones."""

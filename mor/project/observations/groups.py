@@ -236,7 +236,7 @@ def _plain_group(
         lines=rows.lines,
         file=rows.file,
     )
-    everything = np.arange(rows.count)
+    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
     tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows, type_)
     if correlated:
@@ -246,7 +246,7 @@ def _plain_group(
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
     own = covariance_of_rows(rows, type_)
-    return Group(group, number, everything, transform, factors, own, _clusters(entry, rows, place, reading), epochs)
+    return Group(group, number, everything, transform, factors, own, clusters, epochs)
 
 
 def _clusters(entry: Observations, rows: Rows, place: Place, reading: Reading) -> Names | None:

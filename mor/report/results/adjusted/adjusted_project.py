@@ -104,7 +104,7 @@ def _moved(
     """An entry whose files are found from the new folder; a data frame without a file becomes one of ``tables``."""
     moved = dict(entry)
     for key in ("file", "covariance"):
-        frame = document.frame(str(moved.get(key)))
+        frame = document.frame(moved[key]) if isinstance(moved.get(key), str) else None
         if frame is not None:
             words = "".join(c if c.isalnum() else " " for c in str(moved[key])).split()
             moved[key] = f"given_{'_'.join(words)}.csv"
