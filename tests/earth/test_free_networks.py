@@ -101,10 +101,13 @@ def test_a_free_network_has_the_residuals_of_one_that_is_held_in_a_point(
 @pytest.mark.parametrize(
     ("kinds", "words"),
     [
-        ("d", "cannot turn about all of them; fix or observe two points, or one point and an azimuth"),
-        ("ds", "cannot turn about all of them; fix or observe two points, or one point and an azimuth"),
-        ("dsh", "instruments and heights say where the network lies; fix or observe a point"),
-        ("dsvh", "instruments and heights say where the network lies; fix or observe a point"),
+        (
+            "d",
+            "neither free nor determined, for verticals differ from place to place; fix or observe two points",
+        ),
+        ("ds", "fix or observe two points, or one point and an azimuth"),
+        ("dsh", "fix or observe two points, or one point and an azimuth"),
+        ("dsvh", "where the network lies, for verticals differ from place to place; fix or observe a point"),
     ],
 )
 @pytest.mark.parametrize("command", ["check", "adjust", "design"])
@@ -116,6 +119,35 @@ def test_a_free_network_that_plumb_lines_do_not_leave_free_is_told(
     assert told.code == 2
     assert words in told.err
     assert "project.yaml:1: datum: " in told.err
+
+
+@pytest.mark.parametrize("kinds", ["d", "ds", "dsh"])
+@pytest.mark.parametrize("size", [1e3, 1e5])
+def test_one_point_does_not_hold_the_turn(tmp_path: Path, kinds: str, size: float) -> None:
+    """It was iterated without an end, and the observations were blamed."""
+    told = mor("adjust", write(tmp_path, json.dumps(survey(size, kinds, held=1))))
+    assert told.code == 2
+    assert "the turn about the only point that is held" in told.err
+    assert "fix or observe a second point, or an azimuth" in told.err
+
+
+ORIENTED: list[dict[str, Any]] = [
+    {"columns": ["id", "point", "kappa"], "rows": [["P0", "P0", 0.0]], "fixed": ["kappa"]},
+    {"columns": ["id", "point", "kappa", "sigma_kappa"], "rows": [["P0", "P0", 0.0, 1e-6]]},
+]
+
+
+@pytest.mark.parametrize("station", ORIENTED)
+@pytest.mark.parametrize("size", [1e3, 1e5])
+def test_an_orientation_holds_the_turn_of_a_free_network(
+    tmp_path: Path, station: dict[str, Any], size: float
+) -> None:
+    """Its residuals are those of a network with one point and an azimuth."""
+    free = _residuals({**survey(size, "ds"), "stations": [station]}, tmp_path / "free")
+    held = _residuals(survey(size, "ds", held=1, azimuth=True), tmp_path / "held")
+    measured = ["zenith_directions", "distance"]
+    one, other = (rows.filter(pl.col("type").is_in(measured)) for rows in (free, held))
+    np.testing.assert_allclose(one["w"].to_numpy(), other["w"].to_numpy(), atol=5e-3)
 
 
 @pytest.mark.parametrize(

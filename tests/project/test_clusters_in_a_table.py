@@ -141,13 +141,13 @@ def _without(key: str, table: dict[str, Any]) -> dict[str, Any]:
     [
         (
             lambda t: _without("covariance", t),
-            "column cluster: it says what the covariances of the same table",
+            "column cluster: it needs the covariances of this table",
         ),
-        (lambda t: {**t, "cluster": "all"}, "column cluster: it says what the covariances of the same table"),
+        (lambda t: {**t, "cluster": "all"}, "column cluster: it needs the covariances of this table"),
         (lambda t: {**t, "covariance": t["covariance"][:-1]}, "expected"),
         (
             lambda t: {**t, "covariance": [t["covariance"][0][:-1], *t["covariance"][1:]]},
-            "covariance: row 1 has",
+            "values in row 1, expected",
         ),
         (
             lambda t: {**t, "covariance": [[-v for v in row] for row in t["covariance"]]},

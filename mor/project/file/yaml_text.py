@@ -50,7 +50,8 @@ def yaml_text(data: dict[str, Any], width: int) -> str:
     return _STANDS.sub(lambda found: _rows_text(tables[int(found[3])], found), text) if tables else text
 
 
-_ROWS = "rows of the table"
+_ROWS = "\ue000"
+"""Stands for the rows of a table until they are put in its place: a letter that means nothing."""
 _STANDS = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
 _FEW = 20
 """Rows up to which a table is written as everything else."""

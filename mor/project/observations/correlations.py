@@ -80,7 +80,7 @@ def _by_cluster(reading: Reading, groups: list[Group], number: int) -> list[Corr
     names = [found.clusters[int(rows[own[0]])] for own in members]
     wrong = wrong_rows(given, members, names)
     if wrong:
-        reading.problems.append(place.problem(f"covariance: {wrong}", "covariance"))
+        reading.problems.append(place.problem(wrong, "covariance"))
         return []
     result = []
     for name, own in zip(names, members, strict=True):
@@ -103,12 +103,15 @@ def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names:
     """What is wrong with the lengths of the rows of the matrices of clusters, in words; empty where nothing is."""
     count = sum(map(len, members))
     if len(given) != count:
-        return f"found {len(given)} rows, expected {count}, one for each observation"
+        return f"covariance: found {len(given)} rows, expected {count}, one for each observation"
     for name, own in zip(names, members, strict=True):
         for k in own.tolist():
             if len(given[k]) != len(own):
-                here = f"row {k + 1} has {len(given[k])} values"
-                return f"{here}, expected {len(own)}, as many as cluster {name!r} has observations"
+                found, expected = len(given[k]), len(own)
+                return (
+                    f"covariance: found {found} values in row {k + 1}, expected {expected}, as many as cluster "
+                    f"{name!r} has observations"
+                )
     return ""
 
 

@@ -254,8 +254,8 @@ def _clusters(entry: Observations, rows: Rows, place: Place, reading: Reading) -
     if CLUSTER not in rows.texts:
         return None
     if entry.covariance is None or entry.cluster is not None:
-        words = "column cluster: it says what the covariances of the same table are between; expected a key covariance"
-        reading.problems.append(place.problem(f"{words}, and no key cluster"))
+        words = "column cluster: it needs the covariances of this table (key covariance), and no key cluster"
+        reading.problems.append(place.problem(words))
         return None
     tell_rows(reading.problems, (rows.series(CLUSTER) == "").to_numpy(), rows, "cluster is empty")
     return rows.names(CLUSTER)

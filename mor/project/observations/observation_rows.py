@@ -14,7 +14,6 @@ from mor.project.file.model import Observations
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Rows
 
-
 CLUSTER = "cluster"
 """Column of the names of rows that are correlated among themselves."""
 

@@ -1,4 +1,4 @@
-"""Quality of correlated observations, which have a covariance matrix of their own: all clusters that are alike at once."""
+"""Quality of correlated observations, which have a covariance matrix of their own: all alike clusters at once."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def _diagonal(matrices: FloatArray) -> FloatArray:
 def _joint_of_clusters(
     alike: AlikeClusters, weighted: FloatArray, cofactors: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Statistic and freedom (n, k) of the joint tests of the rows that clusters touch, those with as many entries together."""
+    """Statistic and freedom (n, k) of the joint tests of rows, those with as many entries together."""
     n, k = weighted.shape
     statistic, freedom = np.zeros((n, k)), np.zeros((n, k))
     for part in alike.parts:

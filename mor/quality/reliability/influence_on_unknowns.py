@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.correlated_rows import cluster_rows
+from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality

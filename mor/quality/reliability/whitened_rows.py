@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.correlated_rows import ClusterRows, cluster_rows
+from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.reliability.local_system import LocalSystem, local_system

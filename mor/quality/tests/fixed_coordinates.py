@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import cluster_rows
 from mor.adjustment.datum.defect import network_components
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.correlated_rows import cluster_rows
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index, index_unknowns

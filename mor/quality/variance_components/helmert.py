@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse
 
-from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.correlated_rows import ClusterRows, cluster_rows
+from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.rays.chunks import ray_chunks
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
