@@ -175,3 +175,22 @@ def test_a_plan_is_simulated_with_its_clusters(tmp_path: Path) -> None:
     assert told.code in (0, 1), told.err
     rows = pl.read_csv(tmp_path / "out" / "residuals.csv")
     assert rows.height == len(table["covariance"])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_x_north_is_y_north_with_all_swapped(tmp_path: Path, seed: int) -> None:
+    (points, _), *found = clusters(seed)
+    every = np.arange(sum(len(rows) for rows, _ in found))
+    east = solved(tmp_path / "east", project([one_table(found, every)], points, "en"))
+    swapped = []
+    for rows, Q in found:
+        turned, order = [], []
+        for start, end, dx, dy, dz in rows:
+            first, seen = len(order), [axis for axis in (0, 1, 2) if (dx, dy, dz)[axis] is not None]
+            order += [first + seen.index(axis) for axis in (1, 0, 2) if axis in seen]
+            turned.append([start, end, dy, dx, dz])
+        swapped.append((turned, Q[np.ix_(order, order)]))
+    places = [[name, y, x, z] for name, x, y, z in points]
+    north = solved(tmp_path / "north", project([one_table(swapped, every)], places, "ne"))
+    assert north.quality.sigma0 == pytest.approx(east.quality.sigma0, rel=1e-10)
+    np.testing.assert_allclose(north.quality.groups[0].r, east.quality.groups[0].r, atol=1e-9)
