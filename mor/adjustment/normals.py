@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import Linearised, linearise, misclosures, rotation_tangents
-from mor.adjustment.plan import ClusterRows, Plan, cluster_columns, reduced_columns
+from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
+from mor.adjustment.plan import Plan, reduced_columns
 from mor.adjustment.rays.chunks import eliminate_chunks, ray_chunks, ray_objective
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.linearised import Rays
@@ -114,44 +114,13 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
             some.whitening @ rows.jacobian,
             reduced_columns(rows.columns, plan.reduced),
         )
-    for cluster in wide:
-        misclosure, jacobian, columns = cluster_rows(plan, cluster, values, tangent)
+    for alike in wide:
+        misclosure, jacobian = alike.rows(problem, values, tangent)
         yield WhiteRows(
-            (cluster.whitening @ misclosure)[None, :],
-            (cluster.whitening @ jacobian)[None, :, :],
-            plan.reduced[columns][None, :],
+            np.einsum("nij,nj->ni", alike.whitening, misclosure),
+            alike.whitening @ jacobian,
+            plan.reduced[alike.columns],
         )
-
-
-def cluster_rows(
-    plan: Plan, cluster: ClusterRows, values: Values, tangent: FloatArray | None
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Misclosures (k,), dense Jacobian (k, c) and unknowns (c,) of a cluster, not whitened."""
-    problem = plan.problem
-    columns = cluster_columns(problem, cluster)
-    misclosure = np.zeros(len(cluster.rows))
-    jacobian = np.zeros((len(cluster.rows), len(columns)))
-    for number in np.unique(cluster.groups):
-        here = np.flatnonzero(cluster.groups == number)
-        rows, inverse = np.unique(cluster.rows[here], return_inverse=True)
-        part = linearise(problem.groups[number], problem.index, values, tangent, rows)
-        misclosure[here] = part.misclosure[inverse, cluster.components[here]]
-        _spread(jacobian, columns, here, inverse, cluster.components[here], part)
-    return misclosure, jacobian, columns
-
-
-def _spread(
-    jacobian: FloatArray,
-    columns: IntArray,
-    here: IntArray,
-    rows: IntArray,
-    components: IntArray,
-    part: Linearised,
-) -> None:
-    free = part.columns[rows] >= 0
-    entry = np.broadcast_to(here[:, None], free.shape)[free]
-    place = np.searchsorted(columns, part.columns[rows][free])
-    np.add.at(jacobian, (entry, place), part.jacobian[rows, components][free])
 
 
 def objective(plan: Plan, values: Values) -> float:
@@ -168,11 +137,9 @@ def objective(plan: Plan, values: Values) -> float:
         total += float(
             np.sum(np.einsum("nij,nj->ni", some.whitening, np.where(observed, misclosure, 0.0)) ** 2)
         )
-    whole = {int(number): misclosures(groups[number], values) for c in wide for number in np.unique(c.groups)}
-    for cluster in wide:
-        places = zip(cluster.groups, cluster.rows, cluster.components, strict=True)
-        together = np.array([whole[int(group)][row, component] for group, row, component in places])
-        total += float(np.sum((cluster.whitening @ together) ** 2))
+    for alike in wide:
+        misclosure = alike.misclosures(plan.problem, values)
+        total += float(np.sum(np.einsum("nij,nj->ni", alike.whitening, misclosure) ** 2))
     return total if np.isfinite(total) else np.inf
 
 

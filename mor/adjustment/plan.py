@@ -7,11 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import (
+    AlikeClusters,
+    ClusterRows,
+    alike_clusters,
+    columns_of_clusters,
+    group_columns,
+)
 from mor.adjustment.problem import Cluster, Problem
 from mor.adjustment.rays.plan import RayPlan, plan_rays
 from mor.arrays import FloatArray, IntArray, ranges
 from mor.observations import ObservationGroup
-from mor.parameters.index import Index
 from mor.sparse.block_matrix import BlockStructure, structure_from_cliques
 from mor.sparse.rows import Target, target
 from mor.sparse.symbolic_factorisation import Elimination, analyse
@@ -25,17 +31,6 @@ class RowSet:
     rows: IntArray
     weight: FloatArray
     """(n, m) 1/σ."""
-
-
-@dataclass(frozen=True)
-class ClusterRows:
-    """A correlated cluster: where its entries stand, and the matrix that makes them uncorrelated."""
-
-    groups: IntArray
-    rows: IntArray
-    components: IntArray
-    whitening: FloatArray
-    """(k, k) W with W Σ Wᵀ = I."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +59,10 @@ class Plan:
     clusters: tuple[ClusterRows, ...]
 
     @cached_property
-    def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[ClusterRows, ...]]:
-        """Clusters that are single rows, by group, and the others."""
-        return _sorted_clusters(self.problem, self.clusters)
+    def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[AlikeClusters, ...]]:
+        """Clusters that are single rows, by group, and the others, those that are alike together."""
+        of_rows, wide = _sorted_clusters(self.problem, self.clusters)
+        return of_rows, alike_clusters(self.problem, wide)
 
     @cached_property
     def places_in_clusters(self) -> dict[tuple[int, int, int], tuple[ClusterRows, int]]:
@@ -120,16 +116,6 @@ def _row_clusters(problem: Problem, number: int, clusters: list[ClusterRows]) ->
     return RowClusters(number, np.array([cluster.rows[0] for cluster in clusters], dtype=np.int64), whitening)
 
 
-def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntArray:
-    """(n, K) unknowns of the chosen rows, over all slots that are not fixed throughout."""
-    parts = [
-        index.columns[slot.kind][number[rows]]
-        for slot, number in zip(group.type.slots, group.blocks, strict=True)
-    ]
-    used = [part for part in parts if (part >= 0).any()]
-    return np.concatenate(used, axis=1) if used else np.zeros((len(rows), 0), dtype=np.int64)
-
-
 def _row_set(
     number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan
 ) -> RowSet:
@@ -171,8 +157,8 @@ def _structure(
         counts, blocks = _cliques(reduced_columns(columns, reduced), block_of)
         lengths.append(counts)
         members.append(blocks)
-    for cluster in clusters:
-        blocks = np.unique(block_of[reduced[cluster_columns(problem, cluster)]])
+    for columns in columns_of_clusters(problem, clusters):
+        blocks = np.unique(block_of[reduced[columns]])
         lengths.append(np.array([len(blocks)]))
         members.append(blocks)
     if len(rays.columns):
@@ -181,16 +167,6 @@ def _structure(
         members.append(blocks)
     pointers = np.concatenate([[0], np.cumsum(np.concatenate(lengths))])
     return structure_from_cliques(sizes, pointers, np.concatenate(members))
-
-
-def cluster_columns(problem: Problem, cluster: ClusterRows) -> IntArray:
-    """Unknowns (sorted, each once) that the entries of a cluster depend on."""
-    found = [np.zeros(0, dtype=np.int64)]
-    for number in np.unique(cluster.groups):
-        rows = np.unique(cluster.rows[cluster.groups == number])
-        found.append(group_columns(problem.groups[number], problem.index, rows).ravel())
-    columns = np.unique(np.concatenate(found))
-    return columns[columns >= 0]
 
 
 def reduced_columns(columns: IntArray, reduced: IntArray) -> IntArray:

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import ClusterRows
 from mor.adjustment.linearise import misclosures
-from mor.adjustment.plan import ClusterRows, Plan
+from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import ray_residuals
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import Measurements, RayPlan

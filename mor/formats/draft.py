@@ -70,6 +70,26 @@ class Draft:
             self.files[path] = file
         return path
 
+    def correlated(
+        self,
+        columns: Sequence[str],
+        clusters: Sequence[tuple[Sequence[Row], FloatArray]],
+        type_: str,
+        file: str = "",
+    ) -> None:
+        """Add observations of one type in clusters, rows with their covariance matrix each, as one table."""
+        if len(clusters) == 1:
+            rows, matrix = clusters[0]
+            self.table("observations", columns, rows, file, type=type_, covariance=matrix.tolist())
+            return
+        named = [
+            Row([*row.cells, str(number)], row.line)
+            for number, (rows, _) in enumerate(clusters, start=1)
+            for row in rows
+        ]
+        covariance = [line for _, matrix in clusters for line in matrix.tolist()]
+        self.table("observations", (*columns, "cluster"), named, file, type=type_, covariance=covariance)
+
     def frame(self, section: str, name: str, frame: pl.DataFrame, **keys: Any) -> None:
         """Add a table with many rows to a section; ``name`` is what stands for it."""
         self.frames[name] = frame

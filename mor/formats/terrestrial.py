@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray
-from mor.errors import Problem
+from mor.errors import InputError, Problem
 from mor.formats.content import Content, Things
 from mor.observations import PLAIN_TYPES, ObservationType
 from mor.project.file.model import Observations
+from mor.project.observations.correlations import members_of, rows_of_covariance
+from mor.project.observations.observation_rows import CLUSTER
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Rows
 from mor.units import ANGLE, LENGTH
@@ -38,16 +40,44 @@ def groups(
 ) -> list[Group]:
     """All tables of some types, which stand in ``known``. Raises :class:`InputError`."""
     return [
-        _group(content, number, entry, known[entry.type])
+        part
         for number, entry in enumerate(content.project.observations)
         if entry.type in types
+        for part in _by_cluster(_group(content, number, entry, known[entry.type]), content, number)
     ]
+
+
+def _by_cluster(group: Group, content: Content, number: int) -> Iterator[Group]:
+    """A table with its matrix, where it has one: of clusters of rows each by itself."""
+    entry, seen = group.entry, np.isfinite(group.values)
+    if entry.covariance is None:
+        yield group
+        return
+    problems: list[Problem] = []
+    given = rows_of_covariance(entry, content.place("observations", number), problems)
+    if given is None:
+        raise InputError(problems)
+    if CLUSTER not in group.rows.texts:
+        yield replace(group, covariance=np.array(given, dtype=float))
+        return
+    of_row = group.rows.names(CLUSTER).numbers
+    for own in members_of(of_row[np.nonzero(seen)[0]]):
+        rows = np.unique(np.nonzero(seen)[0][own])
+        matrix = np.array([given[k] for k in own.tolist()], dtype=float)
+        yield replace(
+            group,
+            rows=group.rows.take(rows),
+            values=group.values[rows],
+            sigma=group.sigma[rows],
+            covariance=matrix,
+        )
 
 
 def _group(content: Content, number: int, entry: Observations, type_: ObservationType) -> Group:
     edge = content.edge
     components = type_.components
-    columns = [Column(reference.name, required=True) for reference in type_.references] + [Column("set")]
+    columns = [Column(reference.name, required=True) for reference in type_.references]
+    columns += [Column("set"), Column(CLUSTER)]
     for name, quantity in [(c.name, c.quantity) for c in components]:
         columns += [number_column(f"{p}{name}", quantity, edge) for p in ("", "sigma_")]
     columns.append(number_column("sigma", components[0].quantity, edge))
@@ -84,9 +114,7 @@ def _covariance(
 
     Vectors and coordinates always have one.
     """
-    if isinstance(entry.covariance, list):
-        return np.array(entry.covariance, dtype=float)
-    if len(values[0]) != 3:
+    if entry.covariance is not None or len(values[0]) != 3:
         return None
     matrix = np.diag(np.nan_to_num(sigma.ravel() ** 2))
     names = [component.name for component in type_.components]

@@ -75,12 +75,15 @@ def prepared(trial: Trial) -> Prepared:
 
 
 def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
-    """The tally of some runs, one after the other."""
+    """The tally of some runs, one after the other.
+
+    Kernels are compiled where the runs of a chunk have together what a project is worth compiling from.
+    """
     truth = ready.truth
     assert truth is not None
     solve = _solver(ready)
     total = empty_tally(truth)
-    with chosen_by_size(ready.network.observations), np.errstate(all="ignore"):
+    with chosen_by_size(CHUNK * ready.network.observations), np.errstate(all="ignore"):
         for number in range(first, first + count):
             total = total + one_run(truth, ready.trial.seed, number, solve)
     return total

@@ -115,7 +115,13 @@ def _observations(measured: dict[str, list[list[Any]]], heights: bool) -> list[d
 
 
 def _on_earth(
-    truth: Truth, measured: Any, crs: str, coordinates: np.ndarray, levelled: bool, **world: str
+    truth: Truth,
+    measured: Any,
+    crs: str,
+    coordinates: np.ndarray,
+    levelled: bool,
+    free: bool = False,
+    **world: str,
 ) -> Solved:
     names = {"EPSG:25832": ["east", "north", "height"], "EPSG:4936": ["x", "y", "z"]}.get(
         crs, ["latitude", "longitude", "height"]
@@ -129,12 +135,14 @@ def _on_earth(
     if "latitude" in names:
         units |= {"latitude": "deg", "longitude": "deg"}
     table = {"columns": columns, "units": units}
-    held, free = ([row for row in _texts(rows) if (row[0] in HELD) is on] for on in (True, False))
+    held, new = ([row for row in _texts(rows) if (row[0] in HELD) is on] for on in (True, False))
+    points = [{**table, "rows": held, "fixed": ["x", "y", "z"]}, {**table, "rows": new}]
     project = {
         "mor": "1",
         "units": {"length": "m", "angle": "rad"},
         "world": {"crs": crs, **world},
-        "points": [{**table, "rows": held, "fixed": ["x", "y", "z"]}, {**table, "rows": free}],
+        "points": [{**table, "rows": _texts(rows)}] if free else points,
+        "datum": "free" if free else "fixed",
         "observations": _observations(measured, levelled),
     }
     return solve_network(network_of_yaml(yaml_text(project, width=1000), None))  # type: ignore[arg-type]
@@ -145,14 +153,14 @@ def _projected(geodetic: np.ndarray) -> np.ndarray:
     return np.column_stack([*utm.transform(geodetic[:, 1], geodetic[:, 0]), geodetic[:, 2]])
 
 
-def _compare(one: Solved, other: Solved) -> None:
-    """The same v, r, σ0 of all observations that both have."""
-    assert one.quality.sigma0 == pytest.approx(other.quality.sigma0, rel=1e-7)
+def _compare(one: Solved, other: Solved, digits: float) -> None:
+    """The same v, r, σ0 of all observations that both have; ``digits`` (m) of lengths, whose σ are 2e-2."""
+    assert one.quality.sigma0 == pytest.approx(other.quality.sigma0, rel=digits)
     assert one.quality.redundancy == other.quality.redundancy
     theirs = dict(zip((g.name for g in other.network.groups), other.quality.groups, strict=True))
     for group, quality in zip(one.network.groups, one.quality.groups, strict=True):
-        angular = group.type.wraps.all()  # geocentric coordinates are read to 1e-9 m
-        np.testing.assert_allclose(quality.v, theirs[group.name].v, atol=1e-12 if angular else 4e-9)
+        angular = group.type.wraps.all()
+        np.testing.assert_allclose(quality.v, theirs[group.name].v, atol=1e-12 if angular else digits)
         np.testing.assert_allclose(quality.r, theirs[group.name].r, atol=1e-9)
 
 
@@ -180,8 +188,23 @@ def test_projected_geographic_and_geocentric_coordinates_give_the_same_adjustmen
             == sum(len(rows) * m for rows, m in zip(measured.values(), (3, 2, 1, 1), strict=True)) - 15 - 7
         )
         np.testing.assert_allclose(_places(solved), _places(solutions[0]), atol=1e-8)
-        _compare(solved, solutions[0])
+        _compare(solved, solutions[0], 4e-9)  # the held points are read to 1e-9 m, in coordinates of 6e6 m
     assert 0.8 < solutions[0].quality.sigma0 < 1.2
+
+
+def test_a_free_network_is_the_same_to_all_digits_in_every_formulation(truth: Truth, measured: Any) -> None:
+    """Coordinates are start values here: what is read of them to 1e-9 m changes no residual."""
+    cart = Transformer.from_crs("EPSG:4937", "EPSG:4936", always_xy=True)
+    geocentric = np.stack(cart.transform(truth.start[:, 1], truth.start[:, 0], truth.start[:, 2]), axis=1)
+    given = [("EPSG:4937", truth.start), ("EPSG:25832", _projected(truth.start)), ("EPSG:4936", geocentric)]
+    ellipsoidal = {"EPSG:25832": {"heights": "ellipsoidal"}}
+    solutions = [
+        _on_earth(truth, measured, crs, places, False, True, **ellipsoidal.get(crs, {}))
+        for crs, places in given
+    ]
+    for solved in solutions[1:]:
+        _compare(solved, solutions[0], 1e-9)
+        np.testing.assert_allclose(_places(solved), _places(solutions[0]), atol=1e-7)
 
 
 def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(
@@ -226,7 +249,7 @@ def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(
         "observations": observations,
     }
     plane = solve_network(network_of_yaml(yaml_text(project, width=1000), None))  # type: ignore[arg-type]
-    assert plane.quality.sigma0 == pytest.approx(earth.quality.sigma0, rel=1e-8)
+    assert plane.quality.sigma0 == pytest.approx(earth.quality.sigma0, rel=1e-9)
     numbers = plane.network.things["point"].parts["position"]
     order = [plane.network.things["point"].ids.index(name) for name in NAMES]
     np.testing.assert_allclose(plane.adjustment.values["point"][numbers][order], local, atol=1e-7)

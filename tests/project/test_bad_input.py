@@ -153,7 +153,8 @@ class TestColumns:
     def test_height_on_a_type_that_has_none(self, tmp_path: Path) -> None:
         entry = "  - {type: angle, columns: [at, from, to, angle, sigma, to_height], rows: [[A, B, C, 9, 1, 1.5]]}"
         assert with_observations(tmp_path, entry) == [
-            "project.yaml:7: unknown column 'to_height' (known here: at, from, to, angle, sigma_angle, sigma, epoch)"
+            "project.yaml:7: unknown column 'to_height' (known here: at, from, to, angle, "
+            "sigma_angle, sigma, epoch, cluster)"
         ]
 
 

@@ -200,6 +200,7 @@ def _many(
     lang: str,
     quiet: bool,
 ) -> int:
+    from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.input_files import files_read
     from mor.planning.monte_carlo import prepared, run_trial
@@ -217,7 +218,7 @@ def _many(
     if ready.truth is None:
         click.echo(words("the plan has no solution; mor design says why"), err=True)
         return ExitCode.SINGULAR
-    with progress(quiet, False, words=words) as say:
+    with progress(quiet, False, words=words) as say, compiler_announced(say.note):
         tally = run_trial(ready, runs, jobs, folder / "runs", files, say.phase("simulating", runs))
     of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
     about = ready.network, ready.truth, tally, trial.seed, trial.starts

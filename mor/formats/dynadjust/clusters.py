@@ -109,7 +109,7 @@ def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray)
         return
     names = ("from", "to", *VECTOR) if code == "X" else ("point", "x", "y", "z")
     type_ = "gnss_vector" if code == "X" else "gnss_position"
-    found.draft.table("observations", names, rows, type=type_, covariance=Q.tolist())
+    found.clusters.setdefault((type_, names), []).append((rows, Q))
 
 
 def _put_geodetic(found: Collected, rows: list[Row], Q: FloatArray) -> None:
@@ -121,17 +121,15 @@ def _put_geodetic(found: Collected, rows: list[Row], Q: FloatArray) -> None:
         degrees = (repr(sexagesimal(str(word))) for word in (latitude, longitude))
         turned.append([name, *degrees, repr(float(str(height)) + N)])
     cells = [Row(list(row), given.line) for row, given in zip(turned, rows, strict=True)]
-    found.draft.table(
-        "observations",
-        ("point", *GEODETIC),
-        cells,
-        type="geodetic_position",
-        covariance=(Q * np.outer(units, units)).tolist(),
+    found.clusters.setdefault(("geodetic_position", ("point", *GEODETIC)), []).append(
+        (cells, Q * np.outer(units, units))
     )
 
 
 def put_vectors(found: Collected) -> None:
-    """Put the baselines that are in no cluster into one table."""
+    """Put clusters of one kind into a table, and the baselines that are in no cluster."""
+    for (type_, columns), clusters in found.clusters.items():
+        found.draft.correlated(columns, clusters, type_)
     rows = found.tables.pop(VECTORS, [])
     if rows:
         columns = ("from", "to", *VECTOR, *(f"cov_{a}_{b}" for a, b in PAIRS))

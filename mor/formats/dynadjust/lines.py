@@ -10,8 +10,9 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
-from mor.formats.draft import Draft, Row, number
+from mor.formats.draft import LARGEST, Draft, Row, number
 from mor.formats.text import read_lines
 
 _MARK = "!#=DNA"
@@ -35,6 +36,10 @@ class Collected:
     frames: dict[str, int] = field(default_factory=dict)
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
+    clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(
+        default_factory=dict
+    )
+    """Rows and covariance matrix of each cluster, by type and columns."""
 
     def skip(self, what: str, line: int) -> None:
         """The measurement at a line is not read."""
@@ -64,7 +69,9 @@ class Measurements(Collected):
         if text[:1].strip():
             raise ValueError("the measurement is not complete: expected its values and covariances")
         self.at += 1
-        return [number(word) for word in NUMBER.findall(text[VALUES:])]
+        words = NUMBER.findall(text[VALUES:])
+        values = list(map(float, words))
+        return values if all(-LARGEST <= value <= LARGEST for value in values) else list(map(number, words))
 
     def stations_of(self, text: str, count: int) -> list[str]:
         """Names of a line. Raises ``ValueError`` where there are not so many different ones."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -138,7 +139,7 @@ def _place(station: Station, frame: str, N: float) -> list[str]:
         zone = station.zone
         if not zone.isdecimal() or not 1 <= int(zone) <= 60:
             raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
-        grid = reference_system(f"EPSG:{_ZONES[frame] + int(zone)}")
+        grid = _system(_ZONES[frame] + int(zone))
         latitude, longitude, height = grid.to_geodetic(values)[0].tolist()
     else:
         raise ValueError(f"found coordinates in {kind!r}, expected LLH, UTM or XYZ")
@@ -147,7 +148,12 @@ def _place(station: Station, frame: str, N: float) -> list[str]:
 
 def system_of(frame: str) -> ReferenceSystem:
     """The system of a frame. Raises :class:`ReferenceSystemError`."""
-    return reference_system(f"EPSG:{SYSTEMS[frame]}")
+    return _system(SYSTEMS[frame])
+
+
+@cache
+def _system(code: int) -> ReferenceSystem:
+    return reference_system(f"EPSG:{code}")
 
 
 def frame_of(lines: list[str], draft: Draft) -> str:

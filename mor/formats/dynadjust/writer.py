@@ -89,7 +89,7 @@ def _refuse(content: Content) -> None:
         )
     for number, entry in enumerate(project.observations):
         place = content.place("observations", number)
-        if isinstance(entry.covariance, str) or entry.cluster:
+        if entry.cluster:
             problems.append(
                 place.problem("DNA has covariances of one group of vectors or positions at a time")
             )
@@ -240,7 +240,7 @@ def _cluster_lines(content: Content, group: Group, N: dict[str, float], frame: s
     if 3 * len(rows) != len(Q):
         words = "DNA has vectors and positions with all three components"
         raise InputError([Problem(words, content.document.file)])
-    whole = isinstance(group.entry.covariance, list)
+    whole = group.entry.covariance is not None
     parts = [list(range(len(rows)))] if whole else [[k] for k in range(len(rows))]
     for part in parts:
         cells = np.concatenate([np.arange(3 * k, 3 * k + 3) for k in part])
@@ -264,7 +264,7 @@ def _cluster(
     content: Content, group: Group, rows: list[int], Q: FloatArray, N: dict[str, float], frame: str
 ) -> Iterator[str]:
     vectors, geodetic = group.entry.type == "gnss_vector", group.entry.type == "geodetic_position"
-    code = "Y" if not vectors else "X" if isinstance(group.entry.covariance, list) else "G"
+    code = "Y" if not vectors else "X" if group.entry.covariance is not None else "G"
     names = [group.rows.text(name) for name in (("from", "to") if vectors else ("point",))]
     scales = "   1.00      1.00      1.00      1.00"
     for k, row in enumerate(rows):

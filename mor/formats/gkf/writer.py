@@ -69,10 +69,6 @@ def _check(content: Content) -> None:
     problems = tilted_stations(content, "GNU Gama")
     if content.project.axes.bearings_from != "north":
         problems.append(content.place("axes").problem("GNU Gama counts bearings from north"))
-    for number, entry in enumerate(content.project.observations):
-        if isinstance(entry.covariance, str):
-            words = "covariance matrices in files are not written as .gkf"
-            problems.append(content.place("observations", number).problem(words))
     if problems:
         raise InputError(problems)
 

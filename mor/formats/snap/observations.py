@@ -14,7 +14,7 @@ from mor.formats.snap.errors import Error, VectorError, error_of, vector_error_o
 from mor.formats.snap.lines import Words, angle, lines_of
 from mor.formats.snap.projections import projection_of
 from mor.formats.snap.stations import Stations
-from mor.formats.snap.vectors import NUMBERS, Member, Set, put_set, put_singles, set_of
+from mor.formats.snap.vectors import NUMBERS, Member, Set, put_sets, put_singles, set_of
 
 
 class Kind(NamedTuple):
@@ -77,6 +77,8 @@ class Data:
     """Rows by letters, instrument and file."""
     singles: dict[tuple[str, str], list[Set]] = field(default_factory=dict)
     """Vectors and positions that are in no set, by letters and file."""
+    matrices: dict[tuple[str, str], list[Set]] = field(default_factory=dict)
+    """Sets with a matrix, by letters and file."""
     left_out: dict[str, tuple[int, int, str]] = field(default_factory=dict)
     refractions: set[str] = field(default_factory=set)
     sets: int = 0
@@ -344,13 +346,15 @@ def _end_of_set(data: Data) -> None:
         data.draft.problem(str(error), members[0].line, str(data.path))
         return
     if found is not None and data.grouped:
-        put_set(data.draft, found, str(data.path))
+        data.matrices.setdefault((code, str(data.path)), []).append(found)
     elif found is not None:
         data.singles.setdefault((code, str(data.path)), []).append(found)
 
 
 def put_observations(data: Data) -> None:
     """Put the rows that were read into tables."""
+    for (_, file), sets in data.matrices.items():
+        put_sets(data.draft, sets, file)
     for (_, file), singles in data.singles.items():
         put_singles(data.draft, singles, file)
     for (code, instrument, file), rows in data.tables.items():

@@ -76,10 +76,10 @@ def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
     draft.table("observations", [*names, *pairs], rows, file, type=_type(names))
 
 
-def put_set(draft: Draft, found: Set, file: str) -> None:
-    """A set with its matrix."""
-    names = _columns(len(found.rows[0].cells))
-    draft.table("observations", names, found.rows, file, type=_type(names), covariance=found.Q.tolist())
+def put_sets(draft: Draft, sets: list[Set], file: str) -> None:
+    """Sets of vectors or positions with their matrices."""
+    names = _columns(len(sets[0].rows[0].cells))
+    draft.correlated(names, sets, _type(names), file)
 
 
 def _columns(count: int) -> list[str]:

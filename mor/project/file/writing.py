@@ -5,18 +5,26 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from mor.project.file.yaml_text import yaml_text
 from mor.project.tables.guarded import any_unsafe, csv_lines, guarded
 
 LONGEST = 20
-"""Rows that stay in the project file."""
+"""Rows of a table, or of a covariance matrix, that stay in the project file."""
+
+
+def matrix_text(rows: Sequence[Sequence[float | str]]) -> str:
+    """The file of a covariance matrix, or of those of clusters."""
+    alike = (np.array(list(some), dtype=float) for _, some in groupby(rows, len))
+    return "".join(pl.DataFrame(matrix).write_csv(include_header=False) for matrix in alike)
 
 
 def project_files(
@@ -55,6 +63,10 @@ def _entry(
     for key in ("file", "covariance"):
         if isinstance(entry.get(key), str):
             entry[key] = Path(os.path.relpath(source / entry[key], target.parent)).as_posix()
+    if len(entry.get("covariance") or []) > LONGEST and not isinstance(entry["covariance"], str):
+        matrix = table.with_stem(f"{table.stem}_covariance")
+        texts[matrix] = matrix_text(entry["covariance"])
+        entry["covariance"] = matrix.name
     rows, columns = entry.get("rows"), entry.get("columns")
     if not isinstance(rows, list) or len(rows) <= LONGEST or not isinstance(columns, list):
         return entry

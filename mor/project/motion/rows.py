@@ -148,6 +148,7 @@ def _some(found: Group, rows: IntArray) -> Group:
         group=some_rows(found.group, rows),
         rows=found.rows[rows],
         covariances=None if found.covariances is None else found.covariances[rows],
+        clusters=None if found.clusters is None else found.clusters.take(rows),
         epochs=None if found.epochs is None else found.epochs[rows],
     )
 

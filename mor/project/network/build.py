@@ -45,6 +45,7 @@ from mor.project.tables.tables import Place
 from mor.project.trajectories.knots import read_trajectories
 from mor.project.trajectories.model import Lines, Trajectory
 from mor.project.trajectories.steadiness import steadiness_groups
+from mor.project.world.free_network import check_held_on_earth
 from mor.project.world.world import World
 
 
@@ -203,6 +204,7 @@ def build_network(
     _check_pairs(reading)
     if not problems and (plain or others or not elsewhere):
         check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
+        check_held_on_earth(reading, [*plain, *others], datum.free)
     if problems:
         raise InputError(problems)
     groups = (*plain, *(_said_outside(reading, group) for group in others))

@@ -1,13 +1,15 @@
-"""Correlated observations: covariances by row, by group, or over several groups of one cluster."""
+"""Correlated observations: covariances by row, by clusters of rows, by group, or over groups of one cluster."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import LARGEST, FloatArray, IntArray
+from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.errors import InputError, Problem
 from mor.input_files import read_text
 from mor.project.edge import SMALLEST_SIGMA
@@ -35,6 +37,8 @@ def correlations(reading: Reading, groups: list[Group]) -> tuple[Correlation, ..
         entry = reading.project.observations[group.entry]
         if group.covariances is not None:
             result += _by_row(reading, groups, number)
+        elif group.clusters is not None:
+            result += _by_cluster(reading, groups, number)
         elif entry.cluster is not None:
             clusters.setdefault(entry.cluster, []).append(number)
         elif entry.covariance is not None:
@@ -63,6 +67,54 @@ def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlat
     return result
 
 
+def _by_cluster(reading: Reading, groups: list[Group], number: int) -> list[Correlation]:
+    """A matrix for the rows of each cluster: the rows of a covariance are those of its own cluster alone."""
+    found = groups[number]
+    place = reading.at("observations", found.entry)
+    given = rows_of_covariance(reading.project.observations[found.entry], place, reading.problems)
+    assert found.clusters is not None
+    if given is None:
+        return []
+    where, rows, components = _entries(groups, number)
+    members = members_of(found.clusters.numbers[rows])
+    names = [found.clusters[int(rows[own[0]])] for own in members]
+    wrong = wrong_rows(given, members, names)
+    if wrong:
+        reading.problems.append(place.problem(wrong, "covariance"))
+        return []
+    result = []
+    for name, own in zip(names, members, strict=True):
+        matrix = np.array([given[k] for k in own.tolist()], dtype=float)
+        covariance = _inside(groups, where[own], rows[own], components[own]).carried(matrix)
+        words = _not_positive_definite(covariance)
+        if words:
+            reading.problems.append(place.problem(f"cluster {name!r}: {words}", "covariance"))
+        result.append(Correlation(where[own], rows[own], components[own], covariance))
+    return result
+
+
+def members_of(clusters: IntArray | SmallIntArray) -> list[IntArray]:
+    """Entries of each cluster, in their order, by the number of the cluster that each (n,) belongs to."""
+    order = np.argsort(clusters, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(clusters[order])) + 1)
+
+
+def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names: Sequence[str]) -> str:
+    """What is wrong with the lengths of the rows of the matrices of clusters, in words; empty where nothing is."""
+    count = sum(map(len, members))
+    if len(given) != count:
+        return f"covariance: found {len(given)} rows, expected {count}, one for each observation"
+    for name, own in zip(names, members, strict=True):
+        for k in own.tolist():
+            if len(given[k]) != len(own):
+                found, expected = len(given[k]), len(own)
+                return (
+                    f"covariance: found {found} values in row {k + 1}, expected {expected}, as many as cluster "
+                    f"{name!r} has observations"
+                )
+    return ""
+
+
 def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> list[Correlation]:
     """One matrix over all entries of the member groups, in the order in which they are given."""
     parts = [_entries(groups, number) for number in members]
@@ -86,8 +138,7 @@ def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> l
             place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance")
         )
         return []
-    turn = _turn(groups, where, rows, components)
-    covariance = turn @ given @ turn.T
+    covariance = _inside(groups, where, rows, components).carried(given)
     words = _not_positive_definite(covariance)
     if words:
         reading.problems.append(place.problem(words, "covariance"))
@@ -100,46 +151,61 @@ def _entries(groups: list[Group], number: int) -> tuple[IntArray, IntArray, IntA
     return np.full(len(rows), number), rows.astype(np.int64), components.astype(np.int64)
 
 
-def _turn(groups: list[Group], where: IntArray, rows: IntArray, components: IntArray) -> FloatArray:
-    """Matrix that takes the entries as given (same rows, project axes and units) to internal ones.
+class _Inside(NamedTuple):
+    """How entries as given (same rows, project axes and units) become internal ones."""
+
+    order: IntArray
+    """(n,) place of each entry among those given."""
+    factor: FloatArray
+    """(n,)."""
+
+    def carried(self, given: FloatArray) -> FloatArray:
+        """Covariances (n, n) in internal units and axes."""
+        carried: FloatArray = given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor)
+        return carried
+
+
+def _inside(groups: list[Group], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
+    """What takes entries, in the order of their groups and rows, to internal ones.
 
     Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
     """
-    turn = np.zeros((len(rows), len(rows)))
-    blocks: dict[tuple[int, int], list[int]] = {}
-    for k, (g, r) in enumerate(zip(where, rows, strict=True)):
-        blocks.setdefault((int(g), int(r)), []).append(k)
-    for (g, _), entries in blocks.items():
-        group = groups[g]
-        given = [int(np.argmax(np.abs(group.transform[components[k]]))) for k in entries]
-        place = dict(zip(sorted(given), entries, strict=True))
-        for k, source in zip(entries, given, strict=True):
-            turn[k, place[source]] = group.transform[components[k], source] * group.factors[source]
-    return turn
+    source, factor = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
+    for number in np.unique(where).tolist():
+        own, group = where == number, groups[number]
+        from_given = np.argmax(np.abs(group.transform), axis=1)[components[own]]
+        source[own] = from_given
+        factor[own] = group.transform[components[own], from_given] * group.factors[from_given]
+    order = np.zeros(len(rows), dtype=np.int64)
+    order[np.lexsort((source, rows, where))] = np.arange(len(rows))
+    return _Inside(order, factor)
 
 
 def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray | None:
-    if not isinstance(entry.covariance, str):
-        return _rectangle(reading, entry.covariance or [], place)
-    path = place.folder / entry.covariance
-    if not path.is_file():
-        reading.problems.append(
-            place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance")
-        )
+    rows = rows_of_covariance(entry, place, reading.problems)
+    if rows is None:
         return None
-    try:
-        rows = _rows_of_file(path)
-    except InputError as error:
-        reading.problems.extend(error.problems)
-        return None
-    return _rectangle(reading, rows, place)
-
-
-def _rectangle(reading: Reading, rows: list[list[float]], place: Place) -> FloatArray | None:
     if len({len(row) for row in rows}) > 1:
         reading.problems.append(place.problem("covariance: rows of different length", "covariance"))
         return None
     return np.array(rows, dtype=float)
+
+
+def rows_of_covariance(
+    entry: Observations, place: Place, problems: list[Problem]
+) -> Sequence[Sequence[float]] | None:
+    """Rows of the matrix of a table, from the project or a file; ``None`` where ``problems`` were added instead."""
+    if not isinstance(entry.covariance, str):
+        return entry.covariance or []
+    path = place.folder / entry.covariance
+    if not path.is_file():
+        problems.append(place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance"))
+        return None
+    try:
+        return _rows_of_file(path)
+    except InputError as error:
+        problems.extend(error.problems)
+        return None
 
 
 def _rows_of_file(path: Path) -> list[list[float]]:

@@ -22,6 +22,7 @@ from mor.observations import (
 from mor.observations.earth import GEOID
 from mor.observations.earth.catalogue import EARTH_TYPES, NOT_ON_EARTH
 from mor.observations.earth.projected_bearing import is_open
+from mor.observations.names import Names
 from mor.project.axes import edge_transform, external
 from mor.project.edge import UnitError, split
 from mor.project.file.model import Observations
@@ -32,7 +33,7 @@ from mor.project.observations.atmosphere import air_columns, corrected
 from mor.project.observations.image_groups import image_groups, raw_image, units_of_values
 from mor.project.observations.instrument_heights import note_points_under_instruments, with_own_height
 from mor.project.observations.names import Resolved, check_different, instrument_blocks, resolve
-from mor.project.observations.observation_rows import Group, group_name, own_or_common, sigma_is_good
+from mor.project.observations.observation_rows import CLUSTER, Group, group_name, own_or_common, sigma_is_good
 from mor.project.observations.planned_rows import planned_rows, without_required
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
@@ -168,6 +169,8 @@ def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
         columns += [number_column(name, LENGTH, edge) for name in PLANE]
+    if raw is None:
+        columns.append(Column(CLUSTER))
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns
@@ -233,7 +236,7 @@ def _plain_group(
         lines=rows.lines,
         file=rows.file,
     )
-    everything = np.arange(rows.count)
+    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
     tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows, type_)
     if correlated:
@@ -242,7 +245,20 @@ def _plain_group(
         return None
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
-    return Group(group, number, everything, transform, factors, covariance_of_rows(rows, type_), epochs)
+    own = covariance_of_rows(rows, type_)
+    return Group(group, number, everything, transform, factors, own, clusters, epochs)
+
+
+def _clusters(entry: Observations, rows: Rows, place: Place, reading: Reading) -> Names | None:
+    """Names of the clusters that rows belong to, where a table says them."""
+    if CLUSTER not in rows.texts:
+        return None
+    if entry.covariance is None or entry.cluster is not None:
+        words = "column cluster: it needs the covariances of this table (key covariance), and no key cluster"
+        reading.problems.append(place.problem(words))
+        return None
+    tell_rows(reading.problems, (rows.series(CLUSTER) == "").to_numpy(), rows, "cluster is empty")
+    return rows.names(CLUSTER)
 
 
 def _of_instrument(reading: Reading, instrument: Mapping[str, int], slot: Slot) -> int:

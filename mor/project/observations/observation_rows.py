@@ -9,9 +9,13 @@ import numpy as np
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Problem
 from mor.observations import ObservationGroup
+from mor.observations.names import Names
 from mor.project.file.model import Observations
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.tables import Rows
+
+CLUSTER = "cluster"
+"""Column of the names of rows that are correlated among themselves."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class Group:
     """(m,) internal units per unit of the σ as given."""
     covariances: FloatArray | None = None
     """(n, m, m) covariances given row by row, internal units but project axes."""
+    clusters: Names | None = None
+    """Names of the rows that are correlated among themselves; ``None`` where a matrix is over the whole table."""
     epochs: IntArray | None = None
     """(n,) number of the epoch of each row, −1 where it has none."""
 

@@ -1,60 +1,64 @@
-"""Quality of correlated observations, which have a covariance matrix of their own: one cluster of them at a time."""
+"""Quality of correlated observations, which have a covariance matrix of their own: all alike clusters at once."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
+from mor.adjustment.correlated_rows import AlikeClusters, linearised_parts, spread
 from mor.adjustment.linearise import linearise
-from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows, RowClusters, reduced_columns
+from mor.adjustment.plan import RowClusters, reduced_columns
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.reliability.influence_on_position import Directions, counted_columns, lengths_of_rows
 from mor.quality.reliability.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests.joint_test import joint_statistic
 from mor.sparse.block_matrix import BlockMatrix
-from mor.sparse.rows import gather, row_cofactors
+from mor.sparse.rows import row_cofactors
 
 
 def cluster_quality(
     adjustment: Adjustment,
     cofactors: BlockMatrix,
-    cluster: ClusterRows,
+    alike: AlikeClusters,
     quality: tuple[ObservationQuality, ...],
     tangent: FloatArray | None,
     extra: Directions,
 ) -> dict[int, Correlated]:
-    """Quality of the entries of a cluster, by group; what errors carry is set in ``quality``."""
+    """Quality of the entries of alike clusters, by group; what errors carry is set in ``quality``."""
     plan = adjustment.plan
-    _, jacobian, columns = cluster_rows(plan, cluster, adjustment.inverse.values, tangent)
-    q = gather(cofactors, plan.target.block_of, plan.reduced[columns])
-    weak = adjustment.inverse.weak[columns]
-    adjusted = jacobian @ (q + weak @ weak.T) @ jacobian.T
-    precision = cluster.whitening.T @ cluster.whitening
-    own, length = _what_counts(adjustment, cluster, jacobian, columns, tangent)
-    through = own @ q @ jacobian.T + (own @ extra.own[columns]) @ (jacobian @ extra.through[columns]).T
-    carried = np.sum(through * precision, axis=1) * length
-    covariance = np.linalg.inv(precision)
-    misclosure = quality_at(cluster, [group.v for group in quality])
+    rows = _derivatives(adjustment, alike, tangent)
+    both = np.concatenate([rows.jacobian, rows.own], axis=1)
+    q = row_cofactors(cofactors, plan.target.block_of, both, plan.reduced[alike.columns])
+    k = rows.jacobian.shape[1]
+    image = rows.jacobian @ adjustment.inverse.weak[alike.columns]
+    adjusted = q[:, :k, :k] + image @ np.swapaxes(image, 1, 2)
+    moved = rows.own @ extra.own[alike.columns]
+    through = q[:, k:, :k] + moved @ np.swapaxes(rows.jacobian @ extra.through[alike.columns], 1, 2)
+    precision = np.swapaxes(alike.whitening, 1, 2) @ alike.whitening
+    weighted = np.einsum("nij,nj->ni", precision, rows.v(quality))
     weighted_cofactors = precision - precision @ adjusted @ precision
-    joint, freedom = _joint_of_cluster(cluster, precision @ misclosure, weighted_cofactors)
+    diagonal = _diagonal(precision)
+    joint, freedom = _joint_of_clusters(alike, weighted, weighted_cofactors, np.sqrt(diagonal))
+    of_entries = {
+        "r": 1.0 - _diagonal(adjusted @ precision),
+        "q_adjusted": _diagonal(adjusted),
+        "q_residual": np.maximum(_diagonal(np.linalg.inv(precision) - adjusted), 0.0),
+        "weighted": weighted,
+        "precision": diagonal,
+        "q_weighted": np.clip(_diagonal(weighted_cofactors), 0.0, diagonal),
+        "joint": joint,
+        "freedom": freedom,
+    }
+    carried = (np.sum(through * precision, axis=2) * rows.length).ravel()
     found = {}
-    for number in np.unique(cluster.groups):
-        here = cluster.groups == number
-        rows, components = place = cluster.rows[here], cluster.components[here]
-        quality[number].carried[place] = carried[here]
-        found[int(number)] = Correlated(
-            rows,
-            components,
-            r=1.0 - np.diagonal(adjusted @ precision)[here],
-            q_adjusted=np.diagonal(adjusted)[here],
-            q_residual=np.maximum(np.diagonal(covariance - adjusted), 0.0)[here],
-            weighted=(precision @ misclosure)[here],
-            precision=np.diagonal(precision)[here],
-            q_weighted=np.clip(np.diagonal(weighted_cofactors), 0.0, np.diagonal(precision))[here],
-            joint=joint[here],
-            freedom=freedom[here],
-        )
+    for part in alike.parts:
+        place = part.rows[part.row], part.component
+        quality[part.group].carried[place] = carried[part.entry]
+        own = {name: values.ravel()[part.entry] for name, values in of_entries.items()}
+        found[part.group] = Correlated(*place, **own)
     return found
 
 
@@ -120,49 +124,58 @@ def _of_columns(directions: FloatArray, columns: IntArray) -> FloatArray:
     return np.where((columns >= 0)[:, :, None], directions[columns], 0.0)
 
 
-def _what_counts(
-    adjustment: Adjustment,
-    cluster: ClusterRows,
-    jacobian: FloatArray,
-    columns: IntArray,
-    tangent: FloatArray | None,
+class _Derivatives(NamedTuple):
+    """Of n clusters with k entries and c unknowns each."""
+
+    jacobian: FloatArray
+    """(n, k, c)."""
+    own: FloatArray
+    """(n, k, c) by the coordinates whose movement counts, 0 elsewhere."""
+    length: FloatArray
+    """(n, k) factors to lengths."""
+    alike: AlikeClusters
+
+    def v(self, quality: Sequence[ObservationQuality]) -> FloatArray:
+        """(n, k) residuals."""
+        v = np.zeros(self.length.size)
+        for part in self.alike.parts:
+            v[part.entry] = quality[part.group].v[part.rows[part.row], part.component]
+        return v.reshape(self.length.shape)
+
+
+def _derivatives(adjustment: Adjustment, alike: AlikeClusters, tangent: FloatArray | None) -> _Derivatives:
+    n, k, c = alike.shape
+    jacobian, counted, length = np.zeros((n * k, c)), np.zeros((n * k, c)), np.zeros(n * k)
+    for part, rows in linearised_parts(alike, adjustment.problem, adjustment.inverse.values, tangent):
+        spread(jacobian, part, part.of(rows.jacobian))
+        counts = counted_columns(adjustment, part.group, part.rows, rows.columns)
+        spread(counted, part, counts[part.row].astype(float))
+        lengths = lengths_of_rows(adjustment, part.group, part.rows, rows.jacobian, rows.columns)
+        length[part.entry] = part.of(lengths)
+    own = np.where(counted > 0.0, jacobian, 0.0)
+    return _Derivatives(jacobian.reshape(n, k, c), own.reshape(n, k, c), length.reshape(n, k), alike)
+
+
+def _diagonal(matrices: FloatArray) -> FloatArray:
+    return np.diagonal(matrices, axis1=1, axis2=2)
+
+
+def _joint_of_clusters(
+    alike: AlikeClusters, weighted: FloatArray, cofactors: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (k, c) of the entries of a cluster by the coordinates that count, and factors (k,) to lengths."""
-    problem = adjustment.problem
-    counted, length = np.zeros(jacobian.shape, dtype=bool), np.zeros(len(jacobian))
-    for number in np.unique(cluster.groups):
-        here = np.flatnonzero(cluster.groups == number)
-        rows, inverse = np.unique(cluster.rows[here], return_inverse=True)
-        part = linearise(problem.groups[number], problem.index, adjustment.inverse.values, tangent, rows)
-        counts = counted_columns(adjustment, int(number), rows, part.columns)[inverse]
-        entry = np.broadcast_to(here[:, None], counts.shape)[counts]
-        counted[entry, np.searchsorted(columns, part.columns[inverse][counts])] = True
-        lengths = lengths_of_rows(adjustment, int(number), rows, part.jacobian, part.columns)
-        length[here] = lengths[inverse, cluster.components[here]]
-    return np.where(counted, jacobian, 0.0), length
-
-
-def quality_at(cluster: ClusterRows, arrays: list[FloatArray]) -> FloatArray:
-    """(k,) entries of a cluster out of one array (n, m) for each group."""
-    result = np.zeros(len(cluster.rows))
-    for number in np.unique(cluster.groups):
-        here = cluster.groups == number
-        result[here] = arrays[number][cluster.rows[here], cluster.components[here]]
-    return result
-
-
-def _joint_of_cluster(
-    cluster: ClusterRows, weighted: FloatArray, cofactors: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Statistic and freedom (k,) of the joint tests of the rows that a cluster touches."""
-    statistic, freedom = np.zeros(len(weighted)), np.zeros(len(weighted))
-    _, row_of = np.unique(np.stack([cluster.groups, cluster.rows]), axis=1, return_inverse=True)
-    scale = np.sqrt(np.diagonal(cluster.whitening.T @ cluster.whitening))
-    for row in range(int(row_of.max(initial=-1)) + 1):
-        here = np.flatnonzero(row_of.ravel() == row)
-        part = cofactors[np.ix_(here, here)] / np.outer(scale[here], scale[here])
-        found = joint_statistic(
-            (weighted[here] / scale[here])[None], part[None], np.ones((1, len(here)), bool)
-        )
-        statistic[here], freedom[here] = found[0][0], found[1][0]
+    """Statistic and freedom (n, k) of the joint tests of rows, those with as many entries together."""
+    n, k = weighted.shape
+    statistic, freedom = np.zeros((n, k)), np.zeros((n, k))
+    for part in alike.parts:
+        of_row = part.entry // k * len(part.rows) + part.row
+        order = np.argsort(of_row, kind="stable")
+        rows = np.split(order, np.flatnonzero(np.diff(of_row[order])) + 1)
+        for size in {len(row) for row in rows}:
+            entry = part.entry[np.stack([row for row in rows if len(row) == size])]
+            one, here = entry[:, :1] // k, entry % k
+            factor = scale[one, here]
+            S = cofactors[one[:, :, None], here[:, :, None], here[:, None, :]]
+            S = S / (factor[:, :, None] * factor[:, None, :])
+            found = joint_statistic(weighted[one, here] / factor, S, np.ones(here.shape, dtype=bool))
+            statistic[one, here], freedom[one, here] = (values[:, None] for values in found)
     return statistic, freedom

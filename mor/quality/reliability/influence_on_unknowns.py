@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import cluster_rows
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.normals import cluster_rows
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality
@@ -46,7 +46,7 @@ def gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray
     found = adjustment.plan.places_in_clusters.get((entry.group, entry.row, entry.component))
     if found is not None:
         cluster, place = found
-        _, jacobian, columns = cluster_rows(adjustment.plan, cluster, adjustment.values, tangent)
+        _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.values, tangent)
         return columns, jacobian.T @ (cluster.whitening.T @ cluster.whitening[:, place])
     group = problem.groups[entry.group]
     rows = linearise(group, problem.index, adjustment.values, tangent, np.array([entry.row]))

@@ -63,7 +63,7 @@ def observation_quality(
             row_cluster_quality(adjustment, cofactors, some, quality[some.group], tangent, extra)
             for some in of_rows
         ),
-        *(cluster_quality(adjustment, cofactors, cluster, quality, tangent, extra) for cluster in wide),
+        *(cluster_quality(adjustment, cofactors, alike, quality, tangent, extra) for alike in wide),
     ]
     of_points = np.zeros((len(adjustment.problem.index.columns.get("point", ())), 3, 3))
     weak = adjustment.inverse.weak

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import ClusterRows, cluster_rows
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
 from mor.quality.reliability.local_system import LocalSystem, local_system
@@ -135,6 +134,6 @@ def _correlated(
     quality: Quality, cluster: ClusterRows, inside: BoolArray, tangent: FloatArray | None
 ) -> _Part:
     adjustment, W = quality.adjustment, cluster.whitening
-    _, jacobian, columns = cluster_rows(adjustment.plan, cluster, adjustment.inverse.values, tangent)
+    _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.inverse.values, tangent)
     place = cluster.groups[None], cluster.rows[None], cluster.components[None]
     return _Part((W @ jacobian)[None], columns[None], inside[None], W, np.ones(inside[None].shape), *place)

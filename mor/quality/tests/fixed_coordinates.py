@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mor.adjustment.correlated_rows import cluster_rows
 from mor.adjustment.datum.defect import network_components
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.normals import cluster_rows
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index, index_unknowns
@@ -120,9 +120,7 @@ def _rows(quality: Quality, extended: Index, places: IntArray):  # type: ignore[
             looking |= bool(looks[group][row])
         if not looking:
             continue
-        misclosure, jacobian, columns = cluster_rows(
-            replace(adjustment.plan, problem=problem), cluster, adjustment.values, tangent
-        )
+        misclosure, jacobian, columns = cluster_rows(problem, cluster, adjustment.values, tangent)
         yield (cluster.whitening @ jacobian)[None], (cluster.whitening @ misclosure)[None], columns[None]
     for number, group in enumerate(problem.groups):
         rows = np.flatnonzero(looks[number])

@@ -220,12 +220,13 @@ def _take_out_shared(quality: Quality, partition: Partition, total: FloatArray) 
 def shared_between(quality: Quality, partition: Partition) -> list[tuple[IntArray, IntArray, IntArray]]:
     """Groups, rows and components of the clusters of correlated observations that reach over several classes."""
     found = []
+    classes = [partition.of_rows(number, slice(None)) for number in range(len(quality.groups))]
     for cluster in quality.adjustment.plan.clusters:
-        classes = set()
-        for number, row in zip(cluster.groups, cluster.rows, strict=True):
-            own = partition.of_rows(number, np.array([row]))
-            classes.add(int(own[0]) if own is not None else -1)
-        if len(classes) > 1:
+        own = {
+            -1 if classes[number] is None else int(classes[number][row])
+            for number, row in zip(cluster.groups.tolist(), cluster.rows.tolist(), strict=True)
+        }
+        if len(own) > 1:
             found.append((cluster.groups, cluster.rows, cluster.components))
     return found
 

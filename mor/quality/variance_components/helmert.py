@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse
 
+from mor.adjustment.correlated_rows import ClusterRows, cluster_rows
 from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.normals import cluster_rows
-from mor.adjustment.plan import ClusterRows
 from mor.adjustment.rays.chunks import ray_chunks
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.quality.assess import Quality
@@ -85,7 +84,7 @@ def _design(quality: Quality) -> tuple[scipy.sparse.csr_array, list[scipy.sparse
             inside = (chunk.weight[here] > 0.0) & ~left_out
             found.append(_uncorrelated(quality, number, jacobian[here], columns[here], inside))
     for cluster in plan.clusters:
-        _, jacobian, unknowns = cluster_rows(plan, cluster, values, tangent)
+        _, jacobian, unknowns = cluster_rows(plan.problem, cluster, values, tangent)
         found.append(_correlated(quality, cluster, cluster.whitening @ jacobian, unknowns))
     A = scipy.sparse.vstack([rows.design for rows in found], format="csr")
     return A, [

@@ -34,7 +34,7 @@ from mor.project.tables.columns import Place, Source
 from mor.project.tables.sources import from_file, from_rows
 from mor.quality.simulation.planted import Planted
 from mor.report.edge import said, said_differences, said_values
-from mor.report.results.adjusted.adjusted_project import adjusted_project, grids_moved
+from mor.report.results.adjusted.adjusted_project import Given, adjusted_project, grids_moved
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.tables.observations import named_places
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
@@ -51,14 +51,14 @@ _OF_INSTRUMENTS = (
 
 def simulated_project(
     network: Network, place: Values, document: Document, source: Path, target: Path
-) -> tuple[str, dict[str, pl.DataFrame]]:
+) -> tuple[str, dict[str, Given]]:
     """YAML text of a project with the observations of the network, to stand in ``target``, and its tables.
 
     ``source`` is the folder of the original project; start values are those of the ``place``. Rows without any value
     are left out. Simulated distances are corrected for the air already, and their tables have none.
     """
     text_of: dict[str, Any] = {}
-    tables: dict[str, pl.DataFrame] = {}
+    tables: dict[str, Given] = {}
     for section, groups in (("observations", network.groups), ("checks", network.checks)):
         entries = getattr(network.project, section)
         if entries:
@@ -103,7 +103,7 @@ def _simulated(
     section: str,
     number: int,
     entry: Observations,
-    tables: dict[str, pl.DataFrame],
+    tables: dict[str, Given],
 ) -> dict[str, Any]:
     """An entry whose table stands in a file of its own, with simulated values."""
     found = _raw(document, source, section, number, entry)

@@ -37,11 +37,13 @@ _STATISTICS = [
 """Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double."""
 
 
-def table_writer(frame: pl.DataFrame, kind: Format = "csv") -> Writer:
-    """Writer of a table that is there as a whole."""
+def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
+    """Writer of a table that is there as a whole, or as its text."""
 
     def write(path: Path) -> None:
-        if kind == "parquet":
+        if isinstance(frame, str):
+            path.write_text(frame, encoding="utf-8")
+        elif kind == "parquet":
             frame.write_parquet(path, row_group_size=_ROWS_TOGETHER)
         else:
             path.write_bytes(csv_lines(frame))

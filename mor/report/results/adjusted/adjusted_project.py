@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -22,12 +22,15 @@ from mor.geometry.rotations import angles_from_rotation
 from mor.observations.earth import DEFLECTIONS
 from mor.parameters.kinds import ECCENTRICITY, GNSS_FRAME, INTERIORS, READOUT, ROTATION, TIME_OFFSET
 from mor.project.file.nodes import Document
+from mor.project.file.writing import LONGEST, matrix_text
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
 from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables
 from mor.units import ANGLE, ANGLE_UNITS
 
+Given: TypeAlias = pl.DataFrame | str
+"""A table beside the project, or the text of a matrix."""
 _OFFSET = "time_offset"
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
@@ -39,14 +42,14 @@ def adjusted_project(
     source: Path,
     target: Path,
     starts: Mapping[str, list[tuple[pl.DataFrame, dict[str, Any]]]] | None = None,
-) -> tuple[str, dict[str, pl.DataFrame]]:
+) -> tuple[str, dict[str, Given]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 
     ``source`` is the folder of the original project. ``starts`` stand for the tables of start values of sections that
     others have put together.
     """
     data = dict(document.data)
-    tables: dict[str, pl.DataFrame] = {}
+    tables: dict[str, Given] = {}
     for section, frames in {**start_tables(placed), **(starts or {})}.items():
         entries = []
         for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
@@ -96,18 +99,22 @@ def remarks(things: Sequence[Undeterminable]) -> str:
 
 
 def _moved(
-    entry: dict[str, Any], document: Document, source: Path, target: Path, tables: dict[str, pl.DataFrame]
+    entry: dict[str, Any], document: Document, source: Path, target: Path, tables: dict[str, Given]
 ) -> dict[str, Any]:
     """An entry whose files are found from the new folder; a data frame without a file becomes one of ``tables``."""
     moved = dict(entry)
     for key in ("file", "covariance"):
-        frame = document.frame(str(moved.get(key)))
+        frame = document.frame(moved[key]) if isinstance(moved.get(key), str) else None
         if frame is not None:
             words = "".join(c if c.isalnum() else " " for c in str(moved[key])).split()
             moved[key] = f"given_{'_'.join(words)}.csv"
             tables[moved[key]] = frame
         elif isinstance(moved.get(key), str):
             moved[key] = _from(target, source / moved[key])
+    if isinstance(moved.get("covariance"), list) and len(moved["covariance"]) > LONGEST:
+        name = f"given_covariance_{sum(name.startswith('given_covariance') for name in tables) + 1}.csv"
+        tables[name] = matrix_text(moved["covariance"])
+        moved["covariance"] = name
     if "file" in moved and "name" not in moved:
         moved["name"] = entry["file"]
     return moved

@@ -17,7 +17,7 @@ _MODELS = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
 
 
 def motions(
-    placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame]
+    placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame | str]
 ) -> list[dict[str, Any]]:
     """The entries of the section ``motions``; tables of start values are added to ``tables``."""
     result = []
