@@ -61,13 +61,15 @@ def _of_rows(
 ) -> Iterator[Hypothesis]:
     edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
     given = _given_unit(situation.network, group)
+    bad = situation.misfitting[number][rows].any(axis=1)
+    anew = _stations(group, rows) if bad.mean() >= _BAD else {}  # else they stand where they should
     for other in _UNITS:
         factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
         if factor != 1.0 and _is_on_circle(group, rows, factor):
             yield _hypothesis(
                 "circle unit",
                 (*things, other),
-                group,
+                anew,
                 number,
                 rows,
                 partial(_read_in, factor),
@@ -79,7 +81,7 @@ def _of_rows(
         yield _hypothesis(
             "circle sense",
             things,
-            group,
+            anew,
             number,
             rows,
             partial(_negative, columns),
@@ -92,7 +94,7 @@ def _of_rows(
         yield _hypothesis(
             "elevation for zenith",
             things,
-            group,
+            anew,
             number,
             rows,
             partial(_complement, columns),
@@ -121,7 +123,7 @@ def _given_unit(network: Network, group: ObservationGroup) -> str:
 def _hypothesis(
     cause: str,
     things: tuple[str, ...],
-    group: ObservationGroup,
+    anew: dict[str, IntArray],
     number: int,
     rows: IntArray,
     change: Callable[[FloatArray], FloatArray],
@@ -135,7 +137,7 @@ def _hypothesis(
         line,
         len(_UNITS),
         stretch=stretch,
-        anew=_stations(group, rows),
+        anew=anew,
         afresh=True,
     )
 
