@@ -197,3 +197,19 @@ def test_a_name_is_no_tag(tmp_path):
     page = (tmp_path / "plan.design" / "design.html").read_text(encoding="utf-8")
     assert "</script><" not in page.replace("</script>\n<", "")
     assert "<b>bold" not in page
+
+
+def test_names_do_not_overlap_and_columns_have_their_decimals():
+    page = page_of(sample("bridge", **BRIDGE))
+    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="middle">(\w+)</text>', page)
+    boxes = np.array([(float(x) - 3.6 * len(n), float(x) + 3.6 * len(n), float(y)) for x, y, n in found])
+    assert len(boxes) >= 8
+    for k, (left, right, y) in enumerate(boxes):
+        others = np.delete(boxes, k, axis=0)
+        beside = (others[:, 0] >= right - 0.2) | (others[:, 1] <= left + 0.2)
+        assert (beside | (np.abs(others[:, 2] - y) >= 12.8)).all(), found[k]
+    rows = re.findall(r'<tr data-point="\d+"><td class="text">\w+</td>((?:<td>[\d.]+</td>)+)</tr>', page)
+    cells = [cell for row in rows for cell in re.findall(r"<td>([\d.]+)</td>", row)]
+    assert len(cells) == 3 * 17
+    assert len({len(cell.partition(".")[2]) for cell in cells}) == 1
+    assert all(float(cell) > 0.0 for cell in cells)

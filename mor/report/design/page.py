@@ -91,7 +91,7 @@ def _requirement(one: Judged, solved: Solved, words: Words) -> dict[str, Any]:
     row = requirement_row(one, solved)
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     limit, worst = (
-        words.number("∞" if v is None else short(v, 3)) + unit for v in (row["limit"], row["worst"])
+        words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"])
     )
     return {
         "what": words(WHAT[row["of"]]),

@@ -30,6 +30,7 @@ CASES = [
     ("wrong_station", 1),  # one of the few distances that give the scale
     ("levelling_sign", 701),  # a line that is not controlled fully
     ("elevation", 700),  # a station that gets no start values
+    ("counterclockwise", 2300),  # two stations among many images, which all fit without them
     ("turned", 700),  # an image whose attitude is known
     ("image_unit", 702),  # a camera that everything else can be bent to fit
 ]

@@ -62,7 +62,8 @@ def _of_rows(
     edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
     given = _given_unit(situation.network, group)
     bad = situation.misfitting[number][rows].any(axis=1)
-    anew = _stations(group, rows) if bad.mean() >= _BAD else {}  # else they stand where they should
+    spoiled = bad.any() and bad.mean() >= _BAD
+    anew = _stations(group, rows) if spoiled else {}  # else they stand where they should
     for other in _UNITS:
         factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
         if factor != 1.0 and _is_on_circle(group, rows, factor):

@@ -124,8 +124,8 @@ const plan = (() => {
 
   const words = (english, values = {}) => given.words[english].replace(/\{(\w+)\}/g, (place, name) => values[name]);
   const local = (text) => text.replace(".", given.decimal);
-  const share = (r) => local(r >= 0.001 || r === 0 ? r.toFixed(3) : r.toExponential(1));
-  const said = (number, digits = 3) => (Number.isFinite(number) ? String(Number(number.toPrecision(digits))) : "∞").replace(".", given.decimal);
+  const share = (r) => (Number.isFinite(r) ? local(r >= 0.001 || r === 0 ? r.toFixed(3) : r.toExponential(1)) : "∞");
+  const said = (number, digits = 4) => local(Number.isFinite(number) ? String(Number(number.toPrecision(digits))) : "∞");
 
   function showPoint(point) {
     const C = covariance(point), [a, b] = given.view.axes, [s, t] = given.view.signs, f = given.view.scale;
