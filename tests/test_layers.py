@@ -17,7 +17,7 @@ LAYERS = (
     ("escapes", "kernel_cache"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("sparse",),
-    ("geometry", "input_files", "memory"),
+    ("geometry", "input_files", "machine"),
     ("parameters",),
     ("observations",),
     ("project",),

@@ -40,7 +40,7 @@ from mor.adjustment.state import (
 )
 from mor.adjustment.step_control import Taken, accept, accept_whole
 from mor.arrays import LARGEST, FloatArray
-from mor.memory import check_room
+from mor.machine import check_room
 from mor.parameters.index import Values, move
 from mor.sparse.blas_threads import threads_for
 

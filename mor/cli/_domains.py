@@ -88,7 +88,7 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
     if wanted.memory is None and _bytes_of_tables(document, folder) < _SMALL:
         return False
     from mor.domains.room import need_of_all, rays_of
-    from mor.memory import available
+    from mor.machine import available
     from mor.project.domains.refusals import refuse_unsupported
     from mor.project.file.validation import validate
 
@@ -138,7 +138,7 @@ def adjust_in_domains(
     from mor.adjustment.domains.store import FileStore
     from mor.domains.results import Told, exit_code, write
     from mor.domains.room import check_scratch, has_page, rays_of, rays_of_domain
-    from mor.memory import available
+    from mor.machine import available
     from mor.project.file.validation import validate
     from mor.report.domains.summary import verdict
     from mor.report.identity import Identity

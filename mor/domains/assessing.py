@@ -17,7 +17,7 @@ from mor.adjustment.domains.store import Store
 from mor.adjustment.domains.tasks import Role, role
 from mor.adjustment.state import Adjustment, Outcome, Stride
 from mor.arrays import FloatArray
-from mor.memory import largest_resident
+from mor.machine import largest_resident
 from mor.project.domains.part_network import PartNetwork
 from mor.quality.assess import Whole, assessed
 from mor.quality.diagnosis.self_check import beyond_use

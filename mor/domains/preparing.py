@@ -14,7 +14,7 @@ from mor.adjustment.memory import memory_of_adjustment
 from mor.arrays import BoolArray, IntArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
-from mor.memory import largest_resident
+from mor.machine import largest_resident
 from mor.parameters.index import all_known, with_shared_components
 from mor.preparation import make_problem
 from mor.project.domains.part_network import PartNetwork, read_part

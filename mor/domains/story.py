@@ -20,7 +20,7 @@ from mor.adjustment.state import Outcome, Watcher
 from mor.domains.assessing import Assessed, Kind, Order, assess_domain
 from mor.domains.preparing import Divided, Head, number_outer, prepare
 from mor.errors import Problem as Mistake
-from mor.memory import largest_resident
+from mor.machine import largest_resident
 from mor.pipeline import levels
 from mor.project.domains.parts import Parts, divide
 from mor.project.domains.refusals import refuse_unsupported

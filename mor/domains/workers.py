@@ -24,7 +24,7 @@ from mor.adjustment.domains.store import FileStore
 from mor.compilation import chosen_by_size
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
-from mor.memory import available
+from mor.machine import available
 from mor.sparse.blas_threads import one_thread
 
 _PATIENCE = 60.0

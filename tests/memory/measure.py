@@ -10,7 +10,7 @@ import sys
 from typing import Any
 
 import mor.adjustment.solve
-import mor.memory
+import mor.machine
 from mor.cli import run
 
 MB = 1e6
@@ -23,15 +23,15 @@ def measure(arguments: list[str]) -> dict[str, float]:
 
     def told(further: float, phase: str, advice: str) -> None:
         if phase == "the adjustment" and not begun:
-            begun.append(mor.memory.resident())
+            begun.append(mor.machine.resident())
         asked[phase] = max(further, asked.get(phase, 0.0))
 
     replaced: Any = told
-    mor.memory.check_room = replaced
+    mor.machine.check_room = replaced
     mor.adjustment.solve.check_room = replaced
     code = run(["adjust", *arguments, "-q", "--force"])
     # Not ru_maxrss: that begins with the size of the process this one was forked from.
-    peak = mor.memory.largest_resident()
+    peak = mor.machine.largest_resident()
     estimate = begun[0] + asked["the adjustment"] + asked["writing the reports"]
     return {"code": float(code), "estimated": estimate / MB, "measured": peak / MB}
 

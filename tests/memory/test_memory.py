@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-import mor.memory
+import mor.machine
 from mor.errors import OutOfMemoryError
 from tests.memory.__main__ import measured, project_of
 from tests.small_projects import LEVELLING, write, write_block
@@ -30,18 +30,18 @@ def test_what_does_not_fit_is_refused_with_what_would_help(tmp_path, monkeypatch
 def test_the_least_of_all_limits_counts(monkeypatch):
     monkeypatch.delenv("MOR_MEMORY_MB", raising=False)
     for name, size in (("_of_machine", 3e9), ("_of_group", 2e9), ("_of_address_space", 5e9)):
-        monkeypatch.setattr(mor.memory, name, lambda size=size: size)
-    assert mor.memory.available() == 2e9
-    mor.memory.check_room(1.9e9, "this", "less")
+        monkeypatch.setattr(mor.machine, name, lambda size=size: size)
+    assert mor.machine.available() == 2e9
+    mor.machine.check_room(1.9e9, "this", "less")
     with pytest.raises(OutOfMemoryError, match=r"2\.1 GB .* 2\.0 GB"):
-        mor.memory.check_room(2.1e9, "this", "less")
+        mor.machine.check_room(2.1e9, "this", "less")
 
 
 def test_limits_that_nobody_tells_refuse_nothing(monkeypatch):
     monkeypatch.delenv("MOR_MEMORY_MB", raising=False)
     for name in ("_of_machine", "_of_group", "_of_address_space"):
-        monkeypatch.setattr(mor.memory, name, lambda: None)
-    mor.memory.check_room(1e18, "this", "less")
+        monkeypatch.setattr(mor.machine, name, lambda: None)
+    mor.machine.check_room(1e18, "this", "less")
 
 
 def test_running_out_of_memory_is_told_as_that(tmp_path, monkeypatch):

@@ -7,7 +7,6 @@ from run to run: numpy adds up in an order that depends on where an array begins
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -16,6 +15,7 @@ from typing import TypeVar
 
 from mor.adjustment.rays.plan import RayPlan
 from mor.compilation import as_here
+from mor.machine import processors
 
 Found = TypeVar("Found")
 
@@ -45,9 +45,3 @@ def _lanes(rays: RayPlan, numbers: int) -> list[RayPlan]:
     count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
     bounds = [len(chunks) * k // count for k in range(count + 1)]
     return [replace(rays, chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
-
-
-def processors() -> int:
-    """How many processors this process may run on."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -306,7 +306,7 @@ OF_CSV = 5
 
 def check_reading(document: Document, folder: Path) -> None:
     """Refuse tables that memory cannot hold, by the sizes of their files."""
-    from mor.memory import check_room
+    from mor.machine import check_room
 
     files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
     size = sum(path.stat().st_size for path in files if path.is_file())
@@ -315,7 +315,7 @@ def check_reading(document: Document, folder: Path) -> None:
 
 def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
     """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
-    from mor.memory import check_room
+    from mor.machine import check_room
     from mor.report.results.json import entries
     from mor.report.results.memory import FEWER, memory_of_reports
     from mor.report.results.writing import Choice, is_large, tables_by_size

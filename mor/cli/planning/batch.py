@@ -11,6 +11,7 @@ import click
 
 from mor.cli._language import language_option, tell
 from mor.cli._output import quiet_option
+from mor.cli.planning._jobs import jobs_option
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
@@ -29,14 +30,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Folder of the tables, with a folder of results for each project in it.",
 )
-@click.option(
-    "--jobs",
-    metavar="N",
-    default=1,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Processes that share the projects.",
-)
+@jobs_option("Processes that share the projects.")
 @click.option("--strict", is_flag=True, help="A project that is rejected or has flagged observations fails.")
 @click.option("--snoop", is_flag=True, help="Data snooping in every project.")
 @click.option("--html", is_flag=True, help="Write the page of each project as well.")

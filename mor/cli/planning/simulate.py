@@ -10,6 +10,7 @@ import click
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell, tell_note
 from mor.cli._output import force_option, quiet_option
+from mor.cli.planning._jobs import jobs_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -84,14 +85,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=2),
     help="Monte Carlo: N simulated measurements, adjusted one by one, against what the adjustment says of itself.",
 )
-@click.option(
-    "--jobs",
-    metavar="N",
-    default=1,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Processes that runs are shared among.",
-)
+@jobs_option("Processes that runs are shared among.")
 @click.option(
     "--starts",
     is_flag=True,

@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 import polars as pl
 from polars.io.plugins import register_io_source
 
-from mor.adjustment.rays.lanes import processors
+from mor.machine import processors
 from mor.project.tables.guarded import any_unsafe, csv_lines
 from mor.quality.solved import Solved
 from mor.report.results.folder import Writer

@@ -1,7 +1,7 @@
-"""How much memory there is for this process, and what is said where it will not do.
+"""What this process may take of the machine, memory and processors, and what is said where it will not do.
 
-The least of: what the machine has available, what the control group of the process leaves, and the limit of its address
-space (``ulimit -v``). Where the system tells none of them, nothing is refused.
+Memory is the least of: what the machine has available, what the control group of the process leaves, and the limit of
+its address space (``ulimit -v``). Where the system tells none of them, nothing is refused.
 """
 
 from __future__ import annotations
@@ -16,6 +16,12 @@ ENVIRONMENT = "MOR_MEMORY_MB"
 """Environment variable that says how much the process may take in all, in place of what the system says."""
 _MB = 1e6
 _GROUP = Path("/sys/fs/cgroup")
+
+
+def processors() -> int:
+    """How many processors this process may run on."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def check_room(further: float, phase: str, advice: str) -> None:
