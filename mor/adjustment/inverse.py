@@ -96,12 +96,23 @@ class Inverse:
         return anchored
 
 
-def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
-    """Factorise with the given anchors (k,) and split what they hold into null and weak directions."""
+class Anchored(NamedTuple):
+    """Unknowns that are anchored, and the factor of the scaled matrix with them."""
+
+    unknowns: IntArray
+    factor: Factor
+
+
+def invert(
+    plan: Plan, normals: Normals, values: Values, anchors: IntArray, factor: Factor | None = None
+) -> Inverse:
+    """Split what the anchors (k,) hold into null and weak directions.
+
+    ``factor``: the one of :func:`find_anchors`; without it the system is factorised here.
+    """
     scale = _unit_diagonal(normals)
-    matrix = normals.matrix.scaled(scale)
-    factor = factorise(with_diagonal(matrix, anchors, 1.0), plan.elimination)
-    Y = factor.solve(unit_vectors(matrix, anchors))
+    factor = factor or _factorised(plan, normals, scale, anchors)
+    Y = factor.solve(unit_vectors(normals.matrix, anchors))
     if len(anchors) == 0:
         none = np.zeros((plan.problem.index.count, 0))
         return Inverse(plan, values, factor, scale, none, none)
@@ -117,9 +128,8 @@ def invert(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> I
 def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
     """Factorise where the anchors are known to hold null vectors and nothing else, as they did near by."""
     scale = _unit_diagonal(normals)
-    matrix = normals.matrix.scaled(scale)
-    factor = factorise(with_diagonal(matrix, anchors, 1.0), plan.elimination)
-    held = scale[:, None] * factor.solve(unit_vectors(matrix, anchors))
+    factor = _factorised(plan, normals, scale, anchors)
+    held = scale[:, None] * factor.solve(unit_vectors(normals.matrix, anchors))
     return Inverse(
         plan,
         values,
@@ -130,12 +140,16 @@ def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray
     )
 
 
-def find_anchors(plan: Plan, normals: Normals, values: Values) -> IntArray:
+def _factorised(plan: Plan, normals: Normals, scale: FloatArray, anchors: IntArray) -> Factor:
+    return factorise(with_diagonal(normals.matrix.scaled(scale), anchors, 1.0), plan.elimination)
+
+
+def find_anchors(plan: Plan, normals: Normals) -> Anchored:
     """Unknowns to anchor: vanishing pivots first, then whatever inverse iteration still finds hardly determined."""
     return anchors_of(normals.matrix.scaled(_unit_diagonal(normals)), plan.elimination)
 
 
-def anchors_of(matrix: BlockMatrix, elimination: Elimination) -> IntArray:
+def anchors_of(matrix: BlockMatrix, elimination: Elimination) -> Anchored:
     """Unknowns to anchor of a matrix whose columns are scaled: see :func:`find_anchors`."""
     anchors = np.zeros(0, dtype=np.int64)
     for _ in range(matrix.structure.unknowns):
@@ -147,9 +161,9 @@ def anchors_of(matrix: BlockMatrix, elimination: Elimination) -> IntArray:
             else _hardly_determined(matrix.structure.unknowns, factor)
         )
         if loose.shape[1] == 0:
-            return anchors
+            return Anchored(anchors, factor)
         anchors = _spread_out(np.concatenate([directions, loose], axis=1))
-    return anchors
+    return Anchored(anchors, factorise(with_diagonal(matrix, anchors, 1.0), elimination))
 
 
 class DampedStep(NamedTuple):

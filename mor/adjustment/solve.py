@@ -77,8 +77,8 @@ def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | No
 def _begin(plan: Plan, start: Values) -> Adjustment:
     problem = plan.problem
     normals = build_normals(plan, start)
-    anchors = find_anchors(plan, normals, start)
-    inverse = invert(plan, normals, start, anchors)
+    anchored = find_anchors(plan, normals)
+    inverse = invert(plan, normals, start, *anchored)
     defect = explain_defect(inverse.null, problem, start)
     bound = constraint(defect.datum, problem, start)
     state = Adjustment(
@@ -89,7 +89,7 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
         start=start,
         values=start,
         normals=normals,
-        anchors=anchors,
+        anchors=anchored.unknowns,
         inverse=inverse,
         defect=defect,
         constraint=bound,

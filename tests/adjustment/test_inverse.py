@@ -52,7 +52,7 @@ def round_off(dense, inverse):
 def test_as_many_null_vectors_as_there_are_and_each_is_null(network):
     make, dimension = NETWORKS[network]
     plan, normals, values, dense = prepare(make()[0])
-    inverse = invert(plan, normals, values, find_anchors(plan, normals, values))
+    inverse = invert(plan, normals, values, find_anchors(plan, normals).unknowns)
     assert inverse.null.shape[1] == dimension
     assert inverse.weak.shape[1] == 0
     unit = inverse.null / np.linalg.norm(inverse.null / inverse.scale[:, None], axis=0)
@@ -64,7 +64,7 @@ def test_as_many_null_vectors_as_there_are_and_each_is_null(network):
 @EACH
 def test_solutions_of_equations_in_the_range(network):
     plan, normals, values, dense = prepare(NETWORKS[network][0]()[0])
-    inverse = invert(plan, normals, values, find_anchors(plan, normals, values))
+    inverse = invert(plan, normals, values, find_anchors(plan, normals).unknowns)
     F = functionals(dense)
     expected = pseudo_solution(dense, F)
     np.testing.assert_allclose(
@@ -93,7 +93,7 @@ def test_which_unknowns_are_anchored_changes_no_result(network):
     F = functionals(dense)
     expected = pseudo_solution(dense, F)
     u = plan.target.structure.unknowns
-    found = find_anchors(plan, normals, values)
+    found = find_anchors(plan, normals).unknowns
     more = np.union1d(found, np.random.default_rng(7).permutation(u)[:4])
     for anchors in (found, _other_anchors(plan, normals, values, found), more, np.arange(u)):
         inverse = invert(plan, normals, values, anchors)
@@ -110,7 +110,7 @@ def test_selected_cofactors_and_weak_part_make_the_variances_of_observations(net
     F = dense.A.T  # variances of the adjusted observations do not depend on the datum
     expected = np.diagonal(pseudo_solution(dense, F))
     u = plan.target.structure.unknowns
-    for anchors in (find_anchors(plan, normals, values), np.arange(min(u, dimension + 3))):
+    for anchors in (find_anchors(plan, normals).unknowns, np.arange(min(u, dimension + 3))):
         inverse = invert(plan, normals, values, anchors)
         Q = inverse.selected().to_dense() + inverse.weak @ inverse.weak.T
         if (
@@ -130,7 +130,7 @@ def test_a_weak_direction_is_neither_null_nor_lost():
     for start in ("N0", "other"):
         scene.observe("bearing", start, None, "far", None, sigma=1e-5)
     plan, normals, values, dense = prepare(scene, disturbed=1e-6)
-    anchors = find_anchors(plan, normals, values)
+    anchors = find_anchors(plan, normals).unknowns
     inverse = invert(plan, normals, values, anchors)
     assert inverse.null.shape[1] == 0
     assert inverse.weak.shape[1] == len(anchors) == 1

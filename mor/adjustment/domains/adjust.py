@@ -125,7 +125,7 @@ def _begin(engine: Engine, boundaries: Boundaries, sizes: Sizes, free: bool) -> 
     )
     if handed.vanished:
         return replace(state, outcome=Outcome.SINGULAR, reason=LOOSE)
-    anchors = anchors_of(dense(root.matrix), analyse(one_block(len(root.matrix))))
+    anchors = anchors_of(dense(root.matrix), analyse(one_block(len(root.matrix)))).unknowns
     return _judged(state, explain(engine, boundaries, "0", root, anchors))
 
 
