@@ -9,6 +9,7 @@ sphere at p.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,12 +37,17 @@ class Bundle:
         """Return the bundle of the chosen rays (indices or a mask)."""
         return Bundle(self.rays[chosen], self.normals[chosen], self.axes[chosen], self.sigma[chosen])
 
-    @property
+    @cached_property
     def whitened_axes(self) -> FloatArray:
         """(n, 3, 2) axes times σ: displacements of the rays per unit-variance measuring error."""
         return self.axes * self.sigma[:, None, None]
 
-    @property
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """(n,) of the rays."""
+        return np.asarray(np.linalg.norm(self.rays, axis=1))
+
+    @cached_property
     def directions(self) -> FloatArray:
         """(n, 3) unit vectors."""
         return unit(self.rays)
@@ -49,7 +55,7 @@ class Bundle:
     @property
     def noise(self) -> float:
         """Mean angular standard deviation of a ray in radians."""
-        return float(np.mean(self.sigma / np.linalg.norm(self.rays, axis=1)))
+        return float(np.mean(self.sigma / self.lengths))
 
 
 def image_bundle(rays: FloatArray, sigma: float | FloatArray) -> Bundle:

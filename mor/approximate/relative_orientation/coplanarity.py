@@ -154,14 +154,18 @@ def _step(normal: FloatArray, side: FloatArray, damping: float) -> FloatArray:
 
 def in_front(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> BoolArray:
     """Return (n, 2): is the intersection in front of A, of B? Rays parallel within their noise count as they point."""
+    return both_fronts(a, b, base, rotation)[0]
+
+
+def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """What is in front (n, 2) with this base, and with the opposite one."""
     turned = b.rays @ rotation
     normal = cross(a.rays, turned)
-    depth_a = np.einsum("ni,ni->n", cross(base, turned), normal)
-    depth_b = np.einsum("ni,ni->n", cross(base, a.rays), normal)
-    lengths = np.linalg.norm(a.rays, axis=1) * np.linalg.norm(b.rays, axis=1)
-    noise = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
-    parallel = np.linalg.norm(normal, axis=1) < PARALLAX * noise * lengths
+    depths = np.stack([np.einsum("ni,ni->n", cross(base, rays), normal) for rays in (turned, a.rays)], axis=1)
+    noise = np.hypot(a.sigma / a.lengths, b.sigma / b.lengths)
+    parallel = np.linalg.norm(normal, axis=1) < PARALLAX * noise * (a.lengths * b.lengths)
     same_side = np.einsum("ni,ni->n", a.rays, turned) > 0.0
-    return np.stack(
-        [np.where(parallel, same_side, depth_a > 0.0), np.where(parallel, same_side, depth_b > 0.0)], axis=1
+    ahead, behind = (
+        np.where(parallel[:, None], same_side[:, None], towards) for towards in (depths > 0.0, depths < 0.0)
     )
+    return ahead, behind

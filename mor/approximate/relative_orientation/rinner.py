@@ -99,10 +99,11 @@ def triad(ik: FloatArray, base: FloatArray) -> FloatArray:
 def four_candidates(ik: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Return (b, D*) for both signs of b and of the ik.
 
-    Two triads, twisted about the base by 200 gon, with two bases each.
+    Two triads, twisted about the base by 200 gon, with two bases each: that of (−ik, −b) is that of (ik, b).
     """
     base = base_in_three_ways(ik).base
-    return [(side, triad(sign * ik, side)) for sign in (1.0, -1.0) for side in (base, -base)]
+    first, second = triad(ik, base), triad(-ik, base)
+    return [(base, first), (-base, second), (base, second), (-base, first)]
 
 
 def auxiliary_unknowns(base: FloatArray, rotation: FloatArray) -> FloatArray:

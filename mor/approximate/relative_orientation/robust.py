@@ -27,7 +27,12 @@ from mor.approximate.relative_orientation.coplanarity import (
 from mor.approximate.relative_orientation.five_points import five_point_unknowns
 from mor.approximate.relative_orientation.outcome import RelativeOrientation, RelativeOutcome, SceneGeometry
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
-from mor.approximate.relative_orientation.two_bundles import MINIMUM, best_of_four, relative_orientation
+from mor.approximate.relative_orientation.two_bundles import (
+    MINIMUM,
+    best_of_four,
+    facing,
+    relative_orientation,
+)
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 BATCH = 25
@@ -184,8 +189,7 @@ def _samples(rays: int, generator: np.random.Generator) -> Iterator[IntArray]:
 
 def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
     """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it behind."""
-    base, rotation = best_of_four(a, b, ik)
-    front = np.all(in_front(a, b, base, rotation), axis=1)
+    _, front = facing(a, b, ik)
     return np.asarray(np.where(front, np.minimum(residuals, TRUNCATION), TRUNCATION))
 
 

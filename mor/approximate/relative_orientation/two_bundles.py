@@ -21,6 +21,7 @@ from mor.approximate.relative_orientation.compatibility import compatible_unknow
 from mor.approximate.relative_orientation.coplanarity import (
     Coplanarity,
     adjust_coplanarity,
+    both_fronts,
     first_order_residuals,
     in_front,
 )
@@ -34,7 +35,7 @@ from mor.approximate.relative_orientation.rinner import (
     homogeneous_unknowns,
     nearest_rotation,
 )
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 
 MINIMUM = 8
 FEW = 15
@@ -167,8 +168,16 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
 
 def best_of_four(a: Bundle, b: Bundle, ik: FloatArray) -> Seed:
     """Of the four candidates of ``ik`` (3, 3) the one with most points in front of both bundles."""
+    return facing(a, b, ik)[0]
+
+
+def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[Seed, BoolArray]:
+    """The best of the four candidates of ``ik`` (3, 3), and which points (n,) it has in front of both bundles."""
     candidates = [Seed(*candidate) for candidate in four_candidates(ik)]
-    return max(candidates, key=lambda seed: int(np.sum(np.all(in_front(a, b, *seed), axis=1))))
+    first, opposite = (both_fronts(a, b, *one) for one in candidates[:2])
+    fronts = [np.all(front, axis=1) for front in (first[0], opposite[0], opposite[1], first[1])]
+    best = int(np.argmax([np.count_nonzero(front) for front in fronts]))
+    return candidates[best], fronts[best]
 
 
 def five_point_seeds(a: Bundle, b: Bundle) -> list[Seed]:
