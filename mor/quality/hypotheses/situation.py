@@ -10,6 +10,7 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
+from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
@@ -73,6 +74,15 @@ class Situation:
     def begun(self) -> bool:
         """False where start values could not be worked out."""
         return not self.unstarted
+
+    @cached_property
+    def linearised(self) -> Adjustment:
+        """The normal equations of all observations, suspects among them, where most of them fit.
+
+        Raises :class:`InputError`, :class:`NotFiniteError` where an observation has no value there.
+        """
+        with np.errstate(all="ignore"):
+            return adjust(self.make(self.network, self.values, self.values), self.values, Settings(0))
 
     @property
     def count(self) -> int:

@@ -2,7 +2,8 @@
 
 Of every station, and of every target at all stations and at each of them, the height is an unknown for once. Which of
 them are worth an adjustment is told by the Lagrange multiplier test: with b the derivatives of the observations by the
-height, T = (bᵀPl)² / (bᵀPb − bᵀPA Q AᵀPb), l the misclosures at the solution.
+height, T = (bᵀPw)² / (bᵀPb − bᵀPA Q AᵀPb), w = l − A Q AᵀPl what a step leaves of the misclosures l of all
+observations, also of those that a robust adjustment left out: a wrong height may have won its points against them.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.errors import InputError
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.hypotheses.changes import with_blocks, with_unknown
 from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
 from mor.quality.hypotheses.situation import Situation
+from mor.sparse.cholesky import NotFiniteError
 
 _TRIED = 8
 """Heights that are tried: those that promise most."""
@@ -42,13 +45,17 @@ class Sights(NamedTuple):
 
 def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The heights that promise most."""
-    if situation.solution is None or "height" not in situation.network.blocks:
+    if not situation.settled or not situation.begun or "height" not in situation.network.blocks:
         return []
-    most = min(_MOST, _ENTRIES // max(situation.solution.problem.index.count, 1))
-    sights = list(_sights(situation.network))[:most]
+    sights = list(_sights(situation.network))[:_MOST]
     if not sights:
         return []
-    promised = _reductions(situation.solution, sights)
+    try:
+        all_of_them = situation.linearised
+    except (InputError, NotFiniteError):
+        return []
+    sights = sights[: _ENTRIES // max(all_of_them.problem.index.count, 1)]
+    promised = _reductions(all_of_them, sights)
     best = np.argsort(-promised, kind="stable")[:_TRIED]
     return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
 
@@ -94,9 +101,9 @@ def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped
         sets.setdefault(key, []).append((number, rows[mine], slot))
 
 
-def _reductions(solution: Adjustment, sights: list[Sights]) -> FloatArray:
+def _reductions(here: Adjustment, sights: list[Sights]) -> FloatArray:
     """(k,) by how much vᵀPv becomes smaller with each height an unknown, to first order."""
-    problem, values = solution.problem, solution.values
+    problem, values = here.problem, here.values
     tangent = rotation_tangents(problem.index, values)
     coupling = np.zeros((problem.index.count, len(sights)))
     own, right = np.zeros(len(sights)), np.zeros(len(sights))
@@ -113,7 +120,8 @@ def _reductions(solution: Adjustment, sights: list[Sights]) -> FloatArray:
             products = np.einsum("nm,nmk->nk", b * weight, part.jacobian)
             free = part.columns >= 0
             np.add.at(coupling[:, k], part.columns[free], products[free])
-    left = own - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling))
+    left = own - np.einsum("uk,uk->k", coupling, here.inverse.solve(coupling))
+    right -= coupling.T @ here.inverse.step(here.normals)
     good = left > 1e-6 * own
     return np.where(good, right**2 / np.where(good, left, 1.0), 0.0)
 
