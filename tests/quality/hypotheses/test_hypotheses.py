@@ -74,10 +74,9 @@ def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Pa
     begin, effort = (lambda changed: changed.start), Effort(100, lambda _: None)
     situation = Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
     promised = _reductions(adjust(plain.problem, plain.values, Settings(0)), sights)
-    beside = {
-        **plain.values,
-        "point": plain.values["point"] + np.where(plain.problem.index.blocks["point"].free, 1e-4, 0.0),
-    }
+    off = np.random.default_rng(1).normal(0.0, 1e-3, plain.values["point"].shape)
+    free = plain.problem.index.blocks["point"].free
+    beside = {**plain.values, "point": plain.values["point"] + np.where(free, off, 0.0)}
     not_there = adjust(plain.problem, beside, Settings(0))
     np.testing.assert_allclose(_reductions(not_there, sights), promised, rtol=0, atol=0.02)
     for one, reduction in zip(sights, promised, strict=True):
