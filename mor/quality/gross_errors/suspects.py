@@ -20,13 +20,16 @@ from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
 from mor.parameters.index import Blocks, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.graduated_weights import graduated_weights, robust_scales
+from mor.quality.gross_errors.graduated_weights import Graduated, graduated_weights, robust_scales
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
+from mor.quality.gross_errors.reintersection import reintersected
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
+_DOES_NOT_FIT = 4.5
+"""|v|/σ beyond which a sight does not fit its point: nothing is decided by it."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
 _MANY = 3
@@ -61,7 +64,7 @@ class Suspects:
     @property
     def count(self) -> int:
         """Number of suspects."""
-        return int(sum(np.count_nonzero(mask) for mask in self.masks))
+        return _count(self.masks)
 
 
 def may_be_absurd(adjustment: Adjustment) -> bool:
@@ -87,7 +90,7 @@ def without_suspects(
     vᵀPv so by chance.
     """
     problem = plain.problem
-    found = graduated_weights(problem, plain.start, watch)
+    found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), watch)
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return plain, None
@@ -116,6 +119,24 @@ def without_suspects(
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
     return _from_far(plain, settings, watch), None
+
+
+def _with_points_moved(problem: Problem, found: Graduated, watch: Watcher | None) -> Graduated:
+    """Where points whose sights do not fit have been intersected anew; as it was, where that leaves no fewer suspects.
+
+    A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
+    """
+    if "point" not in problem.index.blocks:
+        return found
+    moved = reintersected(problem, found.values, found.sizes, _DOES_NOT_FIT)
+    if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
+        return found
+    other = graduated_weights(problem, moved, watch)
+    return other if _count(other.suspects) < _count(found.suspects) else found
+
+
+def _count(masks: Sequence[BoolArray]) -> int:
+    return int(sum(np.count_nonzero(mask) for mask in masks))
 
 
 def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:

@@ -60,7 +60,7 @@ class Fit(NamedTuple):
     """vᵀPv."""
     freedom: int
     length: float
-    """Description length: see :mod:`mor.quality.hypotheses.description_length`."""
+    """Description length: see :mod:`mor.quality.gross_errors.description_length`."""
     scale: float
     """Factor of all σ by the median of the residuals."""
 

@@ -17,8 +17,9 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
+from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.gross_errors.graduated_weights import graduated_weights
-from mor.quality.hypotheses.description_length import cost_of_residuals
+from mor.quality.gross_errors.reintersection import reintersected
 from mor.quality.hypotheses.effort import SMALL, allowed
 from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Looking, Offered, ignore_looking
 from mor.quality.hypotheses.mistakes.circles import circle_hypotheses, face_hypotheses
@@ -30,7 +31,6 @@ from mor.quality.hypotheses.mistakes.levelling import levelling_hypotheses
 from mor.quality.hypotheses.mistakes.names import name_hypotheses
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.reintersection import reintersected
 from mor.quality.hypotheses.rejection import LEVEL, nothing_is_left
 from mor.quality.hypotheses.situation import SUSPECT, Begin, Make, Situation, fit_of, sizes_of
 from mor.quality.hypotheses.trying import tried

@@ -16,12 +16,12 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.quality.gross_errors.graduated_weights import robust_scales
-from mor.quality.hypotheses.description_length import (
+from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
     factor_of_sigmas,
     price_of_gross_error,
 )
+from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.hypotheses.effort import SMALL, Effort
 from mor.quality.hypotheses.hypothesis import Fit
 

@@ -12,11 +12,15 @@ from small_projects import LEVELLING, write
 from mor import pipeline
 from mor.adjustment.solve import Settings, adjust
 from mor.preparation import make_problem
-from mor.quality.hypotheses.description_length import cost_of_choice, cost_of_residuals, price_of_gross_error
+from mor.quality.gross_errors.description_length import (
+    cost_of_choice,
+    cost_of_residuals,
+    price_of_gross_error,
+)
+from mor.quality.gross_errors.reintersection import _slot_of_target, reintersected
 from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
-from mor.quality.hypotheses.reintersection import _slot_of_target, reintersected
 from mor.quality.hypotheses.rejection import is_rejected
 from mor.quality.hypotheses.situation import SUSPECT, Situation, sizes_of
 from mor.quality.solved import Solved

@@ -20,7 +20,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.parameters.index import Values, index_unknowns, move
-from mor.quality.hypotheses.description_length import cost_of_residuals
+from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.hypotheses.effort import SMALL
 from mor.quality.hypotheses.situation import Situation, sizes_of
 

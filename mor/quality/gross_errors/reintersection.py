@@ -15,7 +15,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
-from mor.quality.hypotheses.description_length import cost_of_residuals
+from mor.quality.gross_errors.description_length import cost_of_residuals
 
 _POINTS = 20
 """Points that are looked at, the worst first."""
