@@ -136,6 +136,7 @@ FORMATS: dict[str, Format] = {
     "dynaml": Format(
         "DynaML (pair of …stn.xml and …msr.xml, and .geo): networks on the earth",
         Code("mor.formats.dynadjust.reader", "read_dynaml"),
+        Code("mor.formats.dynadjust.dynaml_writer", "write_dynaml"),
     ),
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
