@@ -141,6 +141,7 @@ FORMATS: dict[str, Format] = {
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
         Code("mor.formats.snap.reader", "read_snap"),
+        Code("mor.formats.snap.writer", "write_snap"),
         suffixes=(".snp", ".crd"),
     ),
     "sinex": Format(

@@ -13,8 +13,8 @@ from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.dynadjust.stations import SYSTEMS
 from mor.formats.dynadjust.terrestrial import KINDS, Kind
-from mor.formats.earth_points import EarthPoints, earth_points, world_of
-from mor.formats.terrestrial import Group, circle_in_face_one, groups
+from mor.formats.earth import EarthPoints, clusters, earth_points, raised, world_of
+from mor.formats.terrestrial import Group, circle_in_face_one, groups, stations, tilted_stations
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types
 from mor.project.file.nodes import Document
@@ -84,26 +84,27 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     world = network.world
     assert world is not None
     frame = _frame(content, world)
-    stations = earth_points(content, network, "DNA")
-    long = [name for name in stations.ids if len(name) > 20 or name != name.strip()]
+    points = earth_points(content, network, "DNA")
+    long = [name for name in points.ids if len(name) > 20 or name != name.strip()]
     if long:
         words = "names in DNA files have up to 20 letters"
         raise InputError([Problem(f"{name!r}: {words}", document.file) for name in long])
-    N = stations.geoid_by_name if world.orthometric else {}
+    N = points.geoid_by_name if world.orthometric else {}
     kinds = (*_CODES, *_CLUSTERS, _DIRECTIONS)
     types = {**PLAIN_TYPES, **earth_types(world.horizon)}
-    measured = [one for group in groups(content, kinds, types) for one in _measurements(content, group, N)]
-    notes = not_carried(content, kinds, (), "DynAdjust")
+    found = groups(content, kinds, types)
+    measured = [one for group in found for one in _measurements(content, group, N)]
+    notes = not_carried(content, kinds, ("stations",), "DynAdjust")
     words = f"the epoch is written as {EPOCH}: a project has none"
     notes.append(Problem(words, str(target)))
-    if any(isinstance(one, Directions) for one in measured) and _raised(content):
+    if raised(content, found):
         notes.append(Problem("directions have no heights of instrument and target in DynAdjust", str(target)))
-    return Outgoing(frame, stations, world.orthometric, measured, notes)
+    return Outgoing(frame, points, world.orthometric, measured, notes)
 
 
 def _refuse(content: Content) -> None:
     """Mistakes of projects that are none of DynAdjust's."""
-    project, problems = content.project, []
+    project, problems = content.project, tilted_stations(content, "DynAdjust")
     for number, entry in enumerate(project.observations):
         place = content.place("observations", number)
         if entry.cluster:
@@ -116,17 +117,6 @@ def _refuse(content: Content) -> None:
             problems.append(place.problem("DNA has no instruments, ppm and centring: each value has its σ"))
     if problems:
         raise InputError(problems)
-
-
-def _raised(content: Content) -> bool:
-    """True where heights stand in a table of directions, or of their stations."""
-    tables = [*content.document.data.get("stations", []), *content.document.data.get("observations", [])]
-    return any(
-        name in table.get("columns", ())
-        for table in tables
-        if table.get("type", _DIRECTIONS) == _DIRECTIONS
-        for name in ("height", "from_height", "to_height", "station_height")
-    )
 
 
 def _frame(content: Content, world: World) -> str:
@@ -143,7 +133,7 @@ def _measurements(content: Content, group: Group, N: dict[str, float]) -> Iterat
     if group.entry.type in _CLUSTERS:
         yield from _clusters(content, group, N)
     elif group.entry.type == _DIRECTIONS:
-        yield from _sets(group)
+        yield from _sets(group, stations(content))
     else:
         yield from _lines(content, group, KINDS[_CODES[group.entry.type]])
 
@@ -160,15 +150,20 @@ def _lines(content: Content, group: Group, kind: Kind) -> Iterator[Line]:
             yield Line(code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None)
 
 
-def _sets(group: Group) -> Iterator[Directions]:
-    """Sets in the order of their first sights; face two as it would read in face one."""
+def _sets(group: Group, set_ups: dict[str, tuple[str, float]]) -> Iterator[Directions]:
+    """Sets in the order of their first sights; face two as it would read in face one.
+
+    ``set_ups``: points under stations, by their names.
+    """
     rows = group.rows
     value = circle_in_face_one(group.values[:, 0], rows.number("face"))
     sets: dict[tuple[str, str], Directions] = {}
     names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
     for row, (station, set_, to) in enumerate(names):
         if np.isfinite(value[row]):
-            one = sets.setdefault((station, set_), Directions(station, [], [], []))
+            one = sets.setdefault(
+                (station, set_), Directions(set_ups.get(station, (station, 0.0))[0], [], [], [])
+            )
             one.targets.append(to)
             one.values.append(float(value[row]))
             one.sigmas.append(float(group.sigma[row, 0]))
@@ -176,38 +171,15 @@ def _sets(group: Group) -> Iterator[Directions]:
 
 
 def _clusters(content: Content, group: Group, N: dict[str, float]) -> Iterator[Cluster]:
-    """One cluster of a table with a covariance over all, else every row for itself."""
-    Q = _covariance(content, group)
-    rows = np.flatnonzero(np.isfinite(group.values).all(axis=1))
-    if 3 * len(rows) != len(Q):
-        words = "DNA has vectors and positions with all three components"
-        raise InputError([Problem(words, content.document.file)])
-    whole = group.entry.covariance is not None
-    parts = [list(range(len(rows)))] if whole else [[k] for k in range(len(rows))]
     vectors, geodetic = group.entry.type == "gnss_vector", group.entry.type == "geodetic_position"
-    code = "Y" if not vectors else "X" if whole else "G"
+    code = "Y" if not vectors else "X" if group.entry.covariance is not None else "G"
     names = [group.rows.text(name) for name in (("from", "to") if vectors else ("point",))]
-    for part in parts:
-        cells = np.concatenate([np.arange(3 * k, 3 * k + 3) for k in part])
-        own = [[column[rows[k]] for column in names] for k in part]
+    for rows, Q in clusters(content, group, "DNA"):
         values = [
-            _values(content, group, int(rows[k]), N.get(names[0][rows[k]], 0.0) if geodetic else 0.0)
-            for k in part
+            _values(content, group, row, N.get(names[0][row], 0.0) if geodetic else 0.0) for row in rows
         ]
-        yield Cluster(code, "LLH" if geodetic else "XYZ", own, values, Q[np.ix_(cells, cells)])
-
-
-def _covariance(content: Content, group: Group) -> FloatArray:
-    """Covariance in m² (radians of latitudes and longitudes), as DNA has it."""
-    assert group.covariance is not None
-    lengths = np.array([1.0 if "tude" in c else content.edge.metres for c in _components(group)])
-    own = group.factors if group.entry.covariance is not None else np.ones(3)
-    scale = np.tile(own * lengths, len(group.covariance) // 3)
-    return np.asarray(group.covariance * np.outer(scale, scale))
-
-
-def _components(group: Group) -> tuple[str, ...]:
-    return ("latitude", "longitude", "height") if group.entry.type == "geodetic_position" else ("x", "y", "z")
+        own = [[column[row] for column in names] for row in rows]
+        yield Cluster(code, "LLH" if geodetic else "XYZ", own, values, Q)
 
 
 def _values(content: Content, group: Group, row: int, N: float) -> list[str]:
