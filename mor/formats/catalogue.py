@@ -147,6 +147,7 @@ FORMATS: dict[str, Format] = {
     "sinex": Format(
         "SINEX: a GNSS solution with its covariance matrix",
         Code("mor.formats.sinex.reader", "read_sinex"),
+        Code("mor.formats.sinex.writer", "write_sinex"),
         suffixes=(".snx",),
         untried="no file of a processing centre could be had: this reader was written from the format description",
     ),

@@ -44,12 +44,15 @@ class EarthPoints(NamedTuple):
 
 
 def world_of(content: Content, what: str) -> None:
-    """Raise :class:`InputError` where a project is none on the earth, or has other senses than clockwise from north."""
-    project = content.project
-    if project.world is None:
+    """Raise :class:`InputError` where a project is none on the earth."""
+    if content.project.world is None:
         words = f"{what} has networks on the earth: this project has no world"
         raise InputError([Problem(words, content.document.file)])
-    if project.axes.angles != "clockwise" or project.axes.bearings_from != "north":
+
+
+def clockwise_from_north(content: Content, what: str) -> None:
+    """Raise :class:`InputError` where angles of a project have other senses and zeros."""
+    if content.project.axes.angles != "clockwise" or content.project.axes.bearings_from != "north":
         words = f"{what} has angles clockwise and azimuths from north"
         raise InputError([content.place("axes").problem(words)])
 

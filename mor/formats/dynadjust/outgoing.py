@@ -13,7 +13,7 @@ from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.dynadjust.stations import SYSTEMS
 from mor.formats.dynadjust.terrestrial import KINDS, Kind
-from mor.formats.earth import EarthPoints, clusters, earth_points, raised, world_of
+from mor.formats.earth import EarthPoints, clockwise_from_north, clusters, earth_points, raised, world_of
 from mor.formats.terrestrial import Group, circle_in_face_one, groups, stations, tilted_stations
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types
@@ -79,6 +79,7 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     """
     content = content_of(document, folder)
     world_of(content, "DynAdjust")
+    clockwise_from_north(content, "DynAdjust")
     _refuse(content)
     network = build_network(content.project, document, folder)
     world = network.world

@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
-from mor.formats.earth import EarthPoints, earth_points, raised, world_of
+from mor.formats.earth import EarthPoints, clockwise_from_north, earth_points, raised, world_of
 from mor.formats.snap.data_lines import TYPES, VECTORS, data_lines, refraction_code
 from mor.formats.snap.reader import BOMFORD
 from mor.formats.snap.stations import SYSTEMS
@@ -35,6 +35,7 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
     """``.snp``, ``.crd`` and ``.dat``. Raises :class:`InputError` for what they cannot say."""
     content = content_of(document, folder)
     world_of(content, "SNAP")
+    clockwise_from_north(content, "SNAP")
     _refuse(content)
     network = build_network(content.project, document, folder)
     world = network.world
