@@ -185,8 +185,13 @@ world: {crs: EPSG:4326, heights: ellipsoidal}
 units: {length: m, angle: deg}
 points:
   - columns: [id, latitude, longitude, height]
-    rows: [[A, 48, 11, 500], [B, 48.01, 11.01, 510], [C, 48.02, 11, 520]]
+    rows: [[A, 48, 11, 500], [B, 48.01, 11.01, 510], [C, 48.02, 11, 520], [D, 48.02, 11.03, 500]]
 observations:
+  - type: gnss_position
+    columns: [point, x, y, z]
+    rows: [[C, 4195900.0, 815600.0, 4718790.0], [D, 4195900.123456789, -815600.3333333333, 4718790.1]]
+    covariance: [[9, 1, 1, 2, 0, 0], [1, 9, 1, 0, 2, 0], [1, 1, 9, 0, 0, 2],
+                 [2, 0, 0, 8, 0, 0], [0, 2, 0, 0, 8, 0], [0, 0, 2, 0, 0, 8]]
   - type: gnss_position
     columns: [point, x, y, z, cov_x_x, cov_x_y, cov_x_z, cov_y_y, cov_y_z, cov_z_z]
     rows: [[A, 4197000.1, 815800.2, 4717300.3, 4.e-6, 1.e-6, 0, 5.e-6, 0, 6.e-6]]
@@ -207,9 +212,18 @@ def test_tables_of_positions_become_one_solution(tmp_path: Path) -> None:
     assert "SINEX has no place for: observations gnss_vector" in notes
     found = read_foreign(_written(document, tmp_path, tmp_path / "o.snx"))
     Q = np.array(found.data["observations"][0]["covariance"])
-    expected = np.zeros((6, 6))
-    expected[:3, :3] = [[4e-6, 1e-6, 0], [1e-6, 5e-6, 0], [0, 0, 6e-6]]
-    expected[3:, 3:] = 9e-6 * np.eye(3)
+    expected = np.zeros((12, 12))
+    expected[:3, :3] = np.ones((3, 3)) + 8.0 * np.eye(3)
+    expected[3:6, 3:6] = 8.0 * np.eye(3)
+    expected[:3, 3:6] = expected[3:6, :3] = 2.0 * np.eye(3)
+    expected[6:9, 6:9] = [[4e-6, 1e-6, 0], [1e-6, 5e-6, 0], [0, 0, 6e-6]]
+    expected[9:, 9:] = 9e-6 * np.eye(3)
+    assert found.data["observations"][0]["rows"][1] == [
+        "D",
+        "4195900.123456789",
+        "-815600.3333333333",
+        "4718790.1",
+    ]
     np.testing.assert_allclose(Q, expected, rtol=1e-13, atol=1e-22)
 
 
