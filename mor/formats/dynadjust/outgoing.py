@@ -13,8 +13,15 @@ from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.dynadjust.stations import SYSTEMS
 from mor.formats.dynadjust.terrestrial import KINDS, Kind
-from mor.formats.earth import EarthPoints, clockwise_from_north, clusters, earth_points, raised, world_of
-from mor.formats.terrestrial import Group, circle_in_face_one, groups, stations, tilted_stations
+from mor.formats.networks.on_earth import (
+    EarthPoints,
+    clockwise_from_north,
+    clusters,
+    earth_points,
+    raised,
+    world_of,
+)
+from mor.formats.networks.terrestrial import Group, circle_in_face_one, groups, stations, tilted_stations
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types
 from mor.project.file.nodes import Document

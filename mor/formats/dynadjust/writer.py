@@ -20,7 +20,7 @@ from mor.formats.dynadjust.outgoing import (
     sexagesimal_text,
 )
 from mor.formats.dynadjust.terrestrial import KINDS
-from mor.formats.earth import EarthPoints
+from mor.formats.networks.on_earth import EarthPoints
 from mor.formats.written import Written
 from mor.project.file.nodes import Document
 

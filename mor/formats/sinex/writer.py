@@ -16,9 +16,9 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
-from mor.formats.earth import clusters, world_of
+from mor.formats.networks.on_earth import clusters, world_of
+from mor.formats.networks.terrestrial import groups
 from mor.formats.sinex.blocks import ESTIMATE, MATRIX, MOST
-from mor.formats.terrestrial import groups
 from mor.formats.written import Written
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types

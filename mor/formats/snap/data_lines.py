@@ -10,10 +10,10 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.formats.content import Content
-from mor.formats.earth import clusters
+from mor.formats.networks.on_earth import clusters
+from mor.formats.networks.terrestrial import Group, circle_in_face_one, heights_of, stations
 from mor.formats.snap.observations import KINDS, Kind
 from mor.formats.snap.projections import PROJECTIONS
-from mor.formats.terrestrial import Group, circle_in_face_one, heights_of, stations
 
 VECTORS = ("gnss_vector", "gnss_position")
 _POSITION = "geodetic_position"

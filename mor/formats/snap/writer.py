@@ -9,11 +9,11 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried
-from mor.formats.earth import EarthPoints, clockwise_from_north, earth_points, raised, world_of
+from mor.formats.networks.on_earth import EarthPoints, clockwise_from_north, earth_points, raised, world_of
+from mor.formats.networks.terrestrial import Group, groups, tilted_stations
 from mor.formats.snap.data_lines import TYPES, VECTORS, data_lines, refraction_code
 from mor.formats.snap.reader import BOMFORD
 from mor.formats.snap.stations import SYSTEMS
-from mor.formats.terrestrial import Group, groups, tilted_stations
 from mor.formats.written import Written
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types

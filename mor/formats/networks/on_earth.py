@@ -10,7 +10,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content
-from mor.formats.terrestrial import Group, stations
+from mor.formats.networks.terrestrial import Group, stations
 from mor.observations.earth import DEFLECTIONS, GEOID
 from mor.project.network.build import Network
 from mor.project.tables.statuses import number_column
