@@ -69,11 +69,11 @@ FORMATS: dict[str, Format] = {
         untried="of a real file only cameras and poses could be tried; image points were written from the source",
     ),
     "metashape": Format(
-        "Metashape cameras.xml, markers.xml; projects .psz and .psx (without tie points)",
+        "Metashape cameras.xml, markers.xml; projects .psz and .psx with tie points",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
         untried="tried on a project of PhotoScan, its own output and excerpts of files of Metashape; "
-        "no .psx could be had",
+        "no .psx and no tie points could be had",
     ),
     "metashape-reference": Format(
         "Metashape reference pane as text: markers or cameras",
