@@ -65,6 +65,7 @@ def read_metashape(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
     found = Chunk(tie=_tie_points(chunk, path, draft) if own else None)
+    control = False
     try:
         _put_cameras(chunk, draft)
         control = _read_markers(chunk, found, draft)
