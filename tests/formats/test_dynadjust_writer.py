@@ -16,6 +16,7 @@ from mor.formats.dynadjust.outgoing import sexagesimal_text
 from mor.formats.fieldbook.book import sexagesimal
 from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
+from mor.units import parse_dms
 
 from .test_dynadjust import _files
 from .test_dynaml import _rows
@@ -123,3 +124,34 @@ def test_what_dna_cannot_say_is_refused(tmp_path: Path) -> None:
         write_foreign(
             replace(document, data={**document.data, "points": points}), tmp_path, tmp_path / "o", "dynadjust"
         )
+
+
+@pytest.mark.parametrize("key", ["dynadjust", "dynaml"])
+def test_directions_of_set_ups_and_in_face_two(tmp_path: Path, key: str) -> None:
+    """Two set-ups over a point are two sets from it; readings of face two are those of face one."""
+    document = read_foreign(_files(tmp_path))
+    sights = [
+        ["S1", "B B", "10", "0.001", None],
+        ["S1", "C", "250", "0.001", "2"],
+        ["S2", "C", "3", "0.002", None],
+    ]
+    columns = ["station", "to", "horizontal", "sigma", "face"]
+    units = {"horizontal": "gon", "sigma": "gon"}
+    table = {"type": "directions", "columns": columns, "rows": sights, "units": units}
+    tables = [table, *(one for one in document.data["observations"] if one["type"] != "directions")]
+    set_ups = [{"columns": ["id", "point", "height"], "rows": [["S1", "A", "1.5"], ["S2", "A", "0"]]}]
+    document = replace(document, data={**document.data, "observations": tables, "stations": set_ups})
+    notes = [note.message for note in write_foreign(document, tmp_path, tmp_path / "n.msr", key).notes]
+    assert "directions have no heights of instrument and target in DynAdjust" in notes
+    path = _written(document, tmp_path, tmp_path / "o" / ("n.msr" if key == "dynadjust" else "nmsr.xml"), key)
+    table = next(one for one in read_foreign(path).data["observations"] if one["type"] == "directions")
+    assert [(row[0], row[1], row[4]) for row in table["rows"]] == [
+        ("A", "B B", "1"),
+        ("A", "C", "1"),
+        ("A", "C", "2"),
+    ]
+    found = [parse_dms(row[2]) for row in table["rows"]]
+    np.testing.assert_allclose(found, [9.0, 45.0, 2.7], atol=1e-11)
+    set_ups[0]["rows"][1][1] = None
+    with pytest.raises(InputError, match="station 'S2' stands on no point"):
+        write_foreign(document, tmp_path, tmp_path / "n.msr", key)

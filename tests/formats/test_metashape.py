@@ -480,6 +480,18 @@ def test_tie_points_with_mistakes_are_told(tmp_path: Path, old: bytes, new: byte
     path.write_bytes(_zipped(xml, {**files, "points0.ply": files["points0.ply"].replace(old, new, 1)}))
     with pytest.raises(InputError, match=said):
         read_foreign(path)
+    start = files["points0.ply"].index(b"end_header\n") + len(b"end_header\n")
+    content = files["points0.ply"][:start] + b"\x01\x00\xa0\x7f" + files["points0.ply"][start + 4 :]
+    path.write_bytes(_zipped(xml, {**files, "points0.ply": content}))
+    with pytest.raises(InputError, match="a coordinate of a tie point is no number"):
+        read_foreign(path)
     path.write_bytes(_zipped(xml, {}))
     with pytest.raises(InputError, match=r"found no file 'points0.ply' in this archive"):
+        read_foreign(path)
+
+
+def test_a_bad_number_of_a_marker_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "m.xml"
+    path.write_text(XML.replace('sy="0.01"', 'sy="0.SF=01"'))
+    with pytest.raises(InputError, match=r"found '0\.SF=01', expected a number"):
         read_foreign(path)

@@ -15,13 +15,14 @@ from mor.formats.dynadjust.stations import SYSTEMS
 from mor.formats.dynadjust.terrestrial import KINDS, Kind
 from mor.formats.networks.on_earth import (
     EarthPoints,
+    SetUps,
     clockwise_from_north,
     clusters,
     earth_points,
     raised,
     world_of,
 )
-from mor.formats.networks.terrestrial import Group, circle_in_face_one, groups, stations, tilted_stations
+from mor.formats.networks.terrestrial import Group, circle_in_face_one, groups, tilted_stations
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types
 from mor.project.file.nodes import Document
@@ -101,7 +102,8 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     kinds = (*_CODES, *_CLUSTERS, _DIRECTIONS)
     types = {**PLAIN_TYPES, **earth_types(world.horizon)}
     found = groups(content, kinds, types)
-    measured = [one for group in found for one in _measurements(content, group, N)]
+    set_ups = SetUps(content, points.ids)
+    measured = [one for group in found for one in _measurements(content, group, N, set_ups)]
     notes = not_carried(content, kinds, ("stations",), "DynAdjust")
     words = f"the epoch is written as {EPOCH}: a project has none"
     notes.append(Problem(words, str(target)))
@@ -137,11 +139,13 @@ def _frame(content: Content, world: World) -> str:
     return frame
 
 
-def _measurements(content: Content, group: Group, N: dict[str, float]) -> Iterator[Measurement]:
+def _measurements(
+    content: Content, group: Group, N: dict[str, float], set_ups: SetUps
+) -> Iterator[Measurement]:
     if group.entry.type in _CLUSTERS:
         yield from _clusters(content, group, N)
     elif group.entry.type == _DIRECTIONS:
-        yield from _sets(group, stations(content))
+        yield from _sets(group, set_ups)
     else:
         yield from _lines(content, group, KINDS[_CODES[group.entry.type]])
 
@@ -158,20 +162,15 @@ def _lines(content: Content, group: Group, kind: Kind) -> Iterator[Line]:
             yield Line(code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None)
 
 
-def _sets(group: Group, set_ups: dict[str, tuple[str, float]]) -> Iterator[Directions]:
-    """Sets in the order of their first sights; face two as it would read in face one.
-
-    ``set_ups``: points under stations, by their names.
-    """
+def _sets(group: Group, set_ups: SetUps) -> Iterator[Directions]:
+    """Sets in the order of their first sights; face two as it would read in face one."""
     rows = group.rows
     value = circle_in_face_one(group.values[:, 0], rows.number("face"))
     sets: dict[tuple[str, str], Directions] = {}
     names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
     for row, (station, set_, to) in enumerate(names):
         if np.isfinite(value[row]):
-            one = sets.setdefault(
-                (station, set_), Directions(set_ups.get(station, (station, 0.0))[0], [], [], [])
-            )
+            one = sets.setdefault((station, set_), Directions(set_ups.point(station), [], [], []))
             one.targets.append(to)
             one.values.append(float(value[row]))
             one.sigmas.append(float(group.sigma[row, 0]))

@@ -149,8 +149,9 @@ def _column(vertices: np.ndarray, name: str) -> IntArray:
 
 
 def _coordinates(vertices: np.ndarray, names: str) -> FloatArray:
-    """Coordinates (n, size)."""
-    return np.stack([vertices[name].astype(float) for name in names], axis=1)
+    """Coordinates (n, size); what is no number is told later."""
+    with np.errstate(invalid="ignore"):
+        return np.stack([vertices[name].astype(float) for name in names], axis=1)
 
 
 def put_tie_points(

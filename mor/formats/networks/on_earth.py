@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -123,6 +123,22 @@ def _tables(content: Content, world: World, what: str, problems: list[Problem]) 
         for name, three, held in zip(rows.text("id"), given, np.isfinite(sigma), strict=True):
             known[name] = _Entry(three, held)
     return known
+
+
+class SetUps:
+    """Points under the stations of directions."""
+
+    def __init__(self, content: Content, points: Collection[str]) -> None:
+        self._content, self._points = content, set(points)
+        self._under = {name: point for name, (point, _) in stations(content).items()}
+
+    def point(self, station: str) -> str:
+        """The point of a station. Raises :class:`InputError` where it stands on none."""
+        point = self._under.get(station, station)
+        if point not in self._points:
+            words = f"station {station!r} stands on no point"
+            raise InputError([Problem(words, self._content.document.file)])
+        return point
 
 
 def raised(content: Content, found: list[Group]) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.formats.content import Content
-from mor.formats.networks.on_earth import clusters
-from mor.formats.networks.terrestrial import Group, circle_in_face_one, heights_of, stations
+from mor.formats.networks.on_earth import SetUps, clusters
+from mor.formats.networks.terrestrial import Group, circle_in_face_one, heights_of
 from mor.formats.snap.observations import KINDS, Kind
 from mor.formats.snap.projections import PROJECTIONS
 
@@ -30,21 +30,14 @@ class Writing:
     """What the lines of all tables share."""
 
     content: Content
-    points: dict[str, str]
-    """Points under stations, by the names of the stations."""
-    heights: dict[str, tuple[str, float]]
+    set_ups: SetUps
     projection: str
     """Name of the projection of the project, or nothing."""
 
-    def point(self, name: str) -> str:
-        """The point of a name that may be a station's."""
-        return self.points.get(name, name)
 
-
-def data_lines(content: Content, found: list[Group], projection: str) -> list[str]:
+def data_lines(content: Content, found: list[Group], points: list[str], projection: str) -> list[str]:
     """All observations. Raises :class:`InputError` for what SNAP cannot say."""
-    set_ups = stations(content)
-    writing = Writing(content, {name: point for name, (point, _) in set_ups.items()}, set_ups, projection)
+    writing = Writing(content, SetUps(content, points), projection)
     lines = ["#deg_angles", "#gps_error_type full"]
     for group in found:
         lines += _of_group(writing, group)
@@ -80,7 +73,7 @@ def _texts(group: Group, kind: Kind, row: int, metres: float) -> str:
 def _heights(writing: Writing, group: Group, references: dict[str, str], row: int) -> tuple[float, float]:
     if group.entry.type not in _RAISED:
         return 0.0, 0.0
-    return heights_of(group, references, row, writing.heights, writing.content.edge.metres)
+    return heights_of(group, references, row, {}, writing.content.edge.metres)
 
 
 def _scalars(writing: Writing, group: Group) -> Iterator[str]:
@@ -103,7 +96,7 @@ def _scalars(writing: Writing, group: Group) -> Iterator[str]:
         yield f"#projection {_projection(writing, group)}"
     yield f"#data {code} error{' no_heights' if plain else ''}"
     for row in rows:
-        own = [writing.point(column[row]) for column in names]
+        own = [column[row] for column in names]
         words = own if plain else [f"{name} {h!r}" for name, h in zip(own, heights[row], strict=True)]
         yield f"{' '.join(words)} {_texts(group, kind, row, writing.content.edge.metres)}"
 
@@ -136,7 +129,7 @@ def _sets(writing: Writing, group: Group) -> Iterator[str]:
             sets.setdefault((station, set_), []).append(line)
     yield "#data HA error no_heights"
     for (station, _), lines in sets.items():
-        yield from ("", writing.point(station), *lines)
+        yield from ("", writing.set_ups.point(station), *lines)
 
 
 def _ratios(writing: Writing, group: Group) -> Iterator[str]:
@@ -151,7 +144,7 @@ def _ratios(writing: Writing, group: Group) -> Iterator[str]:
         return
     plain = not any(any(two) for two in heights)
     yield f"#data DR error{' no_heights' if plain else ''}"
-    yield writing.point(from_[rows[0]]) + ("" if plain else f" {heights[0][0]!r}")
+    yield from_[rows[0]] + ("" if plain else f" {heights[0][0]!r}")
     for row, (_, height) in zip(rows, heights, strict=True):
         to = group.rows.text("to")[row] + ("" if plain else f" {height!r}")
         yield f"{to} {_texts(group, KINDS['DR'], row, metres)}"
@@ -174,7 +167,7 @@ def _positions(writing: Writing, group: Group) -> Iterator[str]:
                 text = f"{_degrees(abs(value))} {letters[int(value < 0.0)]} {_degrees(sigma)}"
             else:
                 text = f"{value * metres!r} {sigma * metres!r}"
-            yield f"{writing.point(names[row])} {text}"
+            yield f"{names[row]} {text}"
 
 
 def _gnss(writing: Writing, group: Group) -> Iterator[str]:
@@ -205,7 +198,7 @@ def _antennas(writing: Writing, group: Group, row: int, code: str) -> tuple[floa
 
 def _ends(writing: Writing, group: Group, row: int) -> list[str]:
     names = ("from", "to") if group.entry.type == "gnss_vector" else ("point",)
-    return [writing.point(group.rows.text(name)[row]) for name in names]
+    return [group.rows.text(name)[row] for name in names]
 
 
 def _three(writing: Writing, group: Group, row: int) -> str:

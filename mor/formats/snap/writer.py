@@ -50,7 +50,7 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
     files = {
         ".snp": [f"title {title}", *_commands(content, points, stem.name)],
         ".crd": [title, system, *_coordinates(points, world)],
-        ".dat": [title, *data_lines(content, found, projection)],
+        ".dat": [title, *data_lines(content, found, points.ids, projection)],
     }
     texts = {
         stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
