@@ -182,6 +182,12 @@ FORMATS: dict[str, Format] = {
         untried="of real files cameras and poses could be tried; image points and control were written from readers "
         "of others and the manual",
     ),
+    "pix4d-cam": Format(
+        "Pix4D camera file (.cam)",
+        Code("mor.formats.pix4d.camera_file", "read_camera_file"),
+        suffixes=(".cam",),
+        untried="tried on the lines of one public file",
+    ),
     "pix4d-gcp": Format(
         "Pix4D ground control (name, X, Y, Z, accuracies)",
         Code("mor.formats.pix4d.reader", "read_control"),

@@ -88,6 +88,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_opensfm import _folder
     from .test_patb import block as patb
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_pix4d import CAM
     from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
     from .test_sinex import _solution, sinex
@@ -137,6 +138,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         ),
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
+        "pix4d camera": ("pix4d-cam", "a.cam", {"a.cam": CAM.encode()}),
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
         "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
         "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),

@@ -27,6 +27,7 @@ from .mutants import faults, materials
             "dbat",
             "bingo",
             "pix4d",
+            "pix4d camera",
             "metashape project",
             "metashape tie points",
             "reference pane",
@@ -48,4 +49,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 35
+    assert len(materials(tmp_path)) == 36
