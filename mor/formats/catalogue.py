@@ -69,11 +69,11 @@ FORMATS: dict[str, Format] = {
         untried="of a real file only cameras and poses could be tried; image points were written from the source",
     ),
     "metashape": Format(
-        "Metashape cameras.xml, markers.xml; projects .psz and .psx (without tie points)",
+        "Metashape cameras.xml, markers.xml; projects .psz and .psx with tie points",
         Code("mor.formats.metashape.reader", "read_metashape"),
         Code("mor.formats.metashape.writer", "write_metashape"),
         untried="tried on a project of PhotoScan, its own output and excerpts of files of Metashape; "
-        "no .psx could be had",
+        "no .psx and no tie points could be had",
     ),
     "metashape-reference": Format(
         "Metashape reference pane as text: markers or cameras",
@@ -136,15 +136,18 @@ FORMATS: dict[str, Format] = {
     "dynaml": Format(
         "DynaML (pair of …stn.xml and …msr.xml, and .geo): networks on the earth",
         Code("mor.formats.dynadjust.reader", "read_dynaml"),
+        Code("mor.formats.dynadjust.dynaml_writer", "write_dynaml"),
     ),
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
         Code("mor.formats.snap.reader", "read_snap"),
+        Code("mor.formats.snap.writer", "write_snap"),
         suffixes=(".snp", ".crd"),
     ),
     "sinex": Format(
         "SINEX: a GNSS solution with its covariance matrix",
         Code("mor.formats.sinex.reader", "read_sinex"),
+        Code("mor.formats.sinex.writer", "write_sinex"),
         suffixes=(".snx",),
         untried="no file of a processing centre could be had: this reader was written from the format description",
     ),
@@ -178,6 +181,12 @@ FORMATS: dict[str, Format] = {
         folder=True,
         untried="of real files cameras and poses could be tried; image points and control were written from readers "
         "of others and the manual",
+    ),
+    "pix4d-cam": Format(
+        "Pix4D camera file (.cam)",
+        Code("mor.formats.pix4d.camera_file", "read_camera_file"),
+        suffixes=(".cam",),
+        untried="tried on the lines of one public file",
     ),
     "pix4d-gcp": Format(
         "Pix4D ground control (name, X, Y, Z, accuracies)",

@@ -90,7 +90,7 @@ def content_of(document: Document, folder: Path) -> Content:
 def points(content: Content) -> Things:
     """All points with x, y, z in the axes and the unit of the project. Raises :class:`InputError`."""
     if content.project.world is not None:
-        words = "networks on the earth are written as geojson, dxf and landxml only"
+        words = "networks on the earth are written as dynadjust, dynaml, snap, sinex, geojson, dxf and landxml only"
         raise InputError([content.place("world").problem(words)])
     parts = []
     columns = [Column("id", required=True), *component_columns(POINT.components, content.edge)]

@@ -15,6 +15,7 @@ from mor.formats.bingo.files import is_bingo
 from mor.formats.catalogue import FORMATS
 from mor.formats.jag3d.columns import OBSERVATION_FILE, POINT_FILE
 from mor.formats.metashape.projects import is_project
+from mor.formats.pix4d.camera_file import HEAD as CAMERA_FILE
 from mor.formats.pix4d.files import CAMERAS, OFFSET, kind_of
 from mor.formats.text import decoded
 from mor.input_files import is_folder
@@ -216,6 +217,7 @@ _RULES: tuple[tuple[str, Callable[[Sample], bool]], ...] = (
     ("colmap", _colmap),
     ("jag3d", _jag3d),
     ("pix4d", _pix4d),
+    ("pix4d-cam", _beginning(CAMERA_FILE)),
     ("bingo", lambda sample: is_bingo(sample.names, sample.path)),
     ("openmvg", lambda sample: '"sfm_data_version"' in sample.text),
     ("alicevision", _alicevision),

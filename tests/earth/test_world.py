@@ -93,7 +93,7 @@ def test_coordinates_come_out_as_they_went_in(tmp_path: Path) -> None:
     )
     refused = mor("convert", tmp_path / "out" / "adjusted.yaml", tmp_path / "a.gkf")
     assert refused.code == 2
-    assert "networks on the earth are written as geojson" in refused.err
+    assert "networks on the earth are written as dynadjust, dynaml, snap, sinex, geojson" in refused.err
 
 
 def test_the_report_says_what_coordinates_refer_to(tmp_path: Path) -> None:

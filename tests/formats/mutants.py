@@ -6,13 +6,15 @@ A mutant is read, and its network built, or it is refused with its file; anythin
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import resource
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -82,10 +84,11 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_jag3d import FILES
     from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
-    from .test_metashape import PANE, XML, _zipped
+    from .test_metashape import PANE, XML, _zipped, tied
     from .test_opensfm import _folder
     from .test_patb import block as patb
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
+    from .test_pix4d import CAM
     from .test_pix4d import project as pix4d
     from .test_sfm_data import alicevision, openmvg
     from .test_sinex import _solution, sinex
@@ -116,6 +119,11 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
         "metashape project": ("metashape", "m.psz", {"m.psz": _zipped(XML)}),
+        "metashape tie points": (
+            "metashape",
+            "hall.psx",
+            _tie_points(Path(tempfile.mkdtemp(dir=folder)), tied),
+        ),
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
         "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
@@ -130,6 +138,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         ),
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
+        "pix4d camera": ("pix4d-cam", "a.cam", {"a.cam": CAM.encode()}),
         "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
         "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
         "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
@@ -147,6 +156,15 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "topcon": ("topcon", "a.gts7", {"a.gts7": _TOPCON.encode()}),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
         "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
+    }
+
+
+def _tie_points(folder: Path, tied: Callable[[Path, str], object]) -> Files:
+    """A project with its archives."""
+    tied(folder, "psx")
+    archives = (folder / "hall.files").rglob("*.zip")
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in [folder / "hall.psx", *archives]
     }
 
 
@@ -183,9 +201,25 @@ def mutant(rng: np.random.Generator, files: Files) -> Files:
     for _ in range(int(rng.integers(1, 4))):
         name = sorted(changed)[int(rng.integers(len(changed)))]
         content = changed[name]
-        binary = b"\0" in content[:200] or rng.random() < 0.1
-        changed[name] = _bytes(rng, content) if binary else _text(rng, content)
+        archive = content.startswith(b"PK") and content == files[name] and rng.random() < 0.8
+        changed[name] = _packed(rng, content) if archive else _changed(rng, content)
     return changed
+
+
+def _changed(rng: np.random.Generator, content: bytes) -> bytes:
+    binary = b"\0" in content[:400] or rng.random() < 0.1
+    return _bytes(rng, content) if binary else _text(rng, content)
+
+
+def _packed(rng: np.random.Generator, content: bytes) -> bytes:
+    """An archive with a change in one of its files: changed bytes of the archive itself fail at its checksums."""
+    result = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(result, "w") as new:
+        chosen = int(rng.integers(len(old.namelist())))
+        for number, name in enumerate(old.namelist()):
+            inside = old.read(name)
+            new.writestr(name, _changed(rng, inside) if number == chosen else inside)
+    return result.getvalue()
 
 
 def _bytes(rng: np.random.Generator, content: bytes) -> bytes:
@@ -250,6 +284,7 @@ def faults(name: str, seed: int, count: int, folder: Path, networks: int = 1) ->
     for number in range(count):
         rng = np.random.default_rng([seed, order, number])
         for file, content in mutant(rng, files).items():
+            (place / file).parent.mkdir(parents=True, exist_ok=True)
             (place / file).write_bytes(content)
         found = fault(key, place / main if main else place, number % networks == 0)
         if found:

@@ -34,7 +34,7 @@ _N = " " * 62
 
 
 def _line(code: str, *names: str, scales: str = "   1.00      1.00      1.00      1.00") -> str:
-    frame = "   GDA2020   01.01.2020" if code[0] in "GX" else ""
+    frame = "   GDA2020   01.01.2020" if code[:1] in ("G", "X") else ""
     return code.ljust(2) + "".join(name.ljust(20) for name in names).ljust(60) + scales + frame
 
 
@@ -76,6 +76,13 @@ MEASURED = "\n".join(
         _line("Z", "A", "B B", scales="     -0 24 31.0000   20.000"),
         _line("A", "A", "B B", "C", scales="    190 05 01.5000   20.000"),
         _line("P", "A", scales="    -36 32 23.8821    0.001"),
+        _line("D", "A", "B B", "2", scales="     10 00 01.0000    2.000"),
+        _line("D", "", "", "C", scales="    350 59 59.5000    3.000"),
+        _line("D*", "", "", "unused", scales="      0 00 00.0000    3.000"),
+        _line("D*", "A", "B B", "1", scales="     10 00 01.0000    2.000"),
+        _line("D", "", "", "C", scales="    350 59 59.5000    3.000"),
+        _line("D", "B B", "A", "1", scales="      0 00 00.0000    2.000"),
+        _line("", "", "", "C", scales="     20 59 59.5000    3.000"),
         "",
     ]
 )
@@ -101,7 +108,14 @@ def test_what_the_files_say(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose(back, [x, y, z], atol=1e-6)
     assert [row[0] for row in free["rows"]] == ["B B", "C"]
-    cluster, single, distance, *others = document.data["observations"]
+    cluster, single, sets, distance, *others = document.data["observations"]
+    assert (sets["type"], sets["columns"]) == ("directions", ["station", "to", "horizontal", "sigma", "set"])
+    assert sets["rows"] == [
+        ["A", "B B", "10-0-1.0", "2.000", "1"],
+        ["A", "C", "350-59-59.5", "3.000", "1"],
+        ["B B", "A", "0-0-0.0", "2.000", "2"],
+        ["B B", "C", "20-59-59.5", "3.000", "2"],
+    ]
     Q = np.array(cluster["covariance"])
     assert Q[0, 4] == Q[4, 0] == 2e-6
     assert Q[1, 3] == 4e-6
@@ -117,7 +131,7 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("angle", [["A", "B B", "C", "190-5-1.5", "20.000"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (1)", "geodetic latitudes (1)", "heights are taken as ellipsoidal"):
+    for words in ("switched off (*) (3)", "geodetic latitudes (1)", "heights are taken as ellipsoidal"):
         assert words in notes
     network_of(document, tmp_path)
 
@@ -134,6 +148,17 @@ def test_what_the_files_say(tmp_path: Path) -> None:
             r"n\.msr:1: found the reference frame",
         ),
         ("24 31.0", "64 31.0", r"n\.msr:\d+: found the angle 90 64 31"),
+        ("0 00 01.0", "0 61 01.0", r"n\.msr:\d+: found the angle 10 61 01"),
+        (
+            "B B                 2                        10 00",
+            "B B                 3                        10 00",
+            r"n\.msr:\d+: found 2 directions behind the first, expected 3",
+        ),
+        (
+            "C                       350",
+            "B B                     350",
+            r"n\.msr:\d+: station 'A' has a target twice in one set",
+        ),
         ("R A", "H A", r"n\.msr:\d+: measurement H refers to the geoid, and there is no file \.geo"),
         ("-36.32", "-96.32", r"n\.stn:3: station 'B B': found the latitude"),
         ("\nC  ", "\nD  ", r"n\.msr:7: station 'C' is not in n\.stn|n\.msr:14: station 'C' is not in n\.stn"),

@@ -11,11 +11,12 @@ from reference_data import missing, network_of, reference_folder
 
 from mor.adjustment.solve import adjust
 from mor.errors import InputError
-from mor.formats import read_foreign, write_foreign
-from mor.formats.dynadjust.writer import sexagesimal_text
+from mor.formats import format_of, read_foreign, write_foreign
+from mor.formats.dynadjust.outgoing import sexagesimal_text
 from mor.formats.fieldbook.book import sexagesimal
 from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
+from mor.units import parse_dms
 
 from .test_dynadjust import _files
 from .test_dynaml import _rows
@@ -24,9 +25,9 @@ from .test_dynaml import files as dynaml
 REAL = reference_folder("earth/dynadjust")
 
 
-def _written(document: Document, folder: Path, target: Path) -> Path:
+def _written(document: Document, folder: Path, target: Path, key: str = "dynadjust") -> Path:
     target.parent.mkdir()
-    for path, content in write_foreign(document, folder, target, "dynadjust").files.items():
+    for path, content in write_foreign(document, folder, target, key).files.items():
         path.write_bytes(content)
     return target
 
@@ -50,6 +51,22 @@ def test_written_and_read_again_it_is_the_same(tmp_path: Path) -> None:
     assert held == ["A"]
 
 
+def test_dynaml_written_and_read_again_is_the_same(tmp_path: Path) -> None:
+    document = read_foreign(dynaml(tmp_path))
+    path = _written(document, tmp_path, tmp_path / "o" / "n.xml", "dynaml")
+    assert sorted(file.name for file in path.parent.iterdir()) == ["nmsr.xml", "nstn.xml"]
+    assert format_of(path.with_name("nmsr.xml")) == "dynaml"
+    again = read_foreign(path.with_name("nmsr.xml"))
+    _same(document, again)
+    assert [table["rows"][0][0] for table in again.data["points"] if table.get("fixed")] == ["A"]
+
+
+def test_dna_becomes_dynaml(tmp_path: Path) -> None:
+    document = read_foreign(_files(tmp_path))
+    path = _written(document, tmp_path, tmp_path / "o" / "n_msr.xml", "dynaml")
+    _same(document, read_foreign(path.with_name("nstn.xml")))
+
+
 def test_dynaml_becomes_dna(tmp_path: Path) -> None:
     path = dynaml(tmp_path)
     document = read_foreign(path)
@@ -58,12 +75,13 @@ def test_dynaml_becomes_dna(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(REAL is None, reason=missing("earth/dynadjust"))
 @pytest.mark.parametrize("name", ["gnss-network", "urban-network"])
-def test_real_networks_adjust_to_the_same(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("key", ["dynadjust", "dynaml"])
+def test_real_networks_adjust_to_the_same(tmp_path: Path, name: str, key: str) -> None:
     """With geoid, deflections, stations held in part; geocentric metres have 1e-9 of rounding."""
     assert REAL is not None
     before = read_foreign(REAL / f"{name}.msr")
-    path = _written(before, REAL, tmp_path / "o" / "n.msr")
-    after = read_foreign(path)
+    path = _written(before, REAL, tmp_path / "o" / ("n.msr" if key == "dynadjust" else "nmsr.xml"), key)
+    after = read_foreign(path.with_name("nmsr.xml") if key == "dynaml" else path)
     _same(before, after)
     found = []
     for document, folder in ((before, REAL), (after, tmp_path)):
@@ -106,3 +124,34 @@ def test_what_dna_cannot_say_is_refused(tmp_path: Path) -> None:
         write_foreign(
             replace(document, data={**document.data, "points": points}), tmp_path, tmp_path / "o", "dynadjust"
         )
+
+
+@pytest.mark.parametrize("key", ["dynadjust", "dynaml"])
+def test_directions_of_set_ups_and_in_face_two(tmp_path: Path, key: str) -> None:
+    """Two set-ups over a point are two sets from it; readings of face two are those of face one."""
+    document = read_foreign(_files(tmp_path))
+    sights = [
+        ["S1", "B B", "10", "0.001", None],
+        ["S1", "C", "250", "0.001", "2"],
+        ["S2", "C", "3", "0.002", None],
+    ]
+    columns = ["station", "to", "horizontal", "sigma", "face"]
+    units = {"horizontal": "gon", "sigma": "gon"}
+    table = {"type": "directions", "columns": columns, "rows": sights, "units": units}
+    tables = [table, *(one for one in document.data["observations"] if one["type"] != "directions")]
+    set_ups = [{"columns": ["id", "point", "height"], "rows": [["S1", "A", "1.5"], ["S2", "A", "0"]]}]
+    document = replace(document, data={**document.data, "observations": tables, "stations": set_ups})
+    notes = [note.message for note in write_foreign(document, tmp_path, tmp_path / "n.msr", key).notes]
+    assert "directions have no heights of instrument and target in DynAdjust" in notes
+    path = _written(document, tmp_path, tmp_path / "o" / ("n.msr" if key == "dynadjust" else "nmsr.xml"), key)
+    table = next(one for one in read_foreign(path).data["observations"] if one["type"] == "directions")
+    assert [(row[0], row[1], row[4]) for row in table["rows"]] == [
+        ("A", "B B", "1"),
+        ("A", "C", "1"),
+        ("A", "C", "2"),
+    ]
+    found = [parse_dms(row[2]) for row in table["rows"]]
+    np.testing.assert_allclose(found, [9.0, 45.0, 2.7], atol=1e-11)
+    set_ups[0]["rows"][1][1] = None
+    with pytest.raises(InputError, match="station 'S2' stands on no point"):
+        write_foreign(document, tmp_path, tmp_path / "n.msr", key)

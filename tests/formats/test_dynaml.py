@@ -86,6 +86,12 @@ MEASURED = (
     + _measured("V", _line("A", "B B", Value="90.2431", StdDev="20", InstHeight="1.545", TargHeight="0.125"))
     + _measured("Z", _line("A", "B B", Value="-0.24310000", StdDev="20"))
     + _measured("A", _line("A", "B B", "C", Value="190.050150", StdDev="20"))
+    + _measured(
+        "D",
+        _line("A", "B B", Value="10.00010000", StdDev="2", Total="2")
+        + "<Directions><Ignore/><Target>C</Target><Value>350.5959500</Value><StdDev>3</StdDev></Directions>\n"
+        + "<Directions><Ignore>*</Ignore><Target>unused</Target><Value>0</Value><StdDev>3</StdDev></Directions>\n",
+    )
     + _measured("P", _line("A", Value="-36.3223", StdDev="0.001"))
     + "</DnaXmlFormat>\n"
 )
@@ -104,7 +110,11 @@ def test_what_the_files_say(tmp_path: Path) -> None:
     document = read_foreign(tmp_path / "nstn.xml")
     assert document.data["title"] == "n"
     assert document.data["world"] == {"crs": "EPSG:7844", "heights": "ellipsoidal"}
-    cluster, single, distance, *others = document.data["observations"]
+    cluster, single, sets, distance, *others = document.data["observations"]
+    assert sets["rows"] == [
+        ["A", "B B", "10-00-01.0000", "2", "1"],
+        ["A", "C", "350-59-59.500", "3", "1"],
+    ]
     Q = np.array(cluster["covariance"])
     assert Q[0, 4] == Q[4, 0] == 8e-6  # row of the first member, column of the second; four times as said
     assert Q[1, 3] == 1.6e-5
@@ -119,7 +129,7 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("angle", [["A", "B B", "C", "190-05-01.50", "20"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (1)", "geodetic latitudes (1)", "heights are taken as ellipsoidal"):
+    for words in ("switched off (*) (2)", "geodetic latitudes (1)", "heights are taken as ellipsoidal"):
         assert words in notes
     network_of(document, tmp_path)
 
@@ -139,6 +149,8 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("<Total>2", "<Total>3", r"nmsr\.xml:\d+: found 2 members of the cluster, expected 3"),
         ("<GPSCovariance>", "<Other>", r"nmsr\.xml:\d+: "),
         ("<m23>1e-06</m23>", "", r"nmsr\.xml:\d+: found no m23 \(line \d+\)"),
+        ("<Total>2</Total>\n<Dir", "<Total>4</Total>\n<Dir", r"nmsr\.xml:\d+: found 2 directions behind"),
+        ("<Target>C</Target>", "", r"nmsr\.xml:\d+: found the stations 'A', '', expected 2 different"),
         ("<Value>2259.0", "<Value>", r"nmsr\.xml:\d+: found no Value"),
         ("<InstHeight>1.606</InstHeight>", "", r"nmsr\.xml:\d+: found one of InstHeight and TargHeight"),
         ("<SigmaYY>1e-05", "<SigmaYY>-1e-05", r"nmsr\.xml:\d+: the covariance matrix is not positive"),
@@ -169,7 +181,11 @@ def _rows(document: Document) -> list[tuple[str, list[str], list[float]]]:
     """Observations as names and numbers; covariance matrices as numbers of their own."""
     found = []
     for table in document.data["observations"]:
-        texts = [k for k, name in enumerate(table["columns"]) if name in ("from", "to", "at", "point")]
+        texts = [
+            k
+            for k, name in enumerate(table["columns"])
+            if name in ("from", "to", "at", "point", "station", "set")
+        ]
         for row in table["rows"]:
             values = [cell or "0" for k, cell in enumerate(row) if k not in texts]
             numbers = [parse_dms(v) if v.count("-") > 1 and "e" not in v else float(v) for v in values]

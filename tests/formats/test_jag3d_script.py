@@ -146,7 +146,11 @@ def test_the_reference_network_has_jag3ds_results(tmp_path: Path) -> None:
 def test_rows_in_a_binary_file_are_told(tmp_path: Path) -> None:
     path = tmp_path / "net.script"
     path.write_text(TABLES.replace("MEMORY", "CACHED"))
-    with pytest.raises(InputError, match=r"the rows of this project are in its binary file \.data"):
+    words = r"are in net\.data, a binary file .* \(jdbc:hsqldb:file:net\), run SCRIPT 'rows\.script'"
+    with pytest.raises(InputError, match=words):
+        read_foreign(path)
+    path.write_text(TABLES)
+    with pytest.raises(InputError, match="found no points in this project: its tables are empty"):
         read_foreign(path)
 
 

@@ -175,3 +175,13 @@ def test_mistakes_have_their_line(tmp_path: Path, old: str, new: str, words: str
     path.write_text(survey().replace(old, new))
     with pytest.raises(InputError, match=words):
         read_foreign(path, "landxml")
+
+
+def test_the_part_of_leica_is_said_not_to_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "n.xml"
+    part = '<HexagonLandXML xmlns="http://xml.hexagon.com/schema/HeXML-1.9"><Point uniqueID="A"/></HexagonLandXML>'
+    path.write_text(PLAN.replace("</LandXML>", f"{part}\n</LandXML>"))
+    before = [note.message for note in read_foreign(path).notes if "HexagonLandXML" in note.message]
+    assert before == [
+        "HexagonLandXML is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
+    ]

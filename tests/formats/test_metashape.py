@@ -6,11 +6,13 @@ import io
 import re
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from reference_data import network_of, point_results
 
+from mor.adjustment.linearise import misclosures
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, read_together, write_foreign
 from mor.geometry.cameras import CAMERA_MODELS
@@ -271,10 +273,12 @@ def test_mistakes_of_the_reference_pane(tmp_path: Path, old: str, new: str, word
         read_foreign(path)
 
 
-def _zipped(text: str) -> bytes:
+def _zipped(text: str, files: dict[str, bytes] | None = None) -> bytes:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("doc.xml", text)
+        for name, inside in (files or {}).items():
+            archive.writestr(name, inside)
     return content.getvalue()
 
 
@@ -313,7 +317,7 @@ def test_projects_are_read_as_their_documents(tmp_path: Path, kind: str) -> None
     assert format_of(path) == "metashape"
     found, expected = read_foreign(path), read_foreign(plain)
     assert {**found.data, "title": ""} == {**expected.data, "title": ""}
-    assert any("tie points are not read" in note.message for note in found.notes)
+    assert any("the project has no tie points" in note.message for note in found.notes)
 
 
 def test_projects_that_are_none_are_told(tmp_path: Path) -> None:
@@ -341,3 +345,153 @@ def test_accuracies_of_markers_in_one_number(tmp_path: Path) -> None:
             row[4:7] for row in read_foreign(path).data["points"][0]["rows"] if row[1:4] == ["1", "2", "3"]
         )
     assert list(rows.values()) == [["0"] * 3, ["0.1", "0.1", "0.2"], ["0.1", "0.3", "0.3"]]
+
+
+_POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("id", "<i4")]
+_PROJECTION = [("x", "<f4"), ("y", "<f4"), ("size", "<f4"), ("id", "<u4"), ("z", "<f4"), ("keypoint", "<u8")]
+_SAID = {"<f4": "float", "<i4": "int", "<u4": "uint", "<u8": "uint64"}
+
+
+def _ply(form: list[tuple[str, str]], **columns: object) -> bytes:
+    first = np.asarray(next(iter(columns.values())))
+    rows = np.zeros(len(first), np.dtype(form))
+    for name, values in columns.items():
+        rows[name] = values
+    said = "".join(f"property {_SAID[type_]} {name}\n" for name, type_ in form)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{said}end_header\n"
+    return head.encode() + rows.tobytes()
+
+
+def _cloud(data: dict[str, Any], path: str = "") -> tuple[str, dict[str, bytes]]:
+    """The element of a point cloud and its files: point 7 in one image only, a projection of no point."""
+    X = np.array([row[1:4] for row in data["points"][0]["rows"]], dtype=float)
+    rays = [row for row in data["observations"][0]["rows"] if row[1] != "7" or row[0] == "1"]
+    files = {"points0.ply": _ply(_POINT, x=X[:, 0], y=X[:, 1], z=X[:, 2], id=np.arange(1, len(X) + 1))}
+    named = '<tracks path="tracks.ply" count="9"/><points path="points0.ply" count="9"/>'
+    for k in range(6):
+        own = [row for row in rays if row[0] == str(k + 1)]
+        x, y = (np.array([float(row[c]) for row in own] + [9.0]) for c in (2, 3))
+        files[f"p{k}.ply"] = _ply(_PROJECTION, x=x, y=y, id=[*(int(row[1]) for row in own), 4000])
+        named += f'<projections camera_id="{k}" path="p{k}.ply" count="9"/>'
+    return named, files
+
+
+def tied(folder: Path, kind: str, transform: str = "") -> tuple[dict[str, Any], Path]:
+    """A block whose points are tie points of a project; the block, the file."""
+    data = block(5, "PINHOLE")
+    folder.mkdir(exist_ok=True)
+    xml = re.sub("<markers.*?</markers>", "", _write(written(folder, data)).read_text(), flags=re.DOTALL)
+    xml = xml.replace("</cameras>", f"</cameras>{transform}", 1)
+    named, files = _cloud(data)
+    path = folder / f"hall.{kind}"
+    assert xml.count("</frame>") == 1
+    if kind == "psz":
+        xml = xml.replace("</frame>", f"<point_cloud>{named}</point_cloud></frame>")
+        path.write_bytes(_zipped(xml, files))
+        return data, path
+    start, a, b = (xml.index(word) for word in ("<chunk", "<frames", "</frames>"))
+    end, frame = (
+        xml.index("</chunk>"),
+        xml[xml.index(">", xml.index("<frame ", a)) + 1 : xml.index("</frame>")],
+    )
+    archives = {
+        "project": _zipped('<document><chunks><chunk id="0" path="0/chunk.zip"/></chunks></document>'),
+        "0/chunk": _zipped(
+            xml[start:a] + '<frames><frame id="0" path="0/frame.zip"/>' + xml[b:end] + "</chunk>"
+        ),
+        "0/0/frame": _zipped(f'<frame>{frame}<point_cloud path="point_cloud/point_cloud.zip"/></frame>'),
+        "0/0/point_cloud/point_cloud": _zipped(f'<point_cloud version="1.7.0">{named}</point_cloud>', files),
+    }
+    path.write_text('<document version="1.2.0" path="{projectname}.files/project.zip"/>')
+    for name, content in archives.items():
+        place = folder / "hall.files" / f"{name}.zip"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+    return data, path
+
+
+@pytest.mark.parametrize("kind", ["psz", "psx"])
+@pytest.mark.parametrize("moved", [False, True])
+def test_tie_points_of_projects(tmp_path: Path, kind: str, moved: bool) -> None:
+    """The block comes back, as far as the 32 bits of its numbers go, in the system of the chunk's transform."""
+    turn = "0 -1 0 1 0 0 0 0 1"
+    transform = (
+        f"<transform><rotation>{turn}</rotation><translation>5 6 7</translation><scale>2</scale></transform>"
+    )
+    _, path = tied(tmp_path, kind, transform if moved else "")
+    assert format_of(path) == "metashape"
+    document = read_foreign(path)
+    notes = " / ".join(note.message for note in document.notes)
+    assert "29 tie points, σ = 1.0 px for their projections" in notes
+    assert "7 projections of tie points without coordinates, or in one image only: not read" in notes
+    found, expected = (
+        network_of(document, tmp_path),
+        network_of(read_document(tmp_path / "block.yaml"), tmp_path),
+    )
+    R, t, s = np.reshape([float(v) for v in turn.split()], (3, 3)), np.array([5.0, 6.0, 7.0]), 2.0
+    for ours, theirs in zip(
+        [f"tie{k}" for k in range(1, 31) if k != 7], [str(k) for k in range(1, 31) if k != 7], strict=True
+    ):
+        there, here = (
+            network.start["point"][network.things["point"].part(name, "position")]
+            for network, name in ((found, ours), (expected, theirs))
+        )
+        np.testing.assert_allclose(there, s * R @ here + t if moved else here, atol=2e-6)
+    (group,) = found.groups
+    assert group.mask.all()
+    assert len(group.lines) == 29 * 6
+    residuals = misclosures(group, found.start)
+    assert np.sqrt((residuals**2).mean()) == pytest.approx(0.3, abs=0.05)
+
+
+def test_tie_points_where_poses_are_worked_out_anew(tmp_path: Path) -> None:
+    """References are projected, poses and tie points are not: neither has start values."""
+    _, path = tied(tmp_path, "psz", '<reference>PROJCS["grid"]</reference>')
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    xml = files.pop("doc.xml").decode()
+    xml = xml.replace("</transform>", '</transform><reference x="1" y="2" z="3" enabled="true"/>', 1)
+    path.write_bytes(_zipped(xml, files))
+    document = read_foreign(path)
+    assert document.frames["tie points"].columns == ["id"]
+    assert len(document.frames["projections of tie points"]) == 29 * 6
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (b"format binary_little_endian", b"format ascii", "points0.ply: found the format 'ascii'"),
+        (
+            b"element vertex 30",
+            b"element vertex 31",
+            r"points0.ply: found \d+ bytes of vertices, expected 31",
+        ),
+        (b"property int id", b"property int no", "points0.ply: found no property id"),
+        (b"property float z", b"property list z", "points0.ply: found a property that is no plain number"),
+        (b"end_header", b"end_headex", "points0.ply: found no head of a PLY file"),
+    ],
+)
+def test_tie_points_with_mistakes_are_told(tmp_path: Path, old: bytes, new: bytes, said: str) -> None:
+    data, path = tied(tmp_path, "psz")
+    _, files = _cloud(data)
+    with zipfile.ZipFile(path) as archive:
+        xml = archive.read("doc.xml").decode()
+    assert old in files["points0.ply"]
+    path.write_bytes(_zipped(xml, {**files, "points0.ply": files["points0.ply"].replace(old, new, 1)}))
+    with pytest.raises(InputError, match=said):
+        read_foreign(path)
+    start = files["points0.ply"].index(b"end_header\n") + len(b"end_header\n")
+    content = files["points0.ply"][:start] + b"\x01\x00\xa0\x7f" + files["points0.ply"][start + 4 :]
+    path.write_bytes(_zipped(xml, {**files, "points0.ply": content}))
+    with pytest.raises(InputError, match="a coordinate of a tie point is no number"):
+        read_foreign(path)
+    path.write_bytes(_zipped(xml, {}))
+    with pytest.raises(InputError, match=r"found no file 'points0.ply' in this archive"):
+        read_foreign(path)
+
+
+def test_a_bad_number_of_a_marker_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "m.xml"
+    path.write_text(XML.replace('sy="0.01"', 'sy="0.SF=01"'))
+    with pytest.raises(InputError, match=r"found '0\.SF=01', expected a number"):
+        read_foreign(path)

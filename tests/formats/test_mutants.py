@@ -27,7 +27,9 @@ from .mutants import faults, materials
             "dbat",
             "bingo",
             "pix4d",
+            "pix4d camera",
             "metashape project",
+            "metashape tie points",
             "reference pane",
             "pat-b",
             "jag3d script",
@@ -47,4 +49,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 34
+    assert len(materials(tmp_path)) == 36

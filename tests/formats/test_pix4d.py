@@ -162,3 +162,67 @@ def test_control_as_it_is_imported(tmp_path: Path) -> None:
     (table,) = read_control(path).data["points"]
     assert table["rows"][0] == ["A", "1.0", "2.0", "3.0", "0.01", "0.01", "0.03"]
     assert table["rows"][1][4:] == ["0.02"] * 3
+
+
+CAM = """Pix4D camera calibration file 0
+#Focal Length mm assuming a sensor width of 17.49998592000000030566x13.12498944000000200560mm
+F 15.01175404934517487732
+#Principal Point mm
+Px 8.48210511970419922534
+Py 6.33434629978042273990
+#Symmetrical Lens Distortion Coeffs
+K1 0.03833474118270804865
+K2 -0.01750917966495743258
+K3 0.02049798716391852335
+#Tangential Lens Distortion Coeffs
+T1 0.00240851666319534747
+T2 0.00292562392135245920
+"""
+"""A public file."""
+_SAME = (
+    "a.JPG 4608 3456\n3952.81247514184087776812 0 2233.46124792750424603582\n"
+    "0 3952.81247514184087776812 1667.92521335858214115433\n0 0 1\n"
+    "0.03833474118270804865 -0.01750917966495743258 0.02049798716391852335\n"
+    "0.00240851666319534747 0.00292562392135245920\n0 0 9\n1 0 0\n0 -1 0\n0 0 -1\n"
+)
+"""The same camera in the parameters of its project, with another pose."""
+
+
+def test_the_camera_file_has_the_camera_of_the_parameters(tmp_path: Path) -> None:
+    """In millimetres what the parameters have in pixels: the same place for every ray."""
+    (tmp_path / "x.txt").write_text(CAM)
+    assert format_of(tmp_path / "x.txt") == "pix4d-cam"
+    document = read_foreign(tmp_path / "x.txt")
+    assert any("add image:" in note.message for note in document.notes)
+    (tmp_path / "p").mkdir()
+    path = written(tmp_path / "p", {"a_calibrated_camera_parameters.txt": HEAD + _SAME})
+    model = CAMERA_MODELS["metashape"]
+    places = []
+    rays = np.array([[0.0, 0.0, -1.0], [0.4, 0.3, -1.0], [-0.5, 0.2, -1.1], [0.1, -0.4, -0.9]])
+    for found in (document, read_foreign(path, "pix4d")):
+        (camera,) = found.data["cameras"].values()
+        values = {key: float(value["free"]) for key, value in camera["interior"].items()}
+        interior = np.tile(
+            [values.get(component.name, 0.0) for component in model.components], (len(rays), 1)
+        )
+        places.append(model.project(rays, interior, np.zeros((len(rays), 0)), np.zeros((len(rays), 2))).xy)
+    np.testing.assert_allclose(places[0], places[1] * 17.49998592 / 4608.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("F 15", "G 15", r"x\.cam:3: found 'G 15.*, expected one of F, Px"),
+        ("Px 8", "F 8", r"x\.cam:5: F is there twice"),
+        ("width of", "size", r"x\.cam:1: camera 0: the size of the sensor behind #Focal Length is missing"),
+        ("Py 6.33434629978042273990\n", "", r"x\.cam:1: camera 0: Py is missing"),
+        ("K1 0", "K1 x", r"x\.cam:8: found 'x\.0383.*, expected a number"),
+        (CAM, "Px 1\n", r"x\.cam:1: .*expected 'Pix4D camera calibration file' in the first line"),
+        (CAM, CAM + CAM, r"x\.cam:14: camera 0 is there twice"),
+    ],
+)
+def test_mistakes_of_camera_files(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in CAM
+    (tmp_path / "x.cam").write_text(CAM.replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        read_foreign(tmp_path / "x.cam")

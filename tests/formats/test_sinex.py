@@ -9,8 +9,9 @@ import pytest
 from small_projects import mor
 
 from mor.errors import InputError
-from mor.formats import format_of, read_foreign
-from mor.pipeline import read_network, solve_network
+from mor.formats import format_of, read_foreign, write_foreign
+from mor.pipeline import read_document, read_network, solve_network
+from mor.project.file.nodes import Document
 from mor.quality.assess import standard_deviations
 
 
@@ -145,3 +146,107 @@ def test_it_is_adjusted_and_its_frame_is_said_to_be_open(tmp_path: Path) -> None
     found = mor("adjust", path, "-o", tmp_path / "out", "--no-html")
     assert found.code == 0, found.err
     assert "does not say its reference frame" in found.err
+
+
+def _written(document: Document, folder: Path, target: Path) -> Path:
+    for path, content in write_foreign(document, folder, target, "sinex").files.items():
+        path.write_bytes(content)
+    return target
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_written_and_read_again_it_is_the_same(tmp_path: Path, seed: int) -> None:
+    """Coordinates of either sign to their last digit, covariances to fourteen; lines keep to their columns."""
+    values, Q = _solution(seed, 6)
+    values[:, 1] *= -1.0
+    path = tmp_path / "s.snx"
+    path.write_text(sinex(values, Q).replace("S001  A    1", "S000  A    2"))
+    before = read_foreign(path, "sinex")
+    assert before.data["points"][0]["rows"][1][0] == "S000 A 2"
+    target = _written(before, tmp_path, tmp_path / "o.snx")
+    after = read_foreign(target)
+    assert after.data["points"] == before.data["points"]
+    one, two = (document.data["observations"][0] for document in (before, after))
+    assert one["rows"] == two["rows"]
+    np.testing.assert_allclose(one["covariance"], two["covariance"], rtol=2e-14, atol=1e-22)
+    assert _written(after, tmp_path, tmp_path / "p.snx").read_text() == target.read_text()
+    lines = target.read_text().splitlines()
+    assert max(map(len, lines)) <= 80
+    estimates = [line for line in lines if " STA" in line]
+    assert {(line[14:18].strip(), line[40:44].strip(), len(line)) for line in estimates} >= {
+        ("S000", "m", 80)
+    }
+    assert [float(line[47:68]) for line in estimates] == pytest.approx(values.ravel(), abs=1e-8)
+
+
+_PROJECT = """
+mor: "1"
+world: {crs: EPSG:4326, heights: ellipsoidal}
+units: {length: m, angle: deg}
+points:
+  - columns: [id, latitude, longitude, height]
+    rows: [[A, 48, 11, 500], [B, 48.01, 11.01, 510], [C, 48.02, 11, 520], [D, 48.02, 11.03, 500]]
+observations:
+  - type: gnss_position
+    columns: [point, x, y, z]
+    rows: [[C, 4195900.0, 815600.0, 4718790.0], [D, 4195900.123456789, -815600.3333333333, 4718790.1]]
+    covariance: [[9, 1, 1, 2, 0, 0], [1, 9, 1, 0, 2, 0], [1, 1, 9, 0, 0, 2],
+                 [2, 0, 0, 8, 0, 0], [0, 2, 0, 0, 8, 0], [0, 0, 2, 0, 0, 8]]
+  - type: gnss_position
+    columns: [point, x, y, z, cov_x_x, cov_x_y, cov_x_z, cov_y_y, cov_y_z, cov_z_z]
+    rows: [[A, 4197000.1, 815800.2, 4717300.3, 4.e-6, 1.e-6, 0, 5.e-6, 0, 6.e-6]]
+  - type: gnss_position
+    values: {sigma: 0.003}
+    columns: [point, x, y, z]
+    rows: [[B, 4196200.5, 816500.5, 4718050.5]]
+  - {type: gnss_vector, values: {sigma: 0.003}, columns: [from, to, dx, dy, dz], rows: [[B, C, -700, -900, 750]]}
+"""
+
+
+def test_tables_of_positions_become_one_solution(tmp_path: Path) -> None:
+    (tmp_path / "n.yaml").write_text(_PROJECT)
+    document = read_document(tmp_path / "n.yaml")
+    notes = " / ".join(
+        n.message for n in write_foreign(document, tmp_path, tmp_path / "o.snx", "sinex").notes
+    )
+    assert "SINEX has no place for: observations gnss_vector" in notes
+    found = read_foreign(_written(document, tmp_path, tmp_path / "o.snx"))
+    Q = np.array(found.data["observations"][0]["covariance"])
+    expected = np.zeros((12, 12))
+    expected[:3, :3] = np.ones((3, 3)) + 8.0 * np.eye(3)
+    expected[3:6, 3:6] = 8.0 * np.eye(3)
+    expected[:3, 3:6] = expected[3:6, :3] = 2.0 * np.eye(3)
+    expected[6:9, 6:9] = [[4e-6, 1e-6, 0], [1e-6, 5e-6, 0], [0, 0, 6e-6]]
+    expected[9:, 9:] = 9e-6 * np.eye(3)
+    assert found.data["observations"][0]["rows"][1] == [
+        "D",
+        "4195900.123456789",
+        "-815600.3333333333",
+        "4718790.1",
+    ]
+    np.testing.assert_allclose(Q, expected, rtol=1e-13, atol=1e-22)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[[B, 4196200.5", "[[A, 4196200.5", "point 'A' has 2 observed positions"),
+        ("type: gnss_position", "type: gnss_vector", "this project has none"),
+        ("A, 4", "LONGER, 4", "codes of up to four letters"),
+        ("world: {crs: EPSG:4326, heights: ellipsoidal}\n", "", "this project has no world"),
+    ],
+)
+def test_what_sinex_cannot_say_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in _PROJECT
+    text = _PROJECT.replace(old, new)
+    if "none" in said:
+        text = (
+            _PROJECT[: _PROJECT.index("  - type: gnss_pos")]
+            + _PROJECT[_PROJECT.index("  - {type: gnss_vector") :]
+        )
+    if "world" in old:
+        text = text.replace("latitude, longitude, height", "x, y, z").replace("gnss_position", "coordinates")
+        text = text[: text.index("observations")]
+    (tmp_path / "n.yaml").write_text(text)
+    with pytest.raises(InputError, match=said):
+        write_foreign(read_document(tmp_path / "n.yaml"), tmp_path, tmp_path / "o.snx", "sinex")

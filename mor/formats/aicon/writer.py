@@ -22,7 +22,7 @@ from mor.formats.content import (
     not_carried,
     points,
 )
-from mor.formats.terrestrial import groups
+from mor.formats.networks.terrestrial import groups
 from mor.formats.written import Written
 from mor.project.edge import image_scale, split
 from mor.project.file.model import Camera, Datum

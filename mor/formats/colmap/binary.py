@@ -6,6 +6,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
@@ -14,7 +15,9 @@ from mor.formats.colmap.model import ColmapCamera, ColmapImage, Frame, Pose, Rig
 from mor.input_files import read_bytes
 
 _IMAGE_POINT = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
-_POINT = struct.Struct("<Q3d3BdQ")
+_POINT = np.dtype([("number", "<u8"), ("xyz", "<f8", (3,))])
+"""What is read of a point; its colour (3 bytes) and error (8), the length of its track (8) and the track follow."""
+_LENGTH, _LENGTH_AT, _POINT_SIZE = struct.Struct("<Q"), 43, 51
 _POSE = "<7d"
 _TRACK_ELEMENT = 8
 
@@ -103,19 +106,33 @@ def read_images(path: Path) -> list[ColmapImage]:
 def read_points(path: Path) -> tuple[IntArray, FloatArray]:
     """Numbers (n,) and coordinates (n, 3) of ``points3D.bin``; colours, errors and tracks are passed by."""
     file = Bytes(path)
-    count = file.count(_POINT.size)
-    numbers, xyz = np.empty(count, dtype=np.int64), np.empty((count, 3))
-    for k in range(count):
-        file.need(_POINT.size)
-        number, x, y, z, _, _, _, _, track = _POINT.unpack_from(file.content, file.at)
-        if number >= 1 << 63:
-            raise file.refuse(f"found point {number}, expected a number below 2⁶³")
-        file.at += _POINT.size
-        file.need(track * _TRACK_ELEMENT)
-        file.at += track * _TRACK_ELEMENT
-        numbers[k], xyz[k] = number, (x, y, z)
+    starts = _starts(file, file.count(_POINT_SIZE))
     file.finish()
-    return numbers, xyz
+    if not len(starts):
+        return np.empty(0, dtype=np.int64), np.empty((0, 3))
+    content = np.frombuffer(file.content, np.uint8)
+    found = sliding_window_view(content, _POINT.itemsize)[starts].view(_POINT)[:, 0]
+    large = np.flatnonzero(found["number"] >= 1 << 63)
+    if len(large):
+        file.at = int(starts[large[0]])
+        raise file.refuse(f"found point {found['number'][large[0]]}, expected a number below 2⁶³")
+    return found["number"].astype(np.int64), found["xyz"].astype(float)
+
+
+def _starts(file: Bytes, count: int) -> IntArray:
+    """(count,) where the points begin: the length of each one's track says where the next one does."""
+    content, at, length, end = file.content, file.at, _LENGTH.unpack_from, len(file.content)
+    starts: list[int] = []
+    while len(starts) < count and at + _POINT_SIZE <= end:
+        starts.append(at)
+        at += _POINT_SIZE + length(content, at + _LENGTH_AT)[0] * _TRACK_ELEMENT
+    if at > end:
+        file.at = starts[-1]
+        file.need(at - file.at)
+    file.at = at
+    if len(starts) < count:
+        file.need(_POINT_SIZE)
+    return np.array(starts, dtype=np.int64)
 
 
 def read_rigs(path: Path) -> list[Rig]:

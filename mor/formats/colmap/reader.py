@@ -121,10 +121,14 @@ def _wrong(image: ColmapImage, cameras: set[int]) -> str:
 
 
 def _check_rays(model: ColmapModel, draft: Draft) -> None:
-    known = np.append(model.point_ids, NO_POINT)
-    lost = {i.name: i.points[~np.isin(i.points, known)] for i in model.images}
-    for name, points in [(name, points) for name, points in lost.items() if len(points)][:10]:
-        draft.problem(f"image {name!r}: point {points[0]} is not among the points")
+    """All image points at once: looking the points up image by image sorts them as often as there are images."""
+    counts = np.array([len(image.points) for image in model.images], dtype=np.int64)
+    points = np.concatenate([np.empty(0, dtype=np.int64), *(image.points for image in model.images)])
+    lost = np.flatnonzero((points != NO_POINT) & ~np.isin(points, model.point_ids))
+    owners = np.repeat(np.arange(len(counts)), counts)[lost]
+    for owner, first in list(zip(*np.unique(owners, return_index=True), strict=True))[:10]:
+        name = model.images[owner].name
+        draft.problem(f"image {name!r}: point {points[lost[first]]} is not among the points")
 
 
 def _put_images(model: ColmapModel, draft: Draft) -> None:

@@ -15,6 +15,7 @@ from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.draft import Row, number
 from mor.formats.dynadjust.clusters import COUNTED, put_cluster, scale_of
+from mor.formats.dynadjust.directions import CODE, Sight, put_set
 from mor.formats.dynadjust.lines import OFF, Collected
 from mor.formats.dynadjust.stations import Station
 from mor.formats.dynadjust.terrestrial import KINDS, LEFT_OUT
@@ -23,18 +24,18 @@ from mor.formats.xml import Element, parse_xml
 from mor.input_files import PROJECT, read_bytes
 
 ROOT = "DnaXmlFormat"
-_STATIONS, _MEASURED = "stn.xml", "msr.xml"
+STATIONS, MEASURED = "stn.xml", "msr.xml"
 _UPPER = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 _SCALES = ("Vscale", "Pscale", "Lscale", "Hscale")
 
 
 def pair_of(path: Path) -> tuple[Path, Path, str]:
     """Files of stations and measurements, by one of them, and what both names begin with."""
-    for end in (_STATIONS, _MEASURED):
+    for end in (STATIONS, MEASURED):
         if path.name.lower().endswith(end):
             name = path.name[: -len(end)]
-            return _beside(path, name, _STATIONS), _beside(path, name, _MEASURED), name.rstrip("._- ")
-    words = f"found the name {path.name!r}, expected one that ends in {_STATIONS} or {_MEASURED}, as DynaML's pairs do"
+            return _beside(path, name, STATIONS), _beside(path, name, MEASURED), name.rstrip("._- ")
+    words = f"found the name {path.name!r}, expected one that ends in {STATIONS} or {MEASURED}, as DynaML's pairs do"
     raise InputError([Problem(words, str(path))])
 
 
@@ -46,7 +47,7 @@ def _beside(path: Path, name: str, end: str) -> Path:
 def root_of(path: Path) -> Element:
     """Root element of a file. Raises :class:`InputError` where it is none of DynaML."""
     if not path.is_file():
-        words = f"this file does not exist; DynaML has a pair of …{_STATIONS} and …{_MEASURED}"
+        words = f"this file does not exist; DynaML has a pair of …{STATIONS} and …{MEASURED}"
         raise InputError([Problem(words, str(path))])
     root = parse_xml(read_bytes(path, PROJECT), str(path))
     if root.name != ROOT:
@@ -67,16 +68,18 @@ def stations_of_xml(path: Path) -> Iterator[Station]:
 def read_measurement(found: Collected, element: Element) -> None:
     """One measurement. Raises ``ValueError`` with words."""
     code = _text(element, "Type").upper()
-    if any(child.text.strip() not in ("", "0") for child in element.all("Ignore")):
+    if _is_off(element):
         found.skip(OFF, element.line)
     elif code in ("G", "X", "Y"):
         _read_cluster(found, element, code)
+    elif code == CODE:
+        _read_directions(found, element)
     elif code in KINDS:
         _read_line(found, element, code)
     elif code in LEFT_OUT:
         found.skip(LEFT_OUT[code], element.line)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
 
 
@@ -93,6 +96,24 @@ def _read_line(found: Collected, element: Element, code: str) -> None:
         raise ValueError("found one of InstHeight and TargHeight, expected both or none")
     cells = [*names, value, sigma, *(heights if kind.heights else [])]
     found.tables.setdefault(code, []).append(Row(cells, element.line))
+
+
+def _read_directions(found: Collected, element: Element) -> None:
+    """A set of directions: the first target, then an element for each other."""
+    sights = [_sight(element, _text(element, "Second"))]
+    sights += [_sight(child, _text(child, "Target")) for child in element.all("Directions")]
+    said = _text(element, "Total") or str(len(sights) - 1)
+    put_set(found, _text(element, "First"), sights, said, off=False)
+
+
+def _sight(element: Element, target: str) -> Sight:
+    value, sigma = _sexagesimal(_needed(element, "Value")), _needed(element, "StdDev")
+    number(sigma)
+    return Sight(target, value, sigma, element.line, _is_off(element))
+
+
+def _is_off(element: Element) -> bool:
+    return any(child.text.strip() not in ("", "0") for child in element.all("Ignore"))
 
 
 def _sexagesimal(text: str) -> str:

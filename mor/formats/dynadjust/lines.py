@@ -34,6 +34,8 @@ class Collected:
     left_out: dict[str, list[int]] = field(default_factory=dict)
     """Lines of the measurements that are not read, by what they are."""
     frames: dict[str, int] = field(default_factory=dict)
+    sets: int = 0
+    """Sets of directions so far."""
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
     clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(

@@ -8,6 +8,7 @@ from pathlib import Path
 from mor.counting import counted
 from mor.formats.draft import Draft
 from mor.formats.dynadjust.clusters import put_vectors, read_cluster
+from mor.formats.dynadjust.directions import CODE, put_directions, read_directions
 from mor.formats.dynadjust.dynaml import pair_of, read_measurement, root_of, stations_of_xml
 from mor.formats.dynadjust.lines import Collected, Measurements, beside, marked_lines, read_geoid
 from mor.formats.dynadjust.stations import (
@@ -71,6 +72,7 @@ def _begin(found: Collected, title: str, frame: str) -> None:
 
 def _finish(found: Collected, file: Path, stations: Iterable[Station], frame: str) -> Document:
     put_vectors(found)
+    put_directions(found)
     put_lines(found)
     if not found.draft.data.get("observations"):
         found.draft.problem("there are no observations that are followed")
@@ -90,21 +92,16 @@ def _measurement(found: Measurements) -> None:
     if code in "GXY":
         read_cluster(found, code)
         return
-    if code in KINDS:
+    if code == CODE:
+        read_directions(found)
+    elif code in KINDS:
         read_line(found, code)
     elif code in LEFT_OUT:
         found.skip(LEFT_OUT[code], found.at + 1)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
     found.at += 1
-    while code in LEFT_OUT and _continues(found):
-        found.at += 1
-
-
-def _continues(found: Measurements) -> bool:
-    text = found.lines[found.at] if found.at < len(found.lines) else ""
-    return bool(text.strip()) and not text[:1].strip()
 
 
 def _tell(found: Collected, draft: Draft) -> None:

@@ -37,7 +37,6 @@ KINDS = {
     "Z": Kind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
 LEFT_OUT = {
-    "D": "sets of directions",
     "I": "astronomic latitudes",
     "J": "astronomic longitudes",
     "P": "geodetic latitudes",
@@ -59,13 +58,14 @@ def read_line(found: Measurements, code: str) -> None:
     if text[1:2] == "*":
         found.skip(OFF, found.at + 1)
         return
-    value = _sexagesimal(text[VALUES:], words) if kind.angle else words[0]
+    value = sexagesimal_words(text[VALUES:], words) if kind.angle else words[0]
     heights = words[count:] if len(words) > count else [None, None]
     cells = [*names, value, words[count - 1], *(heights if kind.heights else [])]
     found.tables.setdefault(code, []).append(Row(cells, found.at + 1))
 
 
-def _sexagesimal(text: str, words: list[str]) -> str:
+def sexagesimal_words(text: str, words: list[str]) -> str:
+    """d-m-s of the first three words of a text. Raises ``ValueError``."""
     degrees, minutes, seconds = (number(word) for word in words[:3])
     if not (0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0 and degrees == int(degrees)):
         raise ValueError(f"found the angle {' '.join(words[:3])}, expected degrees, minutes, seconds")

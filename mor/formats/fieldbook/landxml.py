@@ -41,6 +41,8 @@ _LEFT_OUT = {"vertDistance", "northDiff", "eastDiff", "upDiff"}
 _COMPUTED = ("computed", "calculated", "derived")
 _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
+_LEICA = "HexagonLandXML"
+"""Leica's part of a file (HeXML), beside that of LandXML."""
 _DESCRIBING = (
     "SurveyHeader",
     "Equipment",
@@ -68,6 +70,11 @@ def read_landxml(path: Path) -> Document:
         survey.set_ups_in(element)
     for element in root.all("Survey"):
         survey.observations_in(element, "")
+    for element in root.all(_LEICA):
+        words = (
+            f"{_LEICA} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
+        )
+        draft.note(words, element.line)
     survey.finish(_title(root) or path.stem)
     return draft.finish()
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
-from mor.formats.terrestrial import circle_in_face_one, zenith_in_face_one
+from mor.formats.networks.terrestrial import circle_in_face_one, zenith_in_face_one
 
 GON = np.pi / 200.0
 CC = GON / 1e4

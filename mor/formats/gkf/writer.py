@@ -12,7 +12,7 @@ from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, Things, content_of, not_carried, points
 from mor.formats.gkf.observed import CC, GON, NAMES, PARTS
-from mor.formats.terrestrial import Group, groups, heights_of, stations, tilted_stations
+from mor.formats.networks.terrestrial import Group, groups, heights_of, stations, tilted_stations
 from mor.formats.written import Written
 from mor.observations import PLAIN_TYPES
 from mor.project.file.model import Datum

@@ -50,6 +50,8 @@ class Script:
 
     columns: dict[str, list[str]] = field(default_factory=dict)
     rows: dict[str, list[tuple[dict[str, str], int]]] = field(default_factory=dict)
+    cached: bool = False
+    """True where rows of a table are in the file .data."""
 
     def of(self, name: str) -> list[tuple[dict[str, str], int]]:
         """Rows of a table."""
@@ -65,8 +67,7 @@ def read_jag3d_script(path: Path) -> Document:
             [Problem('found no table "PointApriori", expected a project of JAG3D', str(path), 1)]
         )
     if not script.of("PointApriori") and not draft.problems:
-        words = "the rows of this project are in its binary file .data; HSQLDB writes them as text (SCRIPT 'file')"
-        raise InputError([Problem(words, str(path), 1)])
+        raise InputError([Problem(_without_rows(script, path), str(path), 1)])
     draft.put("title", path.stem)
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
@@ -81,11 +82,22 @@ def read_jag3d_script(path: Path) -> Document:
     return draft.finish()
 
 
+def _without_rows(script: Script, path: Path) -> str:
+    """What to do about a project without points: their rows may be in its binary file."""
+    if not script.cached:
+        return "found no points in this project: its tables are empty"
+    data = path.with_suffix(".data").name
+    place = f"jdbc:hsqldb:file:{path.stem}"
+    steps = f"open it in a tool of HSQLDB ({place}), run SCRIPT 'rows.script', and read rows.script"
+    return f"the rows of this project are in {data}, a binary file that HSQLDB alone reads: {steps}"
+
+
 def _parse(path: Path, draft: Draft) -> Script:
     script = Script()
     for line, text in enumerate(read_lines(path, draft), start=1):
         table, insert = _TABLE.match(text.strip()), _INSERT.match(text.strip())
         if table:
+            script.cached |= "CACHED" in text.upper().partition("TABLE")[0]
             script.columns[table[1]] = re.findall(r'(?:^|,)\s*"(\w+)"\s+[A-Z]', table[2])
         elif insert:
             values = _values(insert[2])

@@ -9,7 +9,7 @@ import numpy as np
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, not_carried, points
 from mor.formats.jag3d.columns import AXES, OBSERVATIONS, POINTS
-from mor.formats.terrestrial import (
+from mor.formats.networks.terrestrial import (
     Group,
     circle_in_face_one,
     groups,

@@ -1,7 +1,7 @@
 """Metashape's own projects: ``.psz``, an archive, and ``.psx``, a file beside a folder of archives, as one XML tree.
 
 Source: projects of PhotoScan 1.1 and 1.2; for ``.psx`` programs that read them (``name.files/project.zip``,
-``0/chunk.zip``, ``0/0/frame.zip``, each with a ``doc.xml``).
+``0/chunk.zip``, ``0/0/frame.zip``, ``0/0/point_cloud/point_cloud.zip``, each with a ``doc.xml``).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import zlib
 from pathlib import Path
 
 from mor.errors import InputError, Problem
+from mor.formats.metashape.tie_points import ARCHIVE
 from mor.formats.xml import Element, parse_xml
 from mor.input_files import PROJECT, check_size, read_bytes
 
@@ -33,7 +34,7 @@ def project_tree(path: Path) -> Element:
     if not place:
         words = f"found <{root.name}> without path=, expected a .psx of Metashape"
         raise InputError([Problem(words, str(path), root.line)])
-    return _archive(path.parent / place, ("chunk", "frame"))
+    return _archive(path.parent / place, ("chunk", "frame", "point_cloud"))
 
 
 def _archive(path: Path, inner: tuple[str, ...]) -> Element:
@@ -49,7 +50,7 @@ def _fill(element: Element, folder: Path, inner: tuple[str, ...]) -> None:
         place = child.attributes.get("path", "").replace("\\", "/")
         if child.name == inner[0] and place.endswith(".zip"):
             found = _archive(folder / place, inner[1:])
-            child.attributes.update(found.attributes)
+            child.attributes.update(found.attributes, **{ARCHIVE: str(folder / place)})
             element.children[k] = Element(
                 child.name, child.attributes, child.line, found.children, found.text
             )

@@ -19,14 +19,15 @@ from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row, number
 from mor.formats.metashape.projects import is_project, project_tree
 from mor.formats.metashape.sensors import SensorError, camera_of
+from mor.formats.metashape.tie_points import TiePoints, put_tie_points, read_tie_points
 from mor.formats.xml import Element, parse_xml
 from mor.geometry.rotations import angles_from_rotation, exponential
 from mor.input_files import PROJECT, read_bytes
 from mor.project.file.nodes import Document
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
-SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA = 0.005, 0.5, 10.0
-"""σ of markers (m), of their projections (px) and of camera positions (m) where the file has none: Metashape's own."""
+SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
+"""σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
 
 
 @dataclass
@@ -37,6 +38,9 @@ class Chunk:
     """Name of each image by the number of its camera element."""
     markers: dict[str, str] = field(default_factory=dict)
     markers_placed: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
+    tie: TiePoints | None = None
+    posed: bool = False
+    """True where poses are read."""
 
 
 def read_metashape(path: Path) -> Document:
@@ -56,17 +60,19 @@ def read_metashape(path: Path) -> Document:
         draft.note(f"{len(chunks)} chunks: only the first one is read", chunks[1].line)
     chunk = chunks[0]
     if own:
-        draft.note("tie points are not read; lines are those of the doc.xml in the archives")
+        draft.note("lines are those of the doc.xml in the archives")
     draft.put("title", chunk.attributes.get("label", path.stem))
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
-    found = Chunk()
+    found = Chunk(tie=_tie_points(chunk, path, draft) if own else None)
+    control = False
     try:
         _put_cameras(chunk, draft)
         control = _read_markers(chunk, found, draft)
         control = _put_images(chunk, found, control, draft) or control
         _put_markers(found, draft)
         _put_projections(chunk, found, draft)
+        _put_tie_points(chunk, found, draft)
     except ValueError as error:
         draft.problem(str(error), chunk.line)
     if not control:
@@ -205,6 +211,8 @@ def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> bo
         for frame in _section(chunk, "frames", "frame")
         for location in _inside(frame, "location")
     }
+    seen |= {one.camera for one in found.tie.projections if len(one.points)} if found.tie else set()
+    found.posed = not other
     rows, off, unseen = [], 0, 0
     for camera in _section(chunk, "cameras", "camera"):
         if "id" not in camera.attributes or "sensor_id" not in camera.attributes:
@@ -325,7 +333,26 @@ def _put_projections(chunk: Element, found: Chunk, draft: Draft) -> None:
     if rows:
         columns = ("image", "point", "x", "y")
         draft.table("observations", columns, rows, type="image", units="px", values={"sigma": sigma})
-    else:
+    elif found.tie is None:
         draft.note(
             "the file has no projections of markers: export the markers, too; tie points are in neither"
         )
+
+
+def _tie_points(chunk: Element, path: Path, draft: Draft) -> TiePoints | None:
+    clouds = [cloud for cloud in _inside(chunk, "point_cloud") if cloud.all("projections")]
+    if not clouds:
+        draft.note("the project has no tie points: its photographs are not aligned", chunk.line)
+        return None
+    return read_tie_points(clouds[0], path)
+
+
+def _put_tie_points(chunk: Element, found: Chunk, draft: Draft) -> None:
+    if found.tie is None:
+        return
+    xyz = None
+    if found.posed:
+        R, t, s = _similarity(chunk)
+        xyz = s * found.tie.xyz @ R.T + t if _system(chunk) == "local" else found.tie.xyz
+    sigma = _accuracy(chunk, "accuracy_tiepoints", SIGMA_TIE_POINT)
+    put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)

@@ -14,7 +14,7 @@ from mor.arrays import FloatArray
 from mor.formats.draft import Draft, number
 
 ESTIMATE, MATRIX, APRIORI = "SOLUTION/ESTIMATE", "SOLUTION/MATRIX_ESTIMATE", "SOLUTION/MATRIX_APRIORI"
-_PARAMETERS = 4_000
+MOST = 4_000
 """Most parameters of a file: its matrix is full."""
 
 
@@ -70,8 +70,8 @@ def parameters_of(block: Block, draft: Draft) -> dict[int, Parameter]:
             if len(words) != 10:
                 raise ValueError(f"found {len(words)} words, expected the 10 of an estimate")
             index, type_, code, point, solution, epoch, unit, _, value, sigma = words
-            if not index.isdecimal() or not index.isascii() or not 0 < int(index) <= _PARAMETERS:
-                raise ValueError(f"found the parameter {index!r}, expected a number from 1 to {_PARAMETERS}")
+            if not index.isdecimal() or not index.isascii() or not 0 < int(index) <= MOST:
+                raise ValueError(f"found the parameter {index!r}, expected a number from 1 to {MOST}")
             if int(index) in found:
                 raise ValueError(f"parameter {index} is there twice")
             if type_.upper() in ("STAX", "STAY", "STAZ") and unit.lower() != "m":

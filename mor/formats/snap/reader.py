@@ -12,7 +12,7 @@ from mor.formats.snap.observations import DEFAULT, Data, put_observations, read_
 from mor.formats.snap.stations import Stations, read_stations
 from mor.project.file.nodes import Document
 
-_BOMFORD = 2.0
+BOMFORD = 2.0
 """mor's coefficient of refraction per one of Bomford's, which SNAP has."""
 _USUAL = 0.075
 _OUTPUT = (
@@ -173,7 +173,7 @@ def _put_refraction(data: Data, commands: _Commands) -> None:
     for code in sorted(data.refractions):
         usual = 0.0 if code == "ZERO" else commands.refraction.get(DEFAULT, (commands.usual, False))[0]
         value, free = commands.refraction.get(code, (usual, False))
-        said = repr(_BOMFORD * value)
+        said = repr(BOMFORD * value)
         instruments[f"refraction {code}"] = {"refraction": {"free": said} if free else said}
     for code, name, _ in data.tables:
         if code == "DR":

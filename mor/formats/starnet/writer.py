@@ -12,8 +12,7 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, Things, content_of, not_carried, points
-from mor.formats.starnet.lines import SEPARATORS
-from mor.formats.terrestrial import (
+from mor.formats.networks.terrestrial import (
     Group,
     circle_in_face_one,
     groups,
@@ -23,6 +22,7 @@ from mor.formats.terrestrial import (
     tilted_stations,
     zenith_in_face_one,
 )
+from mor.formats.starnet.lines import SEPARATORS
 from mor.formats.written import Written
 from mor.observations import PLAIN_TYPES
 from mor.project.file.nodes import Document

@@ -1,0 +1,1 @@
+"""Networks of a project for writers: terrestrial observations, and what lies on the earth."""
