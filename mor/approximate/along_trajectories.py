@@ -50,10 +50,10 @@ def along_trajectories(network: Network) -> Network:
     while True:
         start = with_image_poses(network, start)
         _intersect(seen, start)
-        chosen = _start_next_stretch(open_, seen, start)
-        if chosen is None:
+        started = _start_next_stretch(open_, seen, start)
+        if started is None:
             break
-        open_.remove(chosen)
+        del open_[started]
     return replace(network, start=start)
 
 
@@ -170,8 +170,8 @@ def _known(values: FloatArray) -> bool:
 
 def _start_next_stretch(
     open_: list[_Stretch], seen: list[_SeenAlong], start: dict[str, FloatArray]
-) -> _Stretch | None:
-    """The stretch with most rays to known points that can be started, with its knots started."""
+) -> int | None:
+    """Start the knots of the stretch that has most rays to known points, and can be started; return its number."""
     sights = [_sights_of(one, seen, start) for one in open_]
     for place in sorted(range(len(open_)), key=lambda k: -len(sights[k].time)):
         stretch, own = open_[place], sights[place]
@@ -185,7 +185,7 @@ def _start_next_stretch(
             given = np.isfinite(array[blocks]).all(axis=tuple(range(1, array.ndim)))
             array[blocks[~given]] = values[~given]
             start[kind] = array
-        return stretch
+        return place
     return None
 
 

@@ -113,11 +113,12 @@ def point_steps(
     for chunk in plan.chunks:
         if _all_compiled(place, chunk):
             steps = np.empty((chunk.points.stop - chunk.points.start, 3))
-            image_passes.solve_image_points(_image_rays(place, chunk), change, damping, steps)
+            rays = _image_rays(place, chunk)
+            image_passes.solve_image_points(rays, rays.paths, change, damping, steps)
         else:
             work = work or _workspace(plan, plan.chunks)
-            rays = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
-            steps = back_substitute(rays, step, damping)
+            linearised = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
+            steps = back_substitute(linearised, step, damping)
         yield chunk.points, steps
 
 

@@ -16,6 +16,7 @@ from mor.adjustment.rays.compiled.image_rays import (
     FrameValues,
     Layout,
     Measured,
+    Paths,
     follow,
     linearise,
 )
@@ -49,18 +50,27 @@ class ImageRays(NamedTuple):
     points: FloatArray
     measured: Measured
 
+    @property
+    def paths(self) -> Paths | None:
+        """Paths of the frames, ``None`` where no pose is one between knots."""
+        return self.values.paths if len(self.values.paths.knots) else None
+
 
 @compile_kernel
 def gather_image_rays(
     gathering: Gathering,
     rays: ImageRays,
+    paths: Paths | None,
     damping: float,
     pattern: Pattern,
     matrix: FloatArray,
     held: BoolArray,
     gradient: FloatArray,
 ) -> tuple[bool, float]:
-    """Gather the points; return whether all pairs of blocks are stored, and the sum of the squared residuals."""
+    """Gather the points; return whether all pairs of blocks are stored, and the sum of the squared residuals.
+
+    ``paths`` are those of the rays; where they are ``None`` nothing is compiled for them, which takes its time.
+    """
     values, layout, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     count, width = points.shape[0], gathering.columns.shape[1]
     room = largest_piece(pointers)
@@ -83,9 +93,10 @@ def gather_image_rays(
         linearise_moving(
             values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
         )
-        linearise_along(
-            values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
-        )
+        if paths is not None:
+            linearise_along(
+                values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
+            )
         for i in range(n):
             squares += residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1]
         white, moved = whites[:n], shifted[:n]
@@ -99,7 +110,9 @@ def gather_image_rays(
 
 
 @compile_kernel
-def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, steps: FloatArray) -> None:
+def solve_image_points(
+    rays: ImageRays, paths: Paths | None, change: FrameChange, damping: float, steps: FloatArray
+) -> None:
     """Set the steps (p, 3) of the points after a small change of the frames."""
     values, _, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     room = largest_piece(pointers)
@@ -120,7 +133,8 @@ def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, ste
         residual, by_point = residuals[:n], by_points[:n]
         follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
-        follow_along(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
+        if paths is not None:
+            follow_along(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         solve_points(residual, by_point, own, damping, steps[first:last])
         first = last
 
