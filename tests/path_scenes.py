@@ -88,7 +88,7 @@ def _observe(scene: Scene, seen: _Seen, point: str, only: list[int] | None) -> N
 
 
 def _add_knots(scene: Scene, flight: int, knots: int, mixed: bool) -> None:
-    """Northwards over the points and eastwards, not quite level; the first knots are fixed, and those that nothing sees."""
+    """Northwards over the points and eastwards, not quite level; the first knots, and those not seen, are fixed."""
     for k, time in enumerate(TIMES):
         along, swing = 2.0 + 6.0 * (time - 1.5), 0.3 * np.sin(2.0 * k + flight)
         place = [2.0 + swing, along, 21.0 - swing] if flight == 0 else [along, 2.0 - swing, 19.0 + swing]

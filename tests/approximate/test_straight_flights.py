@@ -12,7 +12,9 @@ from mor.errors import NoStartValuesError
 from mor.geometry.rotations import rotation_from_angles
 
 
-def straight(turns: tuple[float, float, float], relief: float, climb: float = 0.0) -> tuple[Sights, np.ndarray, np.ndarray]:
+def straight(
+    turns: tuple[float, float, float], relief: float, climb: float = 0.0
+) -> tuple[Sights, np.ndarray, np.ndarray]:
     """Nine points seen along a straight flight, its positions at the sights, and its rotation."""
     random = np.random.default_rng(3)
     time = np.linspace(100.0, 116.0, 9)
