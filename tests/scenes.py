@@ -20,12 +20,20 @@ from mor.geometry.rotations import (
     rotate,
     rotation_from_angles,
 )
-from mor.observations import ALL_TYPES, ObservationGroup
+from mor.observations import ALL_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import one_name
+from mor.observations.time.line_scanner import line_scanner
+from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.parameters.index import Blocks, index_unknowns, moves_by_angles
 from mor.parameters.kinds import KINDS
 
 GON = np.pi / 200.0
+TYPES = ALL_TYPES | {
+    twin.key: twin
+    for key, type_ in IMAGE_TYPES.items()
+    for knots in (LINEAR, CUBIC)
+    for twin in (on_trajectory(type_, knots), line_scanner(key, knots))
+}
 
 
 @dataclass
@@ -82,7 +90,7 @@ class Scene:
         observed: float | Sequence[float] | None = None,
     ) -> tuple[str, int]:
         """Observe; ``None`` names a fixed block with default values. Returns group and row."""
-        kind = ALL_TYPES[type_key]
+        kind = TYPES[type_key]
         rows = self.groups.setdefault(group or type_key, Rows(type_key))
         filled = (*names, *([None] * (len(kind.slots) - len(names))))
         rows.names.append(
@@ -161,7 +169,7 @@ class Scene:
         )
 
     def _group(self, name: str, rows: Rows) -> ObservationGroup:
-        kind = ALL_TYPES[rows.type]
+        kind = TYPES[rows.type]
         ids = {key: list(self.truth[key]) for key in self.truth}
         numbers = tuple(
             np.array([ids[slot.kind].index(row[k]) for row in rows.names], dtype=np.int64)

@@ -88,7 +88,7 @@ def _reweighted_rays(plan: Plan, roots: Factors) -> RayPlan:
         seen = np.isfinite(group.observed[rows])
         weight[here] = np.where(seen, roots[own.group][rows] / group.sigma[rows], 0.0)
     measured = observed if kept.measured is kept.observed else kept.measured
-    return replace(rays, measurements=Measurements(observed, weight, measured))
+    return replace(rays, measurements=Measurements(observed, weight, measured, kept.clock))
 
 
 def _reweighted_cluster(cluster: ClusterRows, roots: Factors) -> ClusterRows:

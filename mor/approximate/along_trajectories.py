@@ -1,5 +1,9 @@
 """Start values along trajectories: knots from satellites and inertial systems, then points from rays of known poses.
 
+Where nothing has observed the positions or the attitudes of a stretch, they are those of a straight flight that fits to
+the points known there (``straight_flights``): first the stretch with most of them, then with the points that it gives
+the others.
+
 What is on a trajectory has its pose from the knots; a point that has no coordinates is where its rays come nearest to
 each other. They need not meet within their σ: the knots start where a GNSS/INS says, some pixels beside the truth.
 """
@@ -8,14 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.approximate.intersection import nearest_point
+from mor.approximate.straight_flights import Sights, attitude_of, level_flight, positions_of
 from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import rotation_from_angles
+from mor.geometry.trajectory import linear_weights, pose_at
 from mor.observations import ObservationGroup, is_image_point
 from mor.observations.time.line_scanner import ROW, SCANNER
 from mor.observations.time.navigation import ATTITUDE, POSITION
@@ -34,8 +41,19 @@ def along_trajectories(network: Network) -> Network:
         return network
     start = dict(network.start)
     _start_knots(network, start)
-    start = with_image_poses(network, start)
-    _intersect(network, start)
+    seen = [
+        _seen(network, group, start)
+        for group in network.groups
+        if is_along(group.type) and is_image_point(group.type)
+    ]
+    open_ = _stretches_without_poses(network, start)
+    while True:
+        start = with_image_poses(network, start)
+        _intersect(seen, start)
+        started = _start_next_stretch(open_, seen, start)
+        if started is None:
+            break
+        del open_[started]
     return replace(network, start=start)
 
 
@@ -84,12 +102,130 @@ def _observed(network: Network, name: str, written: str) -> tuple[FloatArray, Fl
     return found, np.concatenate(values)[once]
 
 
-def _intersect(network: Network, start: dict[str, FloatArray]) -> None:
+class _Stretch(NamedTuple):
+    """Knots of one stretch of a trajectory, some of which have no start values."""
+
+    times: FloatArray
+    """(k,)"""
+    positions: IntArray
+    """(k,) point blocks."""
+    rotations: IntArray
+    """(k,) rotation blocks."""
+
+
+class _SeenAlong(NamedTuple):
+    """Completely measured image coordinates (n,) of images on trajectories."""
+
+    group: ObservationGroup
+    rows: IntArray
+    """(n,) of the group."""
+    first: IntArray
+    """(n,) point block of the knot before."""
+    time: FloatArray
+    """(n,)"""
+    ray: FloatArray
+    """(n, 3) in the axes of the camera."""
+    point: IntArray
+    """(n,) point block."""
+
+
+def _seen(network: Network, group: ObservationGroup, start: Mapping[str, FloatArray]) -> _SeenAlong:
+    rows = np.flatnonzero(group.mask.all(axis=1))
+    clock = _clock(group)
+    scans = group.type.key.startswith(SCANNER)
+    measured = (group.constants[:, :2] if scans else group.observed)[rows]
+    own = group.constants[rows, 2 : -clock - (len(ROW) if scans else 0)]
+    model = CAMERA_MODELS[group.type.key.partition("/")[2]]
+    interior = start[group.type.slots[-2].kind][group.blocks[-2][rows]]
+    times = np.full(len(start["point"]), np.nan)
+    for trajectory in network.trajectories.values():
+        times[trajectory.positions] = trajectory.times
+    first = group.blocks[0][rows].astype(np.int64)
+    time = times[first] + group.constants[rows, -clock]
+    ray = ideal_rays(model, interior, own, measured)
+    return _SeenAlong(group, rows, first, time, ray, group.blocks[-1][rows].astype(np.int64))
+
+
+def _clock(group: ObservationGroup) -> int:
+    """Number of the constants of the clock of a row."""
+    knots = sum(slot.kind == "rotation" and "knot" in slot.part for slot in group.type.slots)
+    return 1 + knots * knots
+
+
+def _stretches_without_poses(network: Network, start: Mapping[str, FloatArray]) -> list[_Stretch]:
+    """Stretches of trajectories of which some knots have no start values."""
+    found = []
+    for trajectory in network.trajectories.values():
+        for number in np.unique(trajectory.stretch).tolist():
+            here = trajectory.stretch == number
+            one = _Stretch(trajectory.times[here], trajectory.positions[here], trajectory.rotations[here])
+            if not (_known(start["point"][one.positions]) and _known(start["rotation"][one.rotations])):
+                found.append(one)
+    return found
+
+
+def _known(values: FloatArray) -> bool:
+    return bool(np.isfinite(values).all())
+
+
+def _start_next_stretch(
+    open_: list[_Stretch], seen: list[_SeenAlong], start: dict[str, FloatArray]
+) -> int | None:
+    """Start the knots of the stretch that has most rays to known points, and can be started; return its number."""
+    sights = [_sights_of(one, seen, start) for one in open_]
+    for place in sorted(range(len(open_)), key=lambda k: -len(sights[k].time)):
+        stretch, own = open_[place], sights[place]
+        found = _straight(stretch, own, start) if len(own.time) else None
+        if found is None:
+            continue
+        for kind, blocks, values in zip(
+            ("point", "rotation"), (stretch.positions, stretch.rotations), found, strict=True
+        ):
+            array = start[kind].copy()
+            given = np.isfinite(array[blocks]).all(axis=tuple(range(1, array.ndim)))
+            array[blocks[~given]] = values[~given]
+            start[kind] = array
+        return place
+    return None
+
+
+def _sights_of(stretch: _Stretch, seen: list[_SeenAlong], start: Mapping[str, FloatArray]) -> Sights:
+    """Points with coordinates that are seen from a stretch."""
+    parts = [Sights(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))]
+    for own in seen:
+        points = start["point"][own.point]
+        mine = np.isin(own.first, stretch.positions) & np.isfinite(points).all(axis=1)
+        parts.append(Sights(own.time[mine], own.ray[mine], points[mine]))
+    return Sights(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _straight(
+    stretch: _Stretch, sights: Sights, start: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray] | None:
+    """Positions (k, 3) and rotations (k, 3, 3) of the knots of a straight flight."""
+    positions, rotations = start["point"][stretch.positions], start["rotation"][stretch.rotations]
+    before = np.clip(np.searchsorted(stretch.times, sights.time, side="right") - 1, 0, len(positions) - 2)
+    interval = stretch.times[before + 1] - stretch.times[before]
+    two, since = before[:, None] + np.arange(2), sights.time - stretch.times[before]
+    if _known(positions):
+        unit = np.broadcast_to(np.eye(3), (len(two), 2, 3, 3))
+        at = pose_at(positions[two], unit, linear_weights(interval), since).position
+        D = attitude_of(sights, at)
+        return None if D is None else (positions, np.broadcast_to(D, rotations.shape))
+    if _known(rotations):
+        at = pose_at(np.zeros((len(two), 2, 3)), rotations[two], linear_weights(interval), since).rotation
+        flight = positions_of(sights, at)
+        return None if flight is None else (flight.positions(stretch.times), rotations)
+    flight = level_flight(sights)
+    if flight is None:
+        return None
+    return flight.positions(stretch.times), np.broadcast_to(flight.rotation, rotations.shape)
+
+
+def _intersect(seen: list[_SeenAlong], start: dict[str, FloatArray]) -> None:
     """Points without coordinates, from the rays of images on trajectories whose poses are known."""
     missing: BoolArray = np.asarray(~np.isfinite(start["point"]).all(axis=1))
-    pieces = [
-        _rays(group, start) for group in network.groups if is_along(group.type) and is_image_point(group.type)
-    ]
+    pieces = [_rays(own, start) for own in seen]
     if not pieces or not missing.any():
         return
     point, centre, ray = (np.concatenate(part) for part in zip(*pieces, strict=True))
@@ -114,24 +250,17 @@ def _met(centres: FloatArray, rays: FloatArray) -> FloatArray | None:
     return point if ahead.all() and np.isfinite(point).all() else None
 
 
-def _rays(
-    group: ObservationGroup, start: Mapping[str, FloatArray]
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Point block, projection centre and direction of every completely measured row, in object axes."""
-    blocks = [start[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)]
-    knots = sum(slot.kind == "rotation" and "knot" in slot.part for slot in group.type.slots)
-    clock = 1 + knots * knots
-    path: Knots = knots_of(blocks, group.constants[:, -clock:], knots)
-    height, eccentricity, interior = (*blocks[2 * knots : 2 * knots + 2], blocks[-2])
+def _rays(seen: _SeenAlong, start: Mapping[str, FloatArray]) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Point block, projection centre and direction of every row, in object axes."""
+    group, rows = seen.group, seen.rows
+    pairs = zip(group.type.slots, group.blocks, strict=True)
+    blocks = [start[slot.kind][numbers[rows]] for slot, numbers in pairs]
+    clock = _clock(group)
+    knots = int(np.sqrt(clock - 1))
+    path: Knots = knots_of(blocks, group.constants[rows, -clock:], knots)
+    height, eccentricity = blocks[2 * knots : 2 * knots + 2]
     with np.errstate(invalid="ignore"):
         pose = path.pose(path.time)
-    model = CAMERA_MODELS[group.type.key.partition("/")[2]]
-    scans = group.type.key.startswith(SCANNER)
-    measured = group.constants[:, :2] if scans else group.observed
-    own = group.constants[:, 2 : -clock - (len(ROW) if scans else 0)]
-    ray = ideal_rays(model, interior, own, measured)
-    good = np.asarray(group.mask.all(axis=1))
     centre = pose.position + np.pad(height, ((0, 0), (2, 0)))
     centre -= np.einsum("nji,nj->ni", pose.rotation, eccentricity)
-    direction = np.einsum("nji,nj->ni", pose.rotation, ray)
-    return group.blocks[-1][good].astype(np.int64), centre[good], direction[good]
+    return seen.point, centre, np.einsum("nji,nj->ni", pose.rotation, seen.ray)

@@ -15,8 +15,8 @@ import numpy as np
 from mor import compilation
 from mor.adjustment.linearise import rotation_tangents
 from mor.adjustment.problem import Problem
-from mor.adjustment.rays.compiled import image_passes, image_rays, moving_rays
-from mor.adjustment.rays.compiled.cameras import MOVING
+from mor.adjustment.rays.compiled import image_passes, image_rays, moving_rays, path_rays
+from mor.adjustment.rays.compiled.cameras import ALONG, MOVING
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.image_rays import FrameValues, Measured
 from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
@@ -113,11 +113,12 @@ def point_steps(
     for chunk in plan.chunks:
         if _all_compiled(place, chunk):
             steps = np.empty((chunk.points.stop - chunk.points.start, 3))
-            image_passes.solve_image_points(_image_rays(place, chunk), change, damping, steps)
+            rays = _image_rays(place, chunk)
+            image_passes.solve_image_points(rays, rays.paths, change, damping, steps)
         else:
             work = work or _workspace(plan, plan.chunks)
-            rays = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
-            steps = back_substitute(rays, step, damping)
+            linearised = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
+            steps = back_substitute(linearised, step, damping)
         yield chunk.points, steps
 
 
@@ -134,6 +135,8 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
             image_rays.residuals(*arrays)
             if _any_moving(place, chunk):
                 moving_rays.moving_residuals(*arrays)
+            if _any_along(place, chunk):
+                path_rays.residuals_along(*arrays)
         for group, here in _left_to_numpy(place, chunk, frame):
             computed = _computed(place, group, plan.row[chunk.rays][here])
             residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
@@ -177,6 +180,8 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
         image_rays.linearise(*arrays, residual, by_point, by_others)
         if _any_moving(place, chunk):
             moving_rays.linearise_moving(*arrays, residual, by_point, by_others)
+        if _any_along(place, chunk):
+            path_rays.linearise_along(*arrays, residual, by_point, by_others)
     for group, here in _left_to_numpy(place, chunk, frame):
         weight = measured.weight[here]
         computed = _computed(place, group, plan.row[chunk.rays][here])
@@ -213,7 +218,13 @@ def _all_compiled(place: _Place, chunk: Chunk) -> bool:
 
 def _any_moving(place: _Place, chunk: Chunk) -> bool:
     """True where some rays of the chunk are of a rolling shutter."""
-    return bool((place.frames.model[chunk.frames] >= MOVING).any())
+    model = place.frames.model[chunk.frames]
+    return bool(((model >= MOVING) & (model < ALONG)).any())
+
+
+def _any_along(place: _Place, chunk: Chunk) -> bool:
+    """True where some rays of the chunk are along a trajectory."""
+    return bool((place.frames.model[chunk.frames] >= ALONG).any())
 
 
 def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:

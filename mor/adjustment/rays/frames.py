@@ -11,8 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import MODELS, MOVING, ON_THE_SPHERE
+from mor.adjustment.rays.compiled.cameras import ALONG, MODELS, MOVING, ON_THE_SPHERE
 from mor.adjustment.rays.compiled.image_rays import FrameChange, FrameValues, Layout
+from mor.adjustment.rays.knots import (
+    FURTHER,
+    KNOT_PARTS,
+    compiled_along,
+    knot_change,
+    knot_parts,
+    knot_starts,
+    no_paths,
+    set_paths,
+)
 from mor.arrays import FloatArray, IntArray
 from mor.observations import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.on_the_sphere import is_on_the_sphere, on_the_sphere
@@ -24,6 +34,7 @@ _MOTION = ("velocity", "rate", "readout")
 """Slots of image coordinates in their order: pose, motion of a rolling shutter, interior orientation and point."""
 _WIDTHS = {
     "readout": 1,
+    **dict.fromkeys(KNOT_PARTS, 3),
     "velocity": 3,
     "rate": 3,
     "rotation": 3,
@@ -33,7 +44,8 @@ _WIDTHS = {
 }
 """Columns of the compiled derivatives, before those by the interior orientation.
 
-Velocity, rate, rotation and position of an image stand in one block of the reduced system, in this order."""
+Velocity, rate, rotation and position of an image stand in one block of the reduced system, in this order, and so do
+rotation and position of a knot. Knot 0 of a trajectory is where images have their own pose."""
 
 
 class Pick(NamedTuple):
@@ -56,6 +68,7 @@ class GroupFrames:
         model: number of the compiled camera model, −1 where the equations in numpy are taken.
         r0: (f,) constant of the camera model.
         clock: (f, 3) phases of a rolling shutter, zero for others.
+        weights: (f, k, k) of the k knots of a pose as polynomials of time, (f, 0, 0) where it is not between knots.
         picks: derivatives that are wanted.
         together: pairs of slots whose blocks go together, a rotation the second: the position of an image or of each
             knot, the motion of a rolling shutter.
@@ -68,6 +81,7 @@ class GroupFrames:
     model: int
     r0: FloatArray
     clock: FloatArray
+    weights: FloatArray
     picks: tuple[Pick, ...] = ()
     together: tuple[tuple[int, int], ...] = ((_POSITION, _ROTATION),)
 
@@ -79,7 +93,8 @@ class GroupFrames:
     @property
     def parts(self) -> dict[str, int]:
         """Slots of a compiled group by what they are."""
-        names = (*_POSE, *_MOTION) if self.model >= MOVING else _POSE
+        pose = _POSE[:2] if self.model < ALONG else knot_parts(self.weights.shape[1])
+        names = (*pose, *_POSE[2:], *(_MOTION if MOVING <= self.model < ALONG else ()))
         return {name: slot for slot, name in enumerate((*names, "interior"))}
 
 
@@ -143,8 +158,8 @@ def group_frames(
         for k, (slot, used) in enumerate(zip(group.type.slots[:-1], blocks, strict=True))
         if (index.columns[slot.kind][used] >= 0).any()
     )
-    model, r0, clock = _compiled_model(group, rows, frame, blocks.shape[1])
-    return frame, GroupFrames(number, first, blocks, slots, model, r0, clock, together=_together(group))
+    compiled = _compiled_model(group, rows, frame, blocks.shape[1])
+    return frame, GroupFrames(number, first, blocks, slots, *compiled, together=_together(group))
 
 
 def _together(group: ObservationGroup) -> tuple[tuple[int, int], ...]:
@@ -160,12 +175,15 @@ def _together(group: ObservationGroup) -> tuple[tuple[int, int], ...]:
 
 def _compiled_model(
     group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int
-) -> tuple[int, FloatArray, FloatArray]:
-    """Number of the compiled camera model, its constant for each frame, and the clock."""
-    r0, clock = np.zeros(frames), np.zeros((frames, 3))
+) -> tuple[int, FloatArray, FloatArray, FloatArray]:
+    """Number of the compiled camera model, its constant for each frame, the clock, and the weights of knots."""
+    r0, clock, none = np.zeros(frames), np.zeros((frames, 3)), np.zeros((frames, 0, 0))
+    along = compiled_along(group, rows, frame, frames)
+    if along is not None:
+        return along.model, along.r0, clock, along.weights
     if is_on_the_sphere(group.type):
         single = any(group.type is on_the_sphere(type_) for type_ in IMAGE_TYPES.values())
-        return ON_THE_SPHERE if single else -1, r0, clock
+        return ON_THE_SPHERE if single else -1, r0, clock, none
     for key, model in MODELS.items():
         moving = group.type is MOVING_TYPES[key]
         if not moving and group.type is not IMAGE_TYPES[key]:
@@ -178,8 +196,8 @@ def _compiled_model(
         if moving:
             clock, found = np.ascontiguousarray(found[:, -3:]), found[:, :-3]
         r0 = np.ascontiguousarray(found[:, 0]) if found.shape[1] else r0
-        return model + MOVING if moving else model, r0, clock
-    return -1, r0, clock
+        return model + MOVING if moving else model, r0, clock, none
+    return -1, r0, clock, none
 
 
 def all_frames(
@@ -212,7 +230,7 @@ def _picks(group: GroupFrames, observed: ObservationGroup, index: Index, layout:
             Pick(k, np.arange(size), np.arange(end - size, end))
             for (k, size), end in zip(sizes.items(), ends, strict=True)
         )
-    starts = layout._asdict()
+    starts = {**layout._asdict(), **knot_starts(layout.knots)}
     picks = [
         Pick(slot, np.arange(sizes[slot]), starts[part] + np.arange(sizes[slot]))
         for part, slot in group.parts.items()
@@ -233,13 +251,16 @@ def _layout(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, .
     for part in (part for part in _WIDTHS if part in used):
         starts[part] = at
         at += _WIDTHS[part]
-    of_motion = sum(_WIDTHS[part] for part in _MOTION if part in used)
+    of_motion = sum(_WIDTHS[part] for part in used if part in (*_MOTION, *KNOT_PARTS))
+    knots = np.array([[starts.pop(part) for part in knot] for knot in FURTHER], dtype=np.int64)
+    if (knots < 0).all():
+        knots = knots[:0]
     free: set[int] = set()
     for group in compiled:
         kind, blocks = _interior_kind(observed[group.group]), group.blocks[group.parts["interior"]]
         free |= set(np.flatnonzero((index.columns[kind][blocks] >= 0).any(axis=0)).tolist())
     components = np.array(sorted(free), dtype=np.int64)
-    return Layout(of_motion, **starts, interior=at, components=components)
+    return Layout(of_motion, **starts, interior=at, components=components, knots=knots)
 
 
 def frame_values(
@@ -261,6 +282,7 @@ def frame_values(
         np.zeros((count, 3)),
         np.zeros(count),
         np.zeros((count, 3)),
+        no_paths(count if _any_along(frames) else 0, tangent is not None),
     )
     for group in _compiled(frames):
         here = slice(group.first, group.first + group.count)
@@ -273,7 +295,10 @@ def frame_values(
         result.interior[here, : part["interior"].shape[1]] = part["interior"]
         result.r0[here] = group.r0
         if tangent is not None:
-            result.tangent[here] = tangent[group.blocks[_ROTATION]]
+            result.tangent[here] = tangent[group.blocks[group.parts["rotation"]]]
+        if group.model >= ALONG:
+            turning = _of_further(group, tangent)
+            set_paths(result.paths, here, group.weights, part, turning)
         if "readout" in part:
             result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
             result.readout[here], result.clock[here] = part["readout"][:, 0], group.clock
@@ -301,13 +326,14 @@ def frame_change(
     """Changes of the compiled frames by a step (u,) of all unknowns; ``widest`` interior components."""
     count = sum(group.count for group in frames.groups)
     shapes = ((count, 3), (count, 3), (count, 3), (count, widest), (count, 3), (count, 3), (count,))
-    result = FrameChange(*(np.zeros(shape) for shape in shapes))
+    of_knots = (count if _any_along(frames) else 0, len(FURTHER), 2, 3)
+    result = FrameChange(*(np.zeros(shape) for shape in (*shapes, of_knots)))
     for group in _compiled(frames):
         here = slice(group.first, group.first + group.count)
         part = _parts(group, observed, lambda kind, blocks: _of_blocks(step, index.columns[kind][blocks]))
         turn = part["rotation"]
         if tangent is not None:
-            turn = np.einsum("fij,fj->fi", tangent[group.blocks[_ROTATION]], turn)
+            turn = np.einsum("fij,fj->fi", tangent[group.blocks[group.parts["rotation"]]], turn)
         result.centre[here] = part["position"]
         result.centre[here, 2] += part["height"][:, 0]
         result.turn[here] = turn
@@ -316,7 +342,21 @@ def frame_change(
         if "readout" in part:
             result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
             result.readout[here] = part["readout"][:, 0]
+        if group.model >= ALONG:
+            result.knots[here] = knot_change(group.weights.shape[1], part, _of_further(group, tangent))
     return result
+
+
+def _any_along(frames: Frames) -> bool:
+    return any(group.model >= ALONG for group in frames.groups)
+
+
+def _of_further(group: GroupFrames, tangent: FloatArray | None) -> list[FloatArray] | None:
+    """Tangents (f, 3, 3) of the rotations of the further knots of a group."""
+    if tangent is None:
+        return None
+    slots = [group.parts[turn] for turn, _ in FURTHER[: group.weights.shape[1] - 1]]
+    return [tangent[group.blocks[slot]] for slot in slots]
 
 
 def _of_blocks(step: FloatArray, columns: IntArray) -> FloatArray:

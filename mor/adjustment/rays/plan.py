@@ -13,6 +13,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.rays.compiled import sorting
 from mor.adjustment.rays.compiled.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
+from mor.adjustment.rays.knots import along_trajectory, clock_of_rows
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
 from mor.observations import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.on_the_sphere import is_on_the_sphere
@@ -55,6 +56,8 @@ class Measurements(NamedTuple):
     """(n, 2) 1/σ, 0 where nothing was observed; or as many of the common one as the largest chunk has rays."""
     measured: FloatArray
     """(n, 2) measured coordinates that a camera model may correct; ``observed`` itself for most."""
+    clock: FloatArray
+    """(n, 3) when rays along trajectories are; (0, 3) where there are none."""
     row: SmallIntArray | None = None
     """(n,) row of each ray in its group, where the measurements are taken from there."""
 
@@ -63,9 +66,9 @@ class Measurements(NamedTuple):
         count = rays.stop - rays.start
         weight = self.weight[:count] if len(self.weight) < len(self.observed) else self.weight[rays]
         if self.row is None:
-            return Measured(self.observed[rays], weight, self.measured[rays])
+            return Measured(self.observed[rays], weight, self.measured[rays], self.clock[rays])
         observed = np.take(self.observed, self.row[rays], axis=0)  # in a quarter of the time of an index
-        return Measured(observed, weight, observed)
+        return Measured(observed, weight, observed, self.clock[rays])
 
 
 @dataclass(frozen=True)
@@ -177,29 +180,34 @@ def _measured(
     if len(frames) == 1:
         return _of_rows(groups[frames[0].group], row, longest)
     parts = tuple(np.empty((len(row), 2)) for _ in range(3))
+    clock = np.zeros((len(row) if any(along_trajectory(groups[own.group]) for own in frames) else 0, 3))
     for own in frames:
         here = np.flatnonzero((frame >= own.first) & (frame < own.first + own.count))
-        for part, values in zip(parts, _of_rows(groups[own.group], row[here], len(here))[:3], strict=True):
+        found = _of_rows(groups[own.group], row[here], len(here))
+        for part, values in zip(parts, found[:3], strict=True):
             part[here] = values
-    return Measurements(parts[0], parts[1], parts[2])
+        if len(found.clock):
+            clock[here] = found.clock
+    return Measurements(parts[0], parts[1], parts[2], clock)
 
 
 def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
     """Measurements of some rows of a group."""
     # Nothing else looks at the measured coordinates.
-    inverse = group.type in (IMAGE_TYPES["brown"], MOVING_TYPES["brown"])
+    inverse = group.type in (IMAGE_TYPES["brown"], MOVING_TYPES["brown"]) or along_trajectory(group)
     forward = not inverse and not is_on_the_sphere(group.type)
+    clock = clock_of_rows(group, rows)
     one_sigma = group.sigma.strides == (0, 8) and bool(np.isfinite(group.observed).all())
     if forward and one_sigma and longest < len(rows):
         weight = 1.0 / group.sigma[:longest]
         if len(rows) > VERY_MANY_RAYS:
-            return Measurements(group.observed, weight, group.observed, rows)
+            return Measurements(group.observed, weight, group.observed, clock, rows)
         observed = group.observed[rows]
-        return Measurements(observed, weight, observed)
+        return Measurements(observed, weight, observed, clock)
     observed, weight = group.observed[rows], 1.0 / group.sigma[rows]
     unseen = ~np.isfinite(observed)
     if unseen.any():
         observed[unseen] = weight[unseen] = 0.0
     if forward:
-        return Measurements(observed, weight, observed)
-    return Measurements(observed, weight, np.nan_to_num(group.constants[rows, :2]))
+        return Measurements(observed, weight, observed, clock)
+    return Measurements(observed, weight, np.nan_to_num(group.constants[rows, :2]), clock)

@@ -84,7 +84,9 @@ def accumulate_images(
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
     gathering = point_products.begin_gathering(wide, pattern)
     noted = _nothing_noted(len(rays.points))
-    stored, squares = image_passes.gather_image_rays(gathering, rays, damping, pattern, system.values, *noted)
+    stored, squares = image_passes.gather_image_rays(
+        gathering, rays, rays.paths, damping, pattern, system.values, *noted
+    )
     _refuse_unless(stored and point_products.finish_gathering(gathering, pattern, system))
     return noted, squares
 

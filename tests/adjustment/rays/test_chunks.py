@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense_reference import dense_system
+from path_scenes import PATHS, path_scene
 from scenes import OBJECT_POINTS, Scene, add_object_points, looking_at
 
 from mor import compilation
@@ -45,6 +46,7 @@ NAMES = (
     "readout time of two models",
     "all of rolling shutters",
 )
+EVERY_NAME = (*NAMES, *PATHS)
 ROLLING = NAMES[-4:]
 FREE_OF_ALL = ("all free", "all of rolling shutters")
 WITH_GAPS = {"missing and excluded": 5, "all of rolling shutters": 11}
@@ -123,6 +125,8 @@ def _constants(model: str, number: int, k: int) -> list[float]:
 
 
 def scene_of(name: str) -> Scene:
+    if name in PATHS:
+        return path_scene(name)
     models = {
         "two cameras": ("mor", "brown-forward"),
         "left to numpy": ("mor", "opencv", "brown"),
@@ -154,7 +158,7 @@ def linearised(problem, values):
 
 
 @pytest.mark.skipif(not compilation.available, reason="there is no compiler")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EVERY_NAME)
 def test_compiled_rays_are_those_of_the_equations(name, monkeypatch):
     scene = scene_of(name)
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-2)
@@ -181,7 +185,7 @@ def test_shutters_without_readout_time_are_those_of_frames(name):
     np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EVERY_NAME)
 def test_rays_make_up_the_dense_system(name):
     """Not the plan's own code: every row is evaluated and differentiated by its type, one by one."""
     scene = scene_of(name)
@@ -204,7 +208,7 @@ def test_rays_make_up_the_dense_system(name):
 
 
 @pytest.mark.parametrize("available", [True, False])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EVERY_NAME)
 def test_points_that_follow_a_step_are_those_of_back_substitution(name, available, monkeypatch):
     if not compilation.available:
         pytest.skip("there is no compiler")

@@ -18,6 +18,8 @@ ON_THE_SPHERE = 3
 """Number of what takes the place of every model where rays are directions (``mor.observations.on_the_sphere``)."""
 MOVING = 4
 """Added to the number of a model where the rows are read out one after the other."""
+ALONG, CROSSING = 8, 16
+"""Added to it where the pose is one between knots: of images, and of the lines of a scanner."""
 
 
 @compile_kernel

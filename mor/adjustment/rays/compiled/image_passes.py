@@ -16,10 +16,12 @@ from mor.adjustment.rays.compiled.image_rays import (
     FrameValues,
     Layout,
     Measured,
+    Paths,
     follow,
     linearise,
 )
 from mor.adjustment.rays.compiled.moving_rays import follow_moving, linearise_moving
+from mor.adjustment.rays.compiled.path_rays import follow_along, linearise_along
 from mor.adjustment.rays.compiled.point_products import Gathering, store_points
 from mor.adjustment.rays.compiled.points import solve_points, whiten_points
 from mor.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
@@ -48,19 +50,28 @@ class ImageRays(NamedTuple):
     points: FloatArray
     measured: Measured
 
+    @property
+    def paths(self) -> Paths | None:
+        """Paths of the frames, ``None`` where no pose is one between knots."""
+        return self.values.paths if len(self.values.paths.knots) else None
+
 
 @compile_kernel
 def gather_image_rays(
     gathering: Gathering,
     rays: ImageRays,
+    paths: Paths | None,
     damping: float,
     pattern: Pattern,
     matrix: FloatArray,
     held: BoolArray,
     gradient: FloatArray,
 ) -> tuple[bool, float]:
-    """Gather the points; return whether all pairs of blocks are stored, and the sum of the squared residuals."""
-    values, layout, frames, local, pointers, points, (observed, weight, measured) = rays
+    """Gather the points; return whether all pairs of blocks are stored, and the sum of the squared residuals.
+
+    ``paths`` are those of the rays; where they are ``None`` nothing is compiled for them, which takes its time.
+    """
+    values, layout, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     count, width = points.shape[0], gathering.columns.shape[1]
     room = largest_piece(pointers)
     residuals, by_points = np.empty((room, 2)), np.empty((room, 2, 3))
@@ -76,12 +87,16 @@ def gather_image_rays(
             in_chunk[i] = local[begin + i]
             overall[i] = frames[in_chunk[i]]
         own = pointers[first : last + 1] - begin
-        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end])
+        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point, by_other = residuals[:n], by_points[:n], by_others[:n]
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         linearise_moving(
             values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
         )
+        if paths is not None:
+            linearise_along(
+                values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
+            )
         for i in range(n):
             squares += residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1]
         white, moved = whites[:n], shifted[:n]
@@ -95,9 +110,11 @@ def gather_image_rays(
 
 
 @compile_kernel
-def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, steps: FloatArray) -> None:
+def solve_image_points(
+    rays: ImageRays, paths: Paths | None, change: FrameChange, damping: float, steps: FloatArray
+) -> None:
     """Set the steps (p, 3) of the points after a small change of the frames."""
-    values, _, frames, local, pointers, points, (observed, weight, measured) = rays
+    values, _, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     room = largest_piece(pointers)
     residuals, by_points, overall = (
         np.empty((room, 2)),
@@ -112,10 +129,12 @@ def solve_image_points(rays: ImageRays, change: FrameChange, damping: float, ste
         for i in range(n):
             overall[i] = frames[local[begin + i]]
         own = pointers[first : last + 1] - begin
-        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end])
+        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point = residuals[:n], by_points[:n]
         follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
+        if paths is not None:
+            follow_along(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         solve_points(residual, by_point, own, damping, steps[first:last])
         first = last
 

@@ -11,12 +11,33 @@ from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 
 
+class Paths(NamedTuple):
+    """What the poses of f frames depend on whatever their time; none (0, …) where no pose is one between knots.
+
+    Attributes:
+        knots: (f,) knots k of a pose, 0 for frames that have a pose of their own. That of a frame is its knot 0.
+        weights: (f, 4, 4) coefficients of the weights of the knots as polynomials of the time since knot 0.
+        reach: (f, 3, 3) D_0 (X_k − X_0) of the other knots.
+        turns: (f, 3, 3) θ_k.
+        inverse: (f, 3, 3, 3) inverses of the right Jacobians of these.
+        tangent: (f, 3, 3, 3) what turns their small rotations into their columns, or none (0, …).
+    """
+
+    knots: IntArray
+    weights: FloatArray
+    reach: FloatArray
+    turns: FloatArray
+    inverse: FloatArray
+    tangent: FloatArray
+
+
 class FrameValues(NamedTuple):
     """Values of the f frames of a chunk.
 
     Attributes:
         model: (f,) number of the camera model, −1 where it has no compiled form: such rays are passed over. Those of
-            rolling shutters, from ``MOVING`` on, have kernels of their own (``moving_rays``).
+            rolling shutters, from ``MOVING`` on, and along trajectories, from ``ALONG`` on, have kernels of their own
+            (``moving_rays``, ``path_rays``).
         D: (f, 9) rotation, row by row.
         centre: (f, 3) rotation centre.
         eccentricity: (f, 3).
@@ -26,6 +47,7 @@ class FrameValues(NamedTuple):
         velocity, rate: (f, 3) motion while a frame is read out, in its own axes.
         readout: (f,) time from the first row to the last.
         clock: (f, 3) part of the readout that has passed at x, y: by x, by y, and at 0.
+        paths: see there.
     """
 
     model: IntArray
@@ -39,6 +61,7 @@ class FrameValues(NamedTuple):
     rate: FloatArray
     readout: FloatArray
     clock: FloatArray
+    paths: Paths
 
 
 class FrameChange(NamedTuple):
@@ -51,6 +74,7 @@ class FrameChange(NamedTuple):
         interior: (f, k).
         velocity, rate: (f, 3).
         readout: (f,).
+        knots: (f, 3, 2, 3) positions and small rotations of the further knots of a trajectory, or none (0, …).
     """
 
     centre: FloatArray
@@ -60,13 +84,15 @@ class FrameChange(NamedTuple):
     velocity: FloatArray
     rate: FloatArray
     readout: FloatArray
+    knots: FloatArray
 
 
 class Layout(NamedTuple):
     """First column of the derivatives by each block of a frame, −1 where they are not wanted.
 
-    ``components`` are the components of the interior orientation whose derivatives are wanted. The first ``of_motion``
-    columns are those by readout time, velocity and rate.
+    ``components`` are the components of the interior orientation whose derivatives are wanted; ``knots`` (3, 2) are
+    the first columns by rotation and position of the further knots of trajectories, or none (0, 2). The first
+    ``of_motion`` columns are those by readout time, further knots, velocity and rate.
     """
 
     of_motion: int
@@ -79,14 +105,20 @@ class Layout(NamedTuple):
     eccentricity: int
     interior: int
     components: IntArray
+    knots: IntArray
 
 
 class Measured(NamedTuple):
-    """Measurements of n rays, (n, 2) each: weights are 1/σ, 0 where nothing was observed."""
+    """Measurements of n rays, (n, 2) each: weights are 1/σ, 0 where nothing was observed.
+
+    ``clock`` (n, 3) is when rays along trajectories are: time since knot 0, row, and seconds by rows; none (0, 3) where
+    there are no such rays.
+    """
 
     observed: FloatArray
     weight: FloatArray
     measured: FloatArray
+    clock: FloatArray
 
 
 @compile_kernel
@@ -103,7 +135,7 @@ def linearise(
 ) -> None:
     """Set residuals (n, 2) and Jacobians (n, 2, 3), (n, 2, K) of rays, divided by σ; ``points`` (p, 3)."""
     model, D, centre, e, interiors, r0, tangent = values[:7]
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):
@@ -205,7 +237,7 @@ def residuals(
 ) -> None:
     """Set residuals (n, 2) divided by σ, and nothing else."""
     model, D, centre, e, interiors, r0 = values[:6]
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     interior = np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
@@ -247,7 +279,7 @@ def follow(
     """
     model, D, centre, e, interiors, r0 = values[:6]
     moved, turn, shift, altered = change[:4]
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     interior, by_interior = np.empty(interiors.shape[1]), np.zeros((2, interiors.shape[1]))
     star = np.empty((2, 3))
     for p in range(pointers.size - 1):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import MOVING, Sight, fill_by_interior, sight
+from mor.adjustment.rays.compiled.cameras import ALONG, MOVING, Sight, fill_by_interior, sight
 from mor.adjustment.rays.compiled.image_rays import (
     FrameChange,
     FrameValues,
@@ -166,12 +166,12 @@ def linearise_moving(
 ) -> None:
     """Set residuals and Jacobians of the rays of rolling shutters, as ``linearise`` does those of frames."""
     D, interiors = values.D, values.interior
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     by_interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if values.model[f] < MOVING:
+            if values.model[f] < MOVING or values.model[f] >= ALONG:
                 continue
             for k in range(i.size):
                 i[k] = interiors[f, k]
@@ -193,6 +193,8 @@ def linearise_moving(
                 g, h = w * met.across[2 * m], w * met.across[2 * m + 1]
                 by_star = g * one[0] + h * other[0], g * one[1] + h * other[1], g * one[2] + h * other[2]
                 s, t, d = turned_back(met.turn, by_star)
+                for k in range(layout.of_motion):
+                    by_others[n, m, k] = 0.0
                 set_row(by_point, by_others, n, m, layout, D, values.tangent, f, a, b, c, s, t, d)
                 set_motion(by_others[n, m], layout, met, (s, t, d), by_star, w * met.drift[m] * met.phase)
                 for k in range(layout.components.size):
@@ -248,12 +250,12 @@ def moving_residuals(
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) of the rays of rolling shutters divided by σ, and nothing else."""
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     i = np.empty(values.interior.shape[1])
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if values.model[f] < MOVING:
+            if values.model[f] < MOVING or values.model[f] >= ALONG:
                 continue
             for k in range(i.size):
                 i[k] = values.interior[f, k]
@@ -277,12 +279,12 @@ def follow_moving(
 ) -> None:
     """Set residuals after a small change of the frames, and Jacobians by the point, of the rays of rolling shutters."""
     D, interiors = values.D, values.interior
-    observed, weight, measured = rays
+    observed, weight, measured = rays[:3]
     by_interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
-            if values.model[f] < MOVING:
+            if values.model[f] < MOVING or values.model[f] >= ALONG:
                 continue
             for k in range(i.size):
                 i[k] = interiors[f, k]
