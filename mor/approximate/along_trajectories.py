@@ -10,6 +10,7 @@ each other. They need not meet within their σ: the knots start where a GNSS/INS
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -20,6 +21,7 @@ from mor.approximate.intersection import nearest_point
 from mor.approximate.straight_flights import Sights, attitude_of, level_flight, positions_of
 from mor.approximate.undistort import ideal_rays
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import Undeterminable
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import rotation_from_angles
 from mor.geometry.trajectory import linear_weights, pose_at
@@ -33,6 +35,8 @@ from mor.project.trajectories.poses import with_image_poses
 
 _LEAST_ANGLE = 1e-3
 """Radians between two rays of a point, from which on it starts at their intersection."""
+
+_FROM_NOWHERE = "seen along trajectories that have no start values there"
 
 
 def along_trajectories(network: Network) -> Network:
@@ -63,6 +67,22 @@ def without_trajectories(network: Network) -> Network:
         return network
     groups = tuple(group for group in network.groups if not is_along(group.type))
     return replace(network, groups=groups)
+
+
+def seen_along_trajectories(
+    network: Network, missing: tuple[Undeterminable, ...]
+) -> tuple[Undeterminable, ...]:
+    """What has no start value, with the rays that see a point from trajectories, whose own start values are missing."""
+    rows: Counter[str] = Counter()
+    for group in network.groups:
+        if is_along(group.type) and is_image_point(group.type):
+            rows.update(group.references[-1])
+    return tuple(
+        one._replace(reason=_FROM_NOWHERE, observations=rows[one.name])
+        if one.kind == "point" and not one.observations and rows[one.name]
+        else one
+        for one in missing
+    )
 
 
 def _start_knots(network: Network, start: dict[str, FloatArray]) -> None:

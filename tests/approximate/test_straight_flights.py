@@ -70,5 +70,8 @@ def test_without_enough_control_the_knots_are_named() -> None:
     kept = {row[0] for table in data["points"] for row in table["rows"]}
     rows = data["observations"][0]["rows"]
     data["observations"][0]["rows"] = [row for row in rows if row[1] in kept]
-    with pytest.raises(NoStartValuesError, match="knot S0@0"):
+    with pytest.raises(NoStartValuesError, match="knot S0@0") as raised:
         mor.adjust(data)
+    points = {thing.reason for thing in raised.value.things if thing.kind == "point"}
+    assert points == {"seen along trajectories that have no start values there"}
+    assert all(thing.observations for thing in raised.value.things if thing.kind == "point")

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.approximate.along_trajectories import without_trajectories
+from mor.approximate.along_trajectories import seen_along_trajectories, without_trajectories
 from mor.approximate.approximation import Approximation, untied
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.joined import assembled
@@ -64,11 +64,12 @@ def approximate(network: Network, settle: Settle | None = None, others: int = OT
     scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
     if assembly.network is not network:
         result = _with_what_agrees(network, assembly, moving, settle)
-        return replace(result, start=at_all_times(moving, result.start))
-    found = _contradicting(network, assembly.parts[0], scene) if others else []
-    better = _with_others(network, scene, found) if found else None
-    result = _approximation(assembly) if better is None else better
-    return replace(result, start=at_all_times(moving, result.start))
+    else:
+        found = _contradicting(network, assembly.parts[0], scene) if others else []
+        better = _with_others(network, scene, found) if found else None
+        result = _approximation(assembly) if better is None else better
+    missing = seen_along_trajectories(moving, result.missing)
+    return replace(result, start=at_all_times(moving, result.start), missing=missing)
 
 
 def _likeliest(
