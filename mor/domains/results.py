@@ -26,7 +26,8 @@ from mor.report.readme import readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, start_names
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
-from mor.report.results.json import INLINE, to_json
+from mor.report.results.json import INLINE
+from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
 from mor.report.tables.observations import SHOWN

@@ -29,7 +29,7 @@ from mor.report.design.visible import visible_rows, visible_section
 from mor.report.design.writing import text_writer, write_design
 from mor.report.identity import Identity
 from mor.report.results.folder import Writer
-from mor.report.results.json import to_json
+from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
 from mor.report.text import undetermined

@@ -10,7 +10,6 @@ import numpy as np
 
 from mor.arrays import FloatArray
 from mor.report.columns import WIDTH, drawn
-from mor.report.tables.worst import component_of
 from mor.report.words.language import ENGLISH, Words
 
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
@@ -79,3 +78,8 @@ def in_words(row: dict[str, Any], words: Words) -> str:
     names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
     type_ = "" if next(iter(row["names"]), "") == row["type"] else f"{row['type']} "
     return f"{type_}{names}{component_of(row)}"
+
+
+def component_of(row: dict[str, Any]) -> str:
+    """The component after a comma; nothing where it is the type once more, as of a distance."""
+    return "" if row["component"] == row["type"] else f", {row['component']}"

@@ -117,7 +117,7 @@ def _report(
 ) -> None:
     from mor.preparation import make_problem
     from mor.report.plots.sheet import save, style
-    from mor.report.results.json import to_json
+    from mor.report.results.json_text import to_json
     from mor.report.start_values.data import start_values
     from mor.report.start_values.plain import start_data
     from mor.report.start_values.text import start_text

@@ -86,7 +86,7 @@ def relative_command(
     from mor.report.orientation.measured import read_homologous
     from mor.report.orientation.relative import relative, relative_data, solved
     from mor.report.orientation.relative_text import relative_text
-    from mor.report.results.json import to_json
+    from mor.report.results.json_text import to_json
     from mor.report.words.language import words_of_orientation
     from mor.units import ANGLE_UNITS
 
@@ -154,7 +154,7 @@ def planar_command(
     from mor.report.orientation.measured import read_homologous
     from mor.report.orientation.planar import Wanted, is_known, planar, planar_data
     from mor.report.orientation.planar_text import planar_text
-    from mor.report.results.json import to_json
+    from mor.report.results.json_text import to_json
     from mor.report.words.language import words_of_orientation
 
     if length is not None and (length[0] == length[1] or not 0.0 < length[2] < inf):

@@ -92,7 +92,7 @@ def command(
     from mor.planning.batch import cases
     from mor.report.batch.files import batch_page, junit_xml
     from mor.report.batch.rows import batch_data, batch_text
-    from mor.report.results.json import to_json
+    from mor.report.results.json_text import to_json
     from mor.report.words.language import words_of_planning
 
     words = words_of_planning(lang)

@@ -201,7 +201,7 @@ def _many(
     from mor.quality.simulation.findings import findings
     from mor.report.identity import Identity
     from mor.report.results.folder import folder_beside
-    from mor.report.results.json import to_json
+    from mor.report.results.json_text import to_json
     from mor.report.simulation.monte_carlo import finding_table, monte_carlo_data, monte_carlo_text, verdict
     from mor.report.words.language import words_of_planning
 

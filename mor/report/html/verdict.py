@@ -13,7 +13,7 @@ from mor.report.html.derived import rms
 from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.html.provenance import datum_in_words, epoch_in_words, help_in_words, used_in_words
-from mor.report.tables.worst import component_of
+from mor.report.layout import component_of
 from mor.report.text.gross_errors.hypotheses import sentence
 from mor.report.text.gross_errors.suspects import sentences
 from mor.report.text.reliability import mostly_out_in_words

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -115,8 +114,3 @@ def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
             components = component_rows(solved, kind.key, number, kind.components)
             found[name] = {own: components[own] for own in model.image_variant}
     return found
-
-
-def to_json(data: dict[str, Any]) -> str:
-    """JSON text: same data, same bytes."""
-    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False) + "\n"

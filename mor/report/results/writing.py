@@ -23,7 +23,8 @@ from mor.report.readme import may_write, readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, remarks
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
-from mor.report.results.json import entries, results, to_json
+from mor.report.results.json import entries, results
+from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import Format, residual_writer, table_writer

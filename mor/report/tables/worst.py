@@ -12,6 +12,7 @@ from mor.quality.in_chunks import in_pieces
 from mor.quality.reliability.reliability_map import uncontrolled
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import comparable, least_alike
+from mor.report.layout import component_of
 from mor.report.tables.assessed_observations import AssessedGroups
 from mor.report.tables.observations import SCHEMA, table_of
 
@@ -63,11 +64,6 @@ def between(row: dict[str, Any]) -> str:
     """A row of the table of residuals in a sentence: type, between what, component."""
     names = " - ".join(name for name in (row["at"], row["from"], row["to"]) if name)
     return f"{row['type']} {names}{component_of(row)}"
-
-
-def component_of(row: dict[str, Any]) -> str:
-    """The component after a comma; nothing where it is the type once more, as of a distance."""
-    return "" if row["component"] == row["type"] else f", {row['component']}"
 
 
 def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:

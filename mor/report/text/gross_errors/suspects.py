@@ -6,9 +6,8 @@ from typing import Any
 
 from mor.adjustment.state import Outcome
 from mor.quality.solved import Solved
-from mor.report.layout import heading, short, table
+from mor.report.layout import component_of, heading, short, table
 from mor.report.tables.gross_errors.suspects import suspects
-from mor.report.tables.worst import component_of
 from mor.report.words.language import ENGLISH, Words
 
 SHOWN = 200
