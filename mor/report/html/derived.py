@@ -143,7 +143,7 @@ def sets_with_tests(view: View, words: Words = ENGLISH) -> pl.DataFrame:
     return named.group_by("set", "type", maintain_order=True).agg(_measures())
 
 
-def control_table(view: View) -> list[dict[str, Any]]:
+def control_table(view: View) -> pl.DataFrame:
     """Coordinates that were given: v, σ of the given value, r and w, and the smallest detectable error, by point."""
     of_point = pl.col("from").str.starts_with("point ") & pl.col("component").is_in(["x", "y", "z"])
     rows = view.used.filter(((pl.col("type") == "parameter") & of_point) | (pl.col("type") == "coordinates"))
@@ -151,28 +151,27 @@ def control_table(view: View) -> list[dict[str, Any]]:
         pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from")).str.strip_prefix("point ")
     )
     columns = ["component", "unit", "observed", "adjusted", "v", "sigma", "r", "w", "nabla", "flag"]
-    return rows.select(name.alias("point"), *columns).to_dicts()
+    return rows.select(name.alias("point"), *columns)
 
 
-def deviations(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def deviations(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Deviations ``v`` of coordinates by component, and in space: number, mean, root mean square, largest.
 
     ``rows`` are those of :func:`control_table` (more of one point count once each). In space counts what has all of
     x, y, z in one unit; a length has no mean worth telling.
     """
-    found, units = [], {row["unit"] for row in rows}
+    found, units = [], rows["unit"].unique().to_list()
+    used = rows.filter(pl.col("v").is_not_null())
     for component in "xyz":
-        v = np.array([row["v"] for row in rows if row["component"] == component and row["v"] is not None])
-        if v.size:
-            unit = next(row["unit"] for row in rows if row["component"] == component)
-            found.append(_deviation(component.upper(), unit, v, float(v.mean())))
-    points: dict[str, dict[str, float]] = {}
-    for row in rows:
-        if row["v"] is not None:
-            points.setdefault(str(row["point"]), {})[row["component"]] = row["v"]
-    whole = np.array([[one[key] for key in "xyz"] for one in points.values() if set("xyz") <= set(one)])
+        own = used.filter(pl.col("component") == component)
+        if own.height:
+            v = own["v"].to_numpy()
+            found.append(_deviation(component.upper(), own["unit"][0], v, float(v.mean())))
+    one_each = used.unique(["point", "component"], keep="last", maintain_order=True)
+    squares = one_each.group_by("point", maintain_order=True).agg(pl.len(), (pl.col("v") ** 2).sum().sqrt())
+    whole = squares.filter(pl.col("len") == len("xyz"))["v"].to_numpy()
     if whole.size and len(units) == 1:
-        found.append(_deviation("3-D", units.pop(), np.linalg.norm(whole, axis=1), None))
+        found.append(_deviation("3-D", units[0], whole, None))
     return found
 
 
@@ -188,11 +187,11 @@ def _deviation(component: str, unit: str, v: FloatArray, mean: float | None) -> 
     }
 
 
-def checked_coordinates(view: View) -> list[dict[str, Any]]:
+def checked_coordinates(view: View) -> pl.DataFrame:
     """Coordinates that were kept out to check by, as rows of :func:`control_table`."""
     rows = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "coordinates"))
     name = pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from"))
-    return rows.select(name.str.strip_prefix("point ").alias("point"), "component", "unit", "v").to_dicts()
+    return rows.select(name.str.strip_prefix("point ").alias("point"), "component", "unit", "v")
 
 
 def rms(values: FloatArray) -> float | None:

@@ -140,8 +140,8 @@ def _content(data: PageData) -> dict[str, Any]:
             )
             if rows
         ],
-        "control": control[:MOST_LISTED],
-        "control_left": max(0, len(control) - MOST_LISTED),
+        "control": control[:MOST_LISTED].to_dicts(),
+        "control_left": max(0, control.height - MOST_LISTED),
         "counts": {
             "points": data.points.height,
             "images": data.images.height,

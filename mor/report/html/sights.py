@@ -94,7 +94,7 @@ def relative_ellipses(view: View) -> pl.DataFrame:
 
 def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
     """Points with the column ``given``: control, check (kept out of the adjustment), or nothing."""
-    control = {str(row["point"]) for row in control_table(view)}
+    control = set(control_table(view)["point"].unique().to_list())
     kept_out = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "coordinates"))
     checks = {str(name) for name in kept_out["to"].to_list() + kept_out["from"].to_list() if name}
     held = points["status"].is_in(["fixed", "partly fixed"]) if "status" in points.columns else pl.Series([])

@@ -25,7 +25,7 @@ def row(point: str, component: str, v: float) -> dict[str, object]:
 def test_deviations_in_space() -> None:
     """3-4-12 makes 13; a point without a height counts in plan alone."""
     rows = [row("A", "x", 3.0), row("A", "y", -4.0), row("A", "z", 12.0), row("B", "x", 1.0)]
-    x, _, _, space = deviations(rows)
+    x, _, _, space = deviations(pl.DataFrame(rows))
     assert (x["count"], x["mean"], x["largest"]) == (2, 2.0, 3.0)
     assert x["rms"] == pytest.approx(np.sqrt(5.0))
     assert (space["component"], space["count"], space["rms"], space["mean"]) == ("3-D", 1, 13.0, None)
