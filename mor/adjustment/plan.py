@@ -83,7 +83,8 @@ def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     """
     if rays is None:
         rays = plan_rays(problem, np.zeros(0, dtype=np.int64))
-    clusters = tuple(_cluster_rows(problem, cluster) for cluster in problem.clusters)
+    offsets, widths = problem.offsets, np.array([group.observed.shape[1] for group in problem.groups])
+    clusters = tuple(_cluster_rows(offsets, widths, cluster) for cluster in problem.clusters)
     row_sets = tuple(_row_set(number, group, clusters, rays) for number, group in enumerate(problem.groups))
     remains = np.ones(problem.index.count, dtype=bool)
     remains[rays.columns] = False
@@ -131,11 +132,10 @@ def _row_set(
     return RowSet(number, rows[used], weight[used])
 
 
-def _cluster_rows(problem: Problem, cluster: Cluster) -> ClusterRows:
-    offsets = problem.offsets
+def _cluster_rows(offsets: IntArray, width_of_group: IntArray, cluster: Cluster) -> ClusterRows:
     groups = np.searchsorted(offsets, cluster.entries, side="right") - 1
     within = cluster.entries - offsets[groups]
-    widths = np.array([group.observed.shape[1] for group in problem.groups])[groups]
+    widths = width_of_group[groups]
     lower = np.linalg.cholesky(cluster.covariance)
     whitening = np.linalg.solve(lower, np.eye(len(lower)))
     return ClusterRows(groups.astype(np.int64), within // widths, within % widths, whitening)

@@ -52,13 +52,14 @@ def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlat
     group = groups[number]
     covariances = group.covariances
     assert covariances is not None
-    mask = group.group.mask
-    result = []
-    for i in range(group.group.count):
-        components = np.flatnonzero(mask[i])
-        covariance = group.transform @ covariances[i] @ group.transform.T
-        covariance = covariance[np.ix_(components, components)]
-        words = _not_positive_definite(covariance)
+    observed = [np.flatnonzero(row) for row in group.group.mask]
+    turned = [
+        (group.transform @ given @ group.transform.T)[np.ix_(components, components)]
+        for components, given in zip(observed, covariances, strict=True)
+    ]
+    flawless, result = _are_positive_definite(turned), []
+    for i, (components, covariance) in enumerate(zip(observed, turned, strict=True)):
+        words = "" if flawless else _not_positive_definite(covariance)
         if words:
             reading.problems.append(Problem(words, group.group.file, int(group.group.lines[i])))
             continue
@@ -82,11 +83,15 @@ def _by_cluster(reading: Reading, groups: list[Group], number: int) -> list[Corr
     if wrong:
         reading.problems.append(place.problem(wrong, "covariance"))
         return []
-    result = []
-    for name, own in zip(names, members, strict=True):
-        matrix = np.array([given[k] for k in own.tolist()], dtype=float)
-        covariance = _inside(groups, where[own], rows[own], components[own]).carried(matrix)
-        words = _not_positive_definite(covariance)
+    turned = [
+        _inside(groups, where[own], rows[own], components[own]).carried(
+            np.array([given[k] for k in own.tolist()], dtype=float)
+        )
+        for own in members
+    ]
+    flawless, result = _are_positive_definite(turned), []
+    for name, own, covariance in zip(names, members, turned, strict=True):
+        words = "" if flawless else _not_positive_definite(covariance)
         if words:
             reading.problems.append(place.problem(f"cluster {name!r}: {words}", "covariance"))
         result.append(Correlation(where[own], rows[own], components[own], covariance))
@@ -233,16 +238,26 @@ def _is_number(text: str) -> bool:
     return True
 
 
+def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
+    """True where nothing is wrong with any covariance matrix; those of one size are looked at together."""
+    sizes = np.array([len(matrix) for matrix in matrices], dtype=np.int64)
+    return all(
+        not _not_positive_definite(np.stack([matrices[int(k)] for k in np.flatnonzero(sizes == size)]))
+        for size in np.unique(sizes)
+    )
+
+
 def _not_positive_definite(matrix: FloatArray) -> str:
-    """What is wrong with a covariance matrix, in words; empty where nothing is."""
+    """What is wrong with a covariance matrix (…, n, n), or with one of several, in words; empty where nothing is."""
+    variances = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"
-    if (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix)).any():
+    if (np.abs(matrix - matrix.swapaxes(-2, -1)) > 1e-9 * np.abs(matrix)).any():
         return "the covariance matrix is not symmetric"
-    if (np.diagonal(matrix) <= 0.0).any():
+    if (variances <= 0.0).any():
         words = "a variance, or the σ instead of it, is zero, negative or missing"
         return f"the covariance matrix is not positive definite: {words}"
-    if not ((np.diagonal(matrix) >= SMALLEST_SIGMA**2) & (np.diagonal(matrix) <= LARGEST**2)).all():
+    if not ((variances >= SMALLEST_SIGMA**2) & (variances <= LARGEST**2)).all():
         return f"the covariance matrix has a σ outside of {SMALLEST_SIGMA:g} to {LARGEST:g}"
     try:
         np.linalg.cholesky(matrix)

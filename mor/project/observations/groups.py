@@ -187,9 +187,12 @@ def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
         number, own = split(text)
         if own:
             raise UnitError(f"found {text!r}, expected a plain number in the square of the unit of {a.name}")
-        return number * reading.edge.factor(a.quantity, unit) * reading.edge.factor(b.quantity, unit)
+        return number * factor(unit)
 
-    return Column(f"cov_{a.name}_{b.name}", parse=parse)
+    def factor(unit: str) -> float:
+        return reading.edge.factor(a.quantity, unit) * reading.edge.factor(b.quantity, unit)
+
+    return Column(f"cov_{a.name}_{b.name}", parse=parse, factor=factor)
 
 
 def _plain_group(
