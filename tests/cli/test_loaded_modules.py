@@ -72,3 +72,11 @@ def test_import_mor_loads_nothing():
     text = "import sys, mor\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) & {"numpy", "scipy", "polars", "pydantic", "yaml", "click"} == set()
+
+
+def test_a_batch_begins_without_loading_what_its_processes_do():
+    text = "import sys, mor.planning.batch, mor.report.batch.files, mor.report.results.json_text\n"
+    done = subprocess.run(
+        [sys.executable, "-c", text + "print(*sys.modules)"], capture_output=True, text=True, check=True
+    )
+    assert set(done.stdout.split()) & {"polars", "scipy", "pydantic", "mor.adjustment"} == set()
