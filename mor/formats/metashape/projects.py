@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
 from pathlib import Path
 
 from mor.errors import InputError, Problem
-from mor.formats.metashape.tie_points import ARCHIVE
+from mor.formats.metashape.tie_points import ARCHIVE, UNREADABLE
 from mor.formats.xml import Element, parse_xml
 from mor.input_files import PROJECT, check_size, read_bytes
 
@@ -66,14 +65,6 @@ def _document(content: bytes, path: Path) -> bytes:
             return archive.read(_DOCUMENT)
     except KeyError:
         words = f"found no {_DOCUMENT} in this archive, expected a project of Metashape"
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-        EOFError,
-        OSError,
-        ValueError,
-    ) as error:
+    except UNREADABLE as error:
         words = f"this archive cannot be read: {error}"
     raise InputError([Problem(words, str(path))])

@@ -26,6 +26,16 @@ from mor.input_files import TABLE, check_size
 
 ARCHIVE = "archive"
 """Attribute of a point cloud: the archive its files are in."""
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+)
+"""What a damaged archive raises."""
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
@@ -67,15 +77,7 @@ def read_tie_points(cloud: Element, path: Path) -> TiePoints:
                 (one.attributes.get("camera_id", ""), _vertices(files, one, archive, "xy"))
                 for one in cloud.all("projections")
             ]
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-        EOFError,
-        OSError,
-        ValueError,
-    ) as error:
+    except UNREADABLE as error:
         raise InputError([Problem(f"this archive cannot be read: {error}", str(archive))]) from None
     numbers = np.concatenate([np.zeros(0, dtype=np.int64), *(_column(one, "id") for one in points)])
     xyz = np.concatenate([np.zeros((0, 3)), *(_coordinates(one, "xyz") for one in points)])

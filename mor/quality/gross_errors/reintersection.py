@@ -17,6 +17,8 @@ from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import cost_of_residuals
 
+SUSPECT = 4.5
+"""|v|/σ beyond which an observation is looked at: nothing is decided by it."""
 _POINTS = 20
 """Points that are looked at, the worst first."""
 _SIGHTS = 8
@@ -35,14 +37,12 @@ class _Sights(NamedTuple):
     """Of the point."""
 
 
-def reintersected(
-    problem: Problem, values: Values, sizes: tuple[FloatArray, ...], limit: float
-) -> dict[str, FloatArray]:
-    """Values with points moved whose sights, |v|/σ (n, m) of each group in ``sizes``, are partly beyond a limit."""
+def reintersected(problem: Problem, values: Values, sizes: tuple[FloatArray, ...]) -> dict[str, FloatArray]:
+    """Values with points moved of whose sights, |v|/σ (n, m) of each group in ``sizes``, some are suspect."""
     points = values["point"].copy()
     columns = problem.index.columns["point"]
     middle = np.nanmedian(points, axis=0)
-    for point in _suspected(problem, sizes, limit):
+    for point in _suspected(problem, sizes):
         sights = _sights_to(problem, point)
         if (columns[point] >= 0).any() and sum(len(one.rows) for one in sights) >= _LEAST:
             found = _best(
@@ -84,14 +84,14 @@ def _slot_of_target(group: ObservationGroup) -> int | None:
     return targets[0] if targets else None
 
 
-def _suspected(problem: Problem, sizes: tuple[FloatArray, ...], limit: float) -> list[int]:
+def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
     worst = np.zeros(len(problem.index.columns["point"]))
     for group, size in zip(problem.groups, sizes, strict=True):
         slot = _slot_of_target(group)
         if slot is not None:
             np.maximum.at(worst, group.blocks[slot], size.max(axis=1, initial=0.0))
     order = np.argsort(-worst, kind="stable")[:_POINTS]
-    return [int(k) for k in order if worst[k] > limit]
+    return [int(k) for k in order if worst[k] > SUSPECT]
 
 
 def _sights_to(problem: Problem, point: int) -> list[_Sights]:

@@ -28,8 +28,6 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 SUSPECT = "what is observed of it contradicts the rest or itself"
 """Reason why a thing is left out."""
-_DOES_NOT_FIT = 4.5
-"""|v|/σ beyond which a sight does not fit its point: nothing is decided by it."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
 _MANY = 3
@@ -128,7 +126,7 @@ def _with_points_moved(problem: Problem, found: Graduated, watch: Watcher | None
     """
     if "point" not in problem.index.blocks:
         return found
-    moved = reintersected(problem, found.values, found.sizes, _DOES_NOT_FIT)
+    moved = reintersected(problem, found.values, found.sizes)
     if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
         return found
     other = graduated_weights(problem, moved, watch)

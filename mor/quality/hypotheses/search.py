@@ -32,7 +32,7 @@ from mor.quality.hypotheses.mistakes.names import name_hypotheses
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.rejection import LEVEL, nothing_is_left
-from mor.quality.hypotheses.situation import SUSPECT, Begin, Make, Situation, fit_of, sizes_of
+from mor.quality.hypotheses.situation import Begin, Make, Situation, fit_of, sizes_of
 from mor.quality.hypotheses.trying import tried
 
 OFFERED = 5
@@ -236,4 +236,4 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     best = known[int(np.argmin(costs))]
     if problem.observations > SMALL:
         return best
-    return reintersected(problem, best, sizes_of(problem.groups, best), SUSPECT)
+    return reintersected(problem, best, sizes_of(problem.groups, best))

@@ -22,13 +22,12 @@ from mor.quality.gross_errors.description_length import (
     price_of_gross_error,
 )
 from mor.quality.gross_errors.graduated_weights import robust_scales
+from mor.quality.gross_errors.reintersection import SUSPECT
 from mor.quality.hypotheses.effort import SMALL, Effort
 from mor.quality.hypotheses.hypothesis import Fit
 
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
-SUSPECT = 4.5
-"""|v|/σ beyond which an observation is looked at: nothing is decided by it."""
 
 
 Make = Callable[[Network, Values, Values], Problem]

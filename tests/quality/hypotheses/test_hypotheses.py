@@ -22,7 +22,7 @@ from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
 from mor.quality.hypotheses.rejection import is_rejected
-from mor.quality.hypotheses.situation import SUSPECT, Situation, sizes_of
+from mor.quality.hypotheses.situation import Situation, sizes_of
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 from tests.planted_mistakes.trial import trial
@@ -109,7 +109,7 @@ def test_a_point_is_intersected_where_most_of_its_sights_have_it(tmp_path: Path)
     wrong = replace(problem, groups=(replace(problem.groups[0], observed=observed), *problem.groups[1:]))
     moved = {**values, "point": values["point"].copy()}
     moved["point"][point] += 0.4
-    found = reintersected(wrong, moved, sizes_of(wrong.groups, moved), SUSPECT)["point"]
+    found = reintersected(wrong, moved, sizes_of(wrong.groups, moved))["point"]
     assert np.abs(found[point] - values["point"][point]).max() < 2e-3
     others = np.arange(len(found)) != point
     assert np.array_equal(found[others], moved["point"][others])
