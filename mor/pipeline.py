@@ -37,6 +37,7 @@ from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.gross_errors.suspects import (
     SUSPECT,
+    Rescued,
     Suspects,
     left_out,
     lost_blocks,
@@ -103,13 +104,15 @@ def _solved(
     looking: Looking,
 ) -> Solved:
     settings = network.project.settings
-    rescued: list[tuple[Adjustment, Suspects]] = []
+    rescued: list[Rescued] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         with one_thread():
             network, start = _started(network, looking)
         whole = network
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
-    suspects = next((left for found, left in rescued if found is adjustment), None)
+    rescue = next((one for one in rescued if one.adjustment is adjustment), None)
+    suspects = rescue.suspects if rescue is not None else None
+    led = rescue.led if rescue is not None else None
     plain = suspects.plain if suspects is not None else adjustment
 
     def possible_causes(quality: Quality | None) -> Causes:
@@ -119,7 +122,9 @@ def _solved(
         from mor.quality.hypotheses.search import causes  # loaded where it is needed, which takes its time
 
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
-            return causes(whole, start, plain, solution, quality, make_problem, start_or_nothing, looking)
+            return causes(
+                whole, start, plain, solution, quality, make_problem, start_or_nothing, looking, led
+            )
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
@@ -159,18 +164,17 @@ def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, 
         raise NoStartValuesError(error.things, error.remarks, said, found.offered) from None
 
 
-def _without_gross_errors(
-    network: Network, adjustment: Adjustment, watch: Watcher | None
-) -> tuple[Adjustment, Suspects | None]:
-    """A solution without gross errors, where all observations together have none."""
+def _without_gross_errors(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Rescued | None:
+    """A solution without gross errors, where all observations together have none; nothing where they have one."""
     plain = adjustment.outcome
     if plain is Outcome.SINGULAR and not adjustment.iterations:
-        return adjustment, None
+        return None
     if plain in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(adjustment):
-        return adjustment, None
+        return None
     settings = Settings(network.project.settings.max_iterations)
-    found, suspects = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
-    return _with_settled_sigma(network, found, watch, suspects), suspects
+    found = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
+    settled = _with_settled_sigma(network, found.adjustment, watch, found.suspects)
+    return found._replace(adjustment=settled)
 
 
 def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
@@ -230,12 +234,10 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
         raise InputError([Mistake(f"{words} ({movements})")])
 
 
-def _means(
-    settings: ProjectSettings, watch: Watcher | None, rescued: list[tuple[Adjustment, Suspects]]
-) -> Means:
+def _means(settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescued]) -> Means:
     """How networks with these settings become problems and are solved.
 
-    To ``rescued`` come the solutions that some observations had to be left out for, and which these are.
+    To ``rescued`` come the solutions that graduated weights were asked for, and the suspects among the observations.
     """
 
     def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
@@ -245,13 +247,16 @@ def _means(
         except NotFiniteError:
             raise InputError(_undefined(problem, start)) from None
         adjustment = _with_settled_sigma(network, adjustment, watch)
-        adjustment, suspects = _without_gross_errors(network, adjustment, watch)
-        if suspects is not None:
-            rescued.append((adjustment, suspects))
-        return adjustment
+        found = _without_gross_errors(network, adjustment, watch)
+        if found is None:
+            return adjustment
+        rescued.append(found)
+        return found.adjustment
 
     def complete(adjustment: Adjustment) -> bool:
-        return adjustment.outcome.is_solution and all(found is not adjustment for found, _ in rescued)
+        return adjustment.outcome.is_solution and all(
+            one.adjustment is not adjustment or one.suspects is None for one in rescued
+        )
 
     return Means(
         lambda network, start: make_problem(network, start, start),

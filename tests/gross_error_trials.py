@@ -60,7 +60,7 @@ def adjusted(
     middle = time.process_time()
     if plain.outcome is Outcome.CONVERGED and not may_be_absurd(plain):
         return plain, None, 1.0
-    found, suspects = without_suspects(plain)
+    found, suspects, _ = without_suspects(plain)
     return found, suspects, (time.process_time() - begin) / max(middle - begin, 1e-9)
 
 

@@ -26,6 +26,8 @@ _SIGHTS = 8
 _LEAST = 3
 """Sights that are needed: two always meet."""
 _ITERATIONS = 8
+_SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
+"""Part of the largest singular value of two sights below which they do not tell a direction."""
 
 
 class _Sights(NamedTuple):
@@ -69,10 +71,7 @@ def costs_at_places(problem: Problem, values: Values, point: int, places: FloatA
     sights = _sights_to(problem, point)
     if not sights:
         return np.zeros(len(places))
-    count = problem.observations
-    found = [cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count) for place in places]
-    costs: FloatArray = np.nan_to_num(np.array(found), nan=np.inf)
-    return costs
+    return _costs(sights, values, places, problem.observations)
 
 
 def _slot_of_target(group: ObservationGroup) -> int | None:
@@ -109,41 +108,49 @@ def _best(
     sights: list[_Sights], values: Values, begins: list[FloatArray], count: int, places: list[FloatArray]
 ) -> FloatArray:
     """The place (3,) among all intersections, and some further places, that costs least."""
-
-    def cost(place: FloatArray) -> float:
-        own = cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count)
-        return own if np.isfinite(own) else np.inf
-
-    total = sum(len(one.rows) for one in sights)
-    places = list(places)
-    for pair in combinations(range(total), 2):
-        places += [_intersected(sights, values, begin, list(pair)) for begin in begins]
-    return min(places, key=cost)
+    pairs = np.array(list(combinations(range(sum(len(one.rows) for one in sights)), 2)), dtype=np.int64)
+    begun = np.tile(np.array(begins), (len(pairs), 1))
+    met = _intersected(sights, values, begun, np.repeat(pairs, len(begins), axis=0))
+    every = np.concatenate([np.array(places).reshape(-1, 3), met])
+    best: FloatArray = every[int(np.argmin(_costs(sights, values, every, count)))]
+    return best
 
 
-def _intersected(sights: list[_Sights], values: Values, begin: FloatArray, pair: list[int]) -> FloatArray:
-    """Least squares (Gauss–Newton) of two sights."""
-    place = begin
+def _costs(sights: list[_Sights], values: Values, places: FloatArray, count: int) -> FloatArray:
+    """(p,) what the sights of a point cost if it were at places (p, 3); ∞ where they have no value."""
+    sizes = np.abs(_residuals(sights, values, places)[0])
+    found: FloatArray = np.array([cost_of_residuals([size], count) for size in sizes])
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def _intersected(sights: list[_Sights], values: Values, begins: FloatArray, pairs: IntArray) -> FloatArray:
+    """Least squares (Gauss–Newton) of two sights each: places (p, 3) from as many beginnings, and pairs (p, 2).
+
+    Where an iteration comes to where a sight has no value, the place is where it began.
+    """
+    places, goes_on = begins.copy(), np.arange(len(begins))
     for _ in range(_ITERATIONS):
-        residuals, jacobian = _residuals(sights, values, place)
-        if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
-            return begin
-        step = np.linalg.lstsq(jacobian[pair].reshape(-1, 3), residuals[pair].ravel(), rcond=None)[0]
-        place = place + step
-    return place
+        residuals, jacobians = _residuals(sights, values, places[goes_on])
+        sound = np.isfinite(residuals).all(axis=(1, 2)) & np.isfinite(jacobians).all(axis=(1, 2, 3))
+        places[goes_on[~sound]] = begins[goes_on[~sound]]
+        goes_on, at = goes_on[sound], np.flatnonzero(sound)[:, None]
+        of_two = jacobians[at, pairs[goes_on]].reshape(-1, 4, 3), residuals[at, pairs[goes_on]].reshape(-1, 4)
+        places[goes_on] += np.einsum("pij,pj->pi", np.linalg.pinv(of_two[0], rcond=_SINGULAR), of_two[1])
+    return places
 
 
-def _residuals(sights: list[_Sights], values: Values, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(observed − computed)/σ (k, 2) of sights to the point at a place, and the derivatives (k, 2, 3) of the latter."""
+def _residuals(sights: list[_Sights], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(observed − computed)/σ (p, k, 2) of sights to the point at places (p, 3), and its derivatives (p, k, 2, 3)."""
     misclosures, jacobians = [], []
     for group, rows, slot in sights:
-        blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
-        blocks[slot] = np.repeat(place[None], len(rows), axis=0)
+        every = np.tile(rows, len(places))
+        blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+        blocks[slot] = np.repeat(places, len(rows), axis=0)
         with np.errstate(all="ignore"):
-            equation = group.type.equation(blocks, group.constants[rows])
-        difference = group.observed[rows] - equation.values
+            equation = group.type.equation(blocks, group.constants[every])
+        difference = group.observed[every] - equation.values
         difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
-        sigma = group.given_sigma[rows]
-        misclosures.append(difference / sigma)
-        jacobians.append(equation.jacobians[slot] / sigma[:, :, None])
-    return np.concatenate(misclosures), np.concatenate(jacobians)
+        sigma = group.given_sigma[every]
+        misclosures.append((difference / sigma).reshape(len(places), len(rows), 2))
+        jacobians.append((equation.jacobians[slot] / sigma[:, :, None]).reshape(len(places), len(rows), 2, 3))
+    return np.concatenate(misclosures, axis=1), np.concatenate(jacobians, axis=1)

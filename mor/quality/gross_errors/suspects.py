@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import betaln, gammaln
@@ -18,7 +19,7 @@ from mor.adjustment.reweighting import normalised_misclosures
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
-from mor.parameters.index import Blocks, index_unknowns
+from mor.parameters.index import Blocks, Values, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import Graduated, graduated_weights, robust_scales
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
@@ -65,6 +66,15 @@ class Suspects:
         return _count(self.masks)
 
 
+class Rescued(NamedTuple):
+    """What there is in place of a plain adjustment that has no solution, or an absurd one."""
+
+    adjustment: Adjustment
+    suspects: Suspects | None
+    led: Values
+    """Where graduated weights lead from the start values."""
+
+
 def may_be_absurd(adjustment: Adjustment) -> bool:
     """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
     problem = adjustment.problem
@@ -76,7 +86,7 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
 
 def without_suspects(
     plain: Adjustment, settings: Settings | None = None, watch: Watcher | None = None
-) -> tuple[Adjustment, Suspects | None]:
+) -> Rescued:
     """A solution in place of a plain adjustment that has none, or an absurd one.
 
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
@@ -89,6 +99,13 @@ def without_suspects(
     """
     problem = plain.problem
     found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), watch)
+    return Rescued(*_rescued(plain, found, settings, watch), found.values)
+
+
+def _rescued(
+    plain: Adjustment, found: Graduated, settings: Settings | None, watch: Watcher | None
+) -> tuple[Adjustment, Suspects | None]:
+    problem = plain.problem
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return plain, None

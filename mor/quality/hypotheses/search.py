@@ -161,11 +161,13 @@ def causes(
     make: Make,
     begin: Begin,
     looking: Looking = ignore_looking,
+    led: Values | None = None,
 ) -> Causes:
     """What may be wrong with a network whose ``plain`` adjustment did not end well, or is rejected.
 
     ``start`` are the start values of the whole of it, of which some things may have been left out. ``solution`` is the
-    adjustment there is in the end, without suspects it may be, and ``quality`` its quality.
+    adjustment there is in the end, without suspects it may be, and ``quality`` its quality. ``led`` is where graduated
+    weights lead from the start values of ``plain``, where that is known.
     """
     if not plain.problem.index.count:
         return Causes()
@@ -183,7 +185,7 @@ def causes(
         solution = None  # of a network without some of its things: what is wrong may be with them
         values = _graduated(make(network, start, start), start)
     else:
-        values = _where_most_fit(plain, solution)
+        values = _where_most_fit(plain, solution, led)
     situation = Situation(network, start, values, solution, make, begin, effort)
     return possible_causes(situation, _before(situation, plain))
 
@@ -222,7 +224,7 @@ def _graduated(problem: Problem, begin: Values) -> Values:
         return graduated_weights(problem, begin).values
 
 
-def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
+def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values | None) -> Values:
     """The solution, or where graduated weights lead from the start values or from it: what costs least."""
     problem = plain.problem
     if solution is not None and problem.observations > SMALL:
@@ -231,7 +233,7 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None) -> Values:
     if solution is plain:
         known.append(_graduated(problem, plain.values))
     if solution is None or solution is plain:
-        known.append(_graduated(problem, plain.start))
+        known.append(_graduated(problem, plain.start) if led is None else led)
     costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
     best = known[int(np.argmin(costs))]
     if problem.observations > SMALL:
