@@ -17,8 +17,8 @@ def row(name: str, found: list[Trial]) -> str:
     blamed = sum(bool(one.offered) and one.place != 0 and one.outcome != "input" for one in found)
     codes = Counter(one.code for one in found)
     said = ", ".join(f"{code}: {count}" for code, count in sorted(codes.items()))
-    rejected = sum(one.rejected for one in found)
-    return f"| {name} | {len(found)} | {rejected} | {first} | {among} | {blamed} | {said} |"
+    visible = sum(one.visible for one in found)
+    return f"| {name} | {len(found)} | {visible} | {first} | {among} | {blamed} | {said} |"
 
 
 def main() -> None:
@@ -42,7 +42,7 @@ def main() -> None:
             f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis"
         )
         return
-    print("| mistake | cases | rejected | right cause first | among three | another one first | exit codes |")
+    print("| mistake | cases | visible | right cause first | among three | another one first | exit codes |")
     print("|---|---|---|---|---|---|---|")
     everything: list[Trial] = []
     for kind in chosen.kind or KINDS:
@@ -54,6 +54,7 @@ def main() -> None:
                 if one.place != 0:
                     print("   ", seed, *one[1:6], one.place, *one.offered[:4], sep="; ")
     print(row("all", everything))
+    print(row("of these: visible", [one for one in everything if one.visible]))
     solved = [one for one in everything if one.outcome == "converged"]
     print(row("of these: the plain adjustment converges", solved))
     print(row("of these: it does not, or cannot begin", [o for o in everything if o.outcome != "converged"]))
