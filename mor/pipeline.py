@@ -45,7 +45,7 @@ from mor.quality.gross_errors.suspects import (
     without_suspects,
 )
 from mor.quality.hypotheses.hypothesis import Causes, Looking, ignore_looking
-from mor.quality.hypotheses.rejection import is_rejected
+from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.plausibility.looking import implausible
 from mor.quality.precision.image_poses import with_poses
 from mor.quality.solved import Solved
@@ -117,14 +117,19 @@ def _solved(
 
     def possible_causes(quality: Quality | None) -> Causes:
         solution = adjustment if adjustment.outcome.is_solution else None
-        if solution is plain and quality is not None and not is_rejected(quality, network):
+        told = Rejection.LARGER  # where there is no solution, or none of all observations
+        if solution is plain and quality is not None:
+            told = rejection(quality, network)
+        if told is Rejection.NOTHING:
             return Causes()
-        from mor.quality.hypotheses.search import causes  # loaded where it is needed, which takes its time
+        from mor.quality.hypotheses.search import (
+            Ended,
+            causes,
+        )  # loaded where it is needed, which takes its time
 
+        ended = Ended(plain, solution, quality, told, led)
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
-            return causes(
-                whole, start, plain, solution, quality, make_problem, start_or_nothing, looking, led
-            )
+            return causes(whole, start, ended, make_problem, start_or_nothing, looking)
 
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:

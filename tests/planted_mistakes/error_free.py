@@ -10,7 +10,7 @@ import numpy as np
 
 from mor import pipeline
 from mor.project.network.build import Network
-from mor.quality.hypotheses.rejection import is_rejected
+from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 
@@ -38,5 +38,7 @@ def rates(name: str, count: int) -> tuple[int, int, int]:
     """Projects, those in which something was rejected so that hypotheses were tried, and those with one offered."""
     solved = sound(name)
     found = [pipeline.solve_network(with_noise(solved, seed)) for seed in range(count)]
-    rejected = sum(one.quality is None or is_rejected(one.quality, one.network) for one in found)
+    rejected = sum(
+        one.quality is None or rejection(one.quality, one.network) is not Rejection.NOTHING for one in found
+    )
     return count, rejected, sum(bool(one.causes) for one in found)

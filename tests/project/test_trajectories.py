@@ -233,7 +233,7 @@ def test_a_knot_that_nothing_observes_is_named(tmp_path: Path) -> None:
 def test_smoothness_bridges_knots_without_attitudes(tmp_path: Path) -> None:
     text = (STRIP / P).read_text(encoding="utf-8")
     ins = text[text.index("  - type: trajectory_attitude") : text.index("  - type: image")]
-    smooth = "spacing: 1 s\n    smoothness: {attitude: 0.05 deg/s^2}"
+    smooth = "spacing: 1 s\n    smoothness: {attitude: 0.5 deg/s^2}"
     other = text.replace(ins, "").replace("spacing: 1 s", smooth)
     other = other[: other.index("  ins:\n")] + other[other.index("observations:\n") :]
     path = strip(tmp_path)

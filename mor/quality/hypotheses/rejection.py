@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 
 from mor.project.network.build import Network
@@ -16,16 +18,26 @@ LEVEL = 1e-3
 """Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 
 
-def is_rejected(quality: Quality, network: Network) -> bool:
-    """True where a test of the verdict rejects at ``LEVEL``: of all, of single observations, or of groups."""
+class Rejection(Enum):
+    """What the tests of the verdict reject at ``LEVEL``: of all, of single observations, or of groups."""
+
+    NOTHING = "nothing"
+    SMALLER = "residuals smaller than their sigma says, and nothing else"
+    LARGER = "residuals larger than their sigma says"
+
+
+def rejection(quality: Quality, network: Network) -> Rejection:
+    """What is rejected, and to which side."""
     freedom = float(quality.redundancy)
-    if freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL):
-        return True
-    if _largest(quality) < np.log(LEVEL):
-        return True
+    overall = freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL)
+    if (overall and quality.omega > freedom) or _largest(quality) < np.log(LEVEL):
+        return Rejection.LARGER
     tests = group_tests(quality, network)
     limit = np.log(sidak(LEVEL, len(tests.tests)))
-    return any(test.log_p < limit for test in tests.rejected)
+    rejected = [test for test in tests.rejected if test.log_p < limit]
+    if any(test.factor > 1.0 for test in rejected):
+        return Rejection.LARGER
+    return Rejection.SMALLER if rejected or overall else Rejection.NOTHING
 
 
 def _two_sided(omega: float, freedom: float) -> float:

@@ -31,7 +31,7 @@ from mor.quality.hypotheses.mistakes.levelling import levelling_hypotheses
 from mor.quality.hypotheses.mistakes.names import name_hypotheses
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.rejection import LEVEL, nothing_is_left
+from mor.quality.hypotheses.rejection import LEVEL, Rejection, nothing_is_left
 from mor.quality.hypotheses.situation import Begin, Make, Situation, fit_of, sizes_of
 from mor.quality.hypotheses.trying import tried
 
@@ -90,6 +90,8 @@ def possible_causes(situation: Situation, before: Before) -> Causes:
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     """Families that are asked together: those of a whole first where most observations do not fit, else last."""
+    if not situation.larger:
+        return (OF_SIGMAS,)  # no other mistake makes residuals smaller
     if not situation.settled:
         return OF_SIGMAS, OF_A_WHOLE
     if situation.most_do_not_fit:
@@ -152,27 +154,40 @@ def _before(situation: Situation, plain: Adjustment) -> Before:
     return Before(objective, compared, freedom)
 
 
+class Ended(NamedTuple):
+    """How the adjustment of a network ended, in which something is wrong."""
+
+    plain: Adjustment
+    """That of all observations."""
+    solution: Adjustment | None
+    """The adjustment there is in the end, without suspects it may be."""
+    quality: Quality | None
+    """That of the solution."""
+    rejected: Rejection = Rejection.LARGER
+    led: Values | None = None
+    """Where graduated weights lead from the start values of the plain one, where that is known."""
+
+
 def causes(
     network: Network,
     start: Values,
-    plain: Adjustment,
-    solution: Adjustment | None,
-    quality: Quality | None,
+    ended: Ended,
     make: Make,
     begin: Begin,
     looking: Looking = ignore_looking,
-    led: Values | None = None,
 ) -> Causes:
-    """What may be wrong with a network whose ``plain`` adjustment did not end well, or is rejected.
+    """What may be wrong with a network whose plain adjustment did not end well, or is rejected.
 
-    ``start`` are the start values of the whole of it, of which some things may have been left out. ``solution`` is the
-    adjustment there is in the end, without suspects it may be, and ``quality`` its quality. ``led`` is where graduated
-    weights lead from the start values of ``plain``, where that is known.
+    ``start`` are the start values of the whole of it, of which some things may have been left out.
     """
+    plain, solution = ended.plain, ended.solution
     if not plain.problem.index.count:
         return Causes()
     effort = allowed(network.observations, looking)
-    useless = plain.outcome is Outcome.CONVERGED and quality is None  # no number of it can be relied on
+    if ended.rejected is Rejection.SMALLER and solution is not None:
+        situation = Situation(network, start, solution.values, solution, make, begin, effort, larger=False)
+        return possible_causes(situation, _before(situation, plain))
+    useless = plain.outcome is Outcome.CONVERGED and ended.quality is None  # no number of it can be relied on
     if useless or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
         situation = Situation(network, start, start, None, make, begin, effort, settled=False)
         if not useless and fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
@@ -185,7 +200,7 @@ def causes(
         solution = None  # of a network without some of its things: what is wrong may be with them
         values = _graduated(make(network, start, start), start)
     else:
-        values = _where_most_fit(plain, solution, led)
+        values = _where_most_fit(plain, solution, ended.led)
     situation = Situation(network, start, values, solution, make, begin, effort)
     return possible_causes(situation, _before(situation, plain))
 

@@ -53,6 +53,8 @@ class Situation:
 
     settled: bool = True
     """False where the values are start values, and nothing is known of where most observations fit."""
+    larger: bool = True
+    """False where all that is rejected is smaller than its σ says."""
 
     @cached_property
     def sizes(self) -> tuple[FloatArray, ...]:

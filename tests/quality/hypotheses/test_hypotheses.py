@@ -21,7 +21,7 @@ from mor.quality.gross_errors.reintersection import _slot_of_target, reintersect
 from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
-from mor.quality.hypotheses.rejection import is_rejected
+from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.hypotheses.situation import Situation, sizes_of
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
@@ -59,7 +59,7 @@ def test_a_planted_mistake_is_the_first_hypothesis(kind: str, seed: int) -> None
 def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) -> None:
     solved = _solved(survey(name).write(tmp_path))
     assert solved.quality is not None
-    assert not is_rejected(solved.quality, solved.network)
+    assert rejection(solved.quality, solved.network) is Rejection.NOTHING
     assert solved.causes == ()
 
 
@@ -69,7 +69,7 @@ def test_a_rejected_network_with_checks(tmp_path: Path) -> None:
     )
     solved = _solved(write(tmp_path, LEVELLING.replace("1.002", "1.102") + check))
     assert solved.quality is not None
-    assert is_rejected(solved.quality, solved.network)
+    assert rejection(solved.quality, solved.network) is Rejection.LARGER
 
 
 def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Path) -> None:
