@@ -24,27 +24,30 @@ _FACTOR_OF_UNITS = 1e3
 
 
 def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
-    """Groups whose σ nobody has, or whose residuals in units of their σ are near to the factor between two units."""
-    return [
-        h
+    """Groups whose σ nobody has; without any, those whose residuals are near to the factor between two units.
+
+    As long as a σ is one that nobody has, residuals in units of others say nothing.
+    """
+    groups = [
+        (number, group, int(np.count_nonzero(group.mask & ~group.left_out)))
         for number, group in enumerate(situation.network.groups)
-        for h in _of_group(situation, number, group)
     ]
+    groups = [one for one in groups if one[2] >= _AT_LEAST]
+    found = []
+    for number, group, _ in groups:
+        beyond = beyond_any_instrument(situation.network, group)
+        if beyond:  # what such a σ says of how likely residuals are counts for nothing
+            found.append(_hypothesis(number, group.name, _FACTOR_OF_UNITS**beyond, 0))
+    return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
-def _of_group(situation: Situation, number: int, group: ObservationGroup) -> Iterator[Hypothesis]:
+def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
+    group = situation.network.groups[number]
     used = group.mask & ~group.left_out
-    count = int(np.count_nonzero(used))
-    if count < _AT_LEAST:
-        return
-    beyond = beyond_any_instrument(situation.network, group)
-    if beyond:
-        # What such a σ says of how likely residuals are counts for nothing.
-        yield _hypothesis(number, group.name, _FACTOR_OF_UNITS**beyond, 0)
     scales = [_scale(sizes, used) for sizes in _sizes(situation, number, group)]
     for factor in _FACTORS:
         near = _NEAR if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
-        if any(1.0 / near < scale / factor < _NEAR for scale in scales) and not beyond:
+        if any(1.0 / near < scale / factor < near for scale in scales):
             yield _hypothesis(number, group.name, factor, count)
 
 
