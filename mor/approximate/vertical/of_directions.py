@@ -29,6 +29,8 @@ _SAMPLES = 600
 _REFINED = 8
 _STEPS = 15
 _DIFFERENCE = 1e-6
+_DAMPING = 1e-8
+"""Added to the squares of the derivatives: a turn that nothing tells is not made."""
 _REWEIGHTED = 5
 
 
@@ -74,8 +76,9 @@ def vertical_of_directions(sets: list[HorizontalSet], angles: Angles) -> Vertica
     flat = np.sqrt(1.0 - z**2)
     ups = np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
     order = np.argsort(_objectives(_residuals(ups, sets, angles), 10.0 * PRECISION), kind="stable")
-    found = sorted((_refined(up, sets, angles) for up in ups[order[:_REFINED]]), key=lambda one: one[0])
-    return _judged(found, sets, angles)
+    objectives, ups = _refined(ups[order[:_REFINED]], sets, angles)
+    order = np.argsort(objectives, kind="stable")
+    return _judged(objectives[order], ups[order], sets, angles)
 
 
 def _taken(one: HorizontalSet) -> int:
@@ -84,50 +87,53 @@ def _taken(one: HorizontalSet) -> int:
 
 
 def _judged(
-    found: list[tuple[float, FloatArray]], sets: list[HorizontalSet], angles: Angles
+    objectives: FloatArray, ups: FloatArray, sets: list[HorizontalSet], angles: Angles
 ) -> Vertical | None:
-    objective, up = found[0]
-    residuals = _residuals(up[None], sets, angles)[0]
-    agreeing = int(np.count_nonzero(np.abs(residuals) < FITS))
+    """The first of verticals (k, 3), with objectives (k,) in ascending order."""
+    up = ups[0]
+    residuals = _residuals(ups[:1], sets, angles)
+    agrees = np.abs(residuals[0]) < FITS
+    agreeing = int(np.count_nonzero(agrees))
     redundancy = agreeing - sum(_taken(one) for one in sets) - 2
-    others = [one for one in found[1:] if one[0] < objective + CLEAR]
-    alone = all(np.linalg.norm(np.cross(one[1], up)) < APART and one[1] @ up > 0.0 for one in others)
-    rows = _derivatives(up, sets, angles, residuals)[np.abs(residuals) < FITS]
+    others = ups[1:][objectives[1:] < objectives[0] + CLEAR]
+    alone = all(np.linalg.norm(np.cross(other, up)) < APART and other @ up > 0.0 for other in others)
+    rows = _derivatives(ups[:1], sets, angles, residuals)[0][agrees]
     least = float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) > 1 else 0.0
     sigma = PRECISION / least if least > 0.0 else np.inf
     return Vertical(up, agreeing, redundancy, sigma, alone) if redundancy >= 0 else None
 
 
-def _refined(up: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tuple[float, FloatArray]:
-    """Objective and vertical at the minimum near a vertical; residuals that are large count less."""
-    residuals = _residuals(up[None], sets, angles)[0]
+def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tuple[FloatArray, FloatArray]:
+    """Objectives (k,) and verticals (k, 3) at the minima near verticals; residuals that are large count less."""
+    residuals = _residuals(ups, sets, angles)
     for step in range(_STEPS):
         width = max(PRECISION, 10.0 * PRECISION * 0.5**step)
         root = 1.0 / np.hypot(1.0, residuals / width)
-        rows = _derivatives(up, sets, angles, residuals) * root[:, None]
-        turn = -np.linalg.lstsq(
-            np.concatenate([rows, 1e-4 * np.eye(2)]), np.append(root * residuals, [0.0, 0.0]), rcond=None
-        )[0]
-        up = _tilted(up, np.clip(turn, -0.2, 0.2))
-        residuals = _residuals(up[None], sets, angles)[0]
-        if width == PRECISION and float(np.abs(turn).max()) < 1e-9:
+        rows = _derivatives(ups, sets, angles, residuals) * root[..., None]
+        matrix = np.swapaxes(rows, 1, 2) @ rows + _DAMPING * np.eye(2)
+        turns = -np.linalg.solve(matrix, np.swapaxes(rows, 1, 2) @ (root * residuals)[..., None])[..., 0]
+        ups = _tilted(ups, np.clip(turns, -0.2, 0.2))
+        residuals = _residuals(ups, sets, angles)
+        if width == PRECISION and float(np.abs(turns).max()) < 1e-9:
             break
-    return float(_objectives(residuals[None], PRECISION)[0]), up
+    return _objectives(residuals, PRECISION), ups
 
 
 def _derivatives(
-    up: FloatArray, sets: list[HorizontalSet], angles: Angles, residuals: FloatArray
+    ups: FloatArray, sets: list[HorizontalSet], angles: Angles, residuals: FloatArray
 ) -> FloatArray:
-    """(n, 2) of the residuals by the two tilts of the vertical."""
-    there = np.stack([_tilted(up, step) for step in _DIFFERENCE * np.eye(2)])
-    change = _residuals(there, sets, angles) - residuals
-    return np.asarray(_wrapped(change).T / _DIFFERENCE)
+    """(k, n, 2) of the residuals (k, n) by the two tilts of verticals (k, 3)."""
+    there = np.concatenate([_tilted(ups, np.tile(step, (len(ups), 1))) for step in _DIFFERENCE * np.eye(2)])
+    change = _residuals(there, sets, angles).reshape(2, *residuals.shape) - residuals
+    return np.moveaxis(_wrapped(change), 0, 2) / _DIFFERENCE
 
 
-def _tilted(up: FloatArray, tilt: FloatArray) -> FloatArray:
-    across = _plan_axes(up[None])[0]
-    turned: FloatArray = exponential((tilt @ across)[None])[0] @ up
-    return turned / np.linalg.norm(turned)
+def _tilted(ups: FloatArray, tilts: FloatArray) -> FloatArray:
+    """Verticals (k, 3) turned by tilts (k, 2) about the axes of their plans."""
+    about = np.einsum("ki,kij->kj", tilts, _plan_axes(ups))
+    turned: FloatArray = np.einsum("kij,kj->ki", exponential(about), ups)
+    derivatives: FloatArray = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return derivatives
 
 
 def _plan_axes(ups: FloatArray) -> FloatArray:
