@@ -132,8 +132,8 @@ def _tilted(ups: FloatArray, tilts: FloatArray) -> FloatArray:
     """Verticals (k, 3) turned by tilts (k, 2) about the axes of their plans."""
     about = np.einsum("ki,kij->kj", tilts, _plan_axes(ups))
     turned: FloatArray = np.einsum("kij,kj->ki", exponential(about), ups)
-    derivatives: FloatArray = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-    return derivatives
+    tilted: FloatArray = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return tilted
 
 
 def _plan_axes(ups: FloatArray) -> FloatArray:
