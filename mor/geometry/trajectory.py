@@ -82,7 +82,7 @@ class Path(NamedTuple):
             position=np.einsum("nk,nkj->nj", w, self.positions),
             rotation=turned @ self.first,
             weights=w,
-            velocity=np.einsum("nk,nkj->nj", dw, self.positions),
+            velocity=np.einsum("nk,nkj->nj", dw[:, 1:], self.positions[:, 1:] - self.positions[:, :1]),
             rate=np.einsum("nij,nk,nkj->ni", jacobian, dw[:, 1:], self.turns),
             turned=turned,
             jacobian=jacobian,
@@ -103,12 +103,13 @@ def pose_at(positions: FloatArray, rotations: FloatArray, weights: FloatArray, t
 
 
 def small_rotations(before: FloatArray, after: FloatArray) -> FloatArray:
-    """θ (…, 3) with exp(−[θ]×) D = D′ for rotations D and D′ (…, 3, 3), no longer than π."""
+    """θ (…, 3) with exp(−[θ]×) D = D′ for rotations D and D′ (…, 3, 3), no longer than π; 0 where they are equal."""
     between = after @ np.swapaxes(before, -1, -2)
     q = quaternions(np.reshape(between, (-1, 3, 3)))
     length = np.linalg.norm(q[:, 1:], axis=1)
     whole = 2.0 * np.arctan2(length, q[:, 0])
     factor = np.where(length > 0.0, whole / np.where(length > 0.0, length, 1.0), 2.0)
+    factor *= (before != after).any(axis=(-1, -2)).ravel()
     return np.asarray(-factor[:, None] * q[:, 1:]).reshape(*between.shape[:-2], 3)
 
 

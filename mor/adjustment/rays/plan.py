@@ -11,7 +11,7 @@ import numpy as np
 from mor import compilation
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.compiled import sorting
-from mor.adjustment.rays.compiled.image_rays import Measured
+from mor.adjustment.rays.compiled.sights.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
 from mor.adjustment.rays.knots import along_trajectory, clock_of_rows
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray

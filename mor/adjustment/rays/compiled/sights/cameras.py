@@ -16,10 +16,11 @@ MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
 _MOR, _BROWN_FORWARD = 0, 1
 ON_THE_SPHERE = 3
 """Number of what takes the place of every model where rays are directions (``mor.observations.on_the_sphere``)."""
-MOVING = 4
-"""Added to the number of a model where the rows are read out one after the other."""
-ALONG, CROSSING = 8, 16
-"""Added to it where the pose is one between knots: of images, and of the lines of a scanner."""
+MOVING = 8
+"""Added to the number of a model where the rows are read out one after the other; what is left by it is the model."""
+ALONG, CROSSING = 16, 32
+"""Added to it where the pose is one between knots: of images, read out row by row or not, and of the lines of a
+scanner."""
 
 
 @compile_kernel
