@@ -101,6 +101,10 @@ class Trajectory:
         weights = np.take_along_axis(cubic_weights(self.times[four], place), order[:, :, None], axis=1)
         return np.take_along_axis(four, order, axis=1), weights
 
+    def blocks(self, clock: Clock) -> IntArray:
+        """(2k, n) blocks of the knots, positions first."""
+        return np.concatenate([self.positions[clock.knots].T, self.rotations[clock.knots].T])
+
     def outside(self, time: float) -> str:
         """Words for a time at which the trajectory is not known."""
         known = f"it is known from {said_time(self.times[0])} to {said_time(self.times[-1])}"

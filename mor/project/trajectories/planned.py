@@ -1,4 +1,4 @@
-"""Images on trajectories whose place is given beforehand: the row of each point, where none has been measured.
+"""Line scanners whose place is given beforehand: the row of each point, where none has been measured.
 
 A point is scanned when it crosses the line of the camera, y(X*(t)) = a: the first time after the first line of the
 image at which it does so ahead of the camera, as far as the stretch of the trajectory, or the table of the times of its
@@ -19,10 +19,9 @@ from mor.geometry.frames import into_frame
 from mor.geometry.trajectory import Pose, pose_at
 from mor.observations import ObservationGroup
 from mor.observations.time.line_scanner import ROW, SCANNER
-from mor.observations.time.rolling_shutter import PHASE, READOUT_SLOT, phases
 from mor.project.network.build import Network
 from mor.project.trajectories.images import TRAJECTORY
-from mor.project.trajectories.model import Clock, Lines, Trajectory
+from mor.project.trajectories.model import Lines, Trajectory
 from mor.project.trajectories.scanners import row_times
 
 _PARTS = 4
@@ -60,31 +59,9 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         clock = trajectory.clock(np.nan_to_num(timed, nan=float(trajectory.times[0])))
         own = np.concatenate([y[:, None], -rate[:, None] / scale.pixel, clock.constants], axis=1)
         constants[mine, -own.shape[1] :] = own
-        knots[:, mine] = _blocks(trajectory, clock)
+        knots[:, mine] = trajectory.blocks(clock)
     _tell_lost(group, times)
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
-
-
-def reread(network: Network, group: ObservationGroup, place: Mapping[str, FloatArray]) -> ObservationGroup:
-    """Image coordinates of a rolling shutter on trajectories, with the knots about the times of their rows."""
-    image, order = group.references[0], _order(group)
-    knots, constants = np.array(group.blocks[: 2 * order]), group.constants.copy()
-    before_clock = constants[:, : -1 - order**2]
-    slot = group.type.slots.index(READOUT_SLOT)
-    readout = place[READOUT_SLOT.kind][group.blocks[slot], 0]
-    later = readout * phases(constants[:, :2], before_clock[:, -len(PHASE) :])
-    for number in np.unique(image.numbers).tolist():
-        mine = np.flatnonzero(image.numbers == number)
-        trajectory, time = _flown(network, image.known[number]), network.image_times[image.known[number]]
-        clock = trajectory.clock(np.full(len(mine), time), later[mine])
-        constants[mine, before_clock.shape[1] :] = clock.constants
-        knots[:, mine] = _blocks(trajectory, clock)
-    return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
-
-
-def _blocks(trajectory: Trajectory, clock: Clock) -> IntArray:
-    """(2k, n) blocks of the knots, positions first."""
-    return np.concatenate([trajectory.positions[clock.knots].T, trajectory.rotations[clock.knots].T])
 
 
 def _order(group: ObservationGroup) -> int:

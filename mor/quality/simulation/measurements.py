@@ -22,8 +22,9 @@ from mor.observations.time.shutter_on_trajectory import is_read_out_along, shutt
 from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.project.trajectories.planned import is_scanned, reread, rescanned
+from mor.project.trajectories.planned import is_scanned, rescanned
 from mor.project.trajectories.poses import with_image_poses
+from mor.project.trajectories.read_out import read_out_at
 
 _CORRECTED = [
     types[key]
@@ -98,7 +99,7 @@ def measured_at(network: Network, place: Values) -> Network:
 def _at_its_time(network: Network, group: ObservationGroup, place: Values) -> ObservationGroup:
     """The group with the time of every row; where a row is scanned or read out depends on where things are."""
     if is_read_out_along(group.type):
-        return reread(network, _measured(group, place), place)
+        return read_out_at(network, _measured(group, place), place)
     return rescanned(network, group, place) if is_scanned(group) else group
 
 
