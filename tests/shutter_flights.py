@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,6 +99,12 @@ def flights(cubic: bool, strips: int) -> dict[str, Flight]:
     return found
 
 
+def _hovering(flight: Flight) -> Flight:
+    """The same where all knots are the one in the middle."""
+    same = np.full(len(flight.places), len(flight.places) // 2)
+    return flight._replace(places=flight.places[same], turns=flight.turns[same])
+
+
 def moments(found: Mapping[str, Flight]) -> dict[str, tuple[str, float]]:
     """Trajectory and time of each image: every second image is within its readout of a knot."""
     random = np.random.default_rng(18)
@@ -131,10 +138,23 @@ class Files(NamedTuple):
     flights: dict[str, Flight]
 
 
-def simulated(seed: int, cubic: bool = False, readout: str = "{free: 20 ms}", strips: int = 3) -> Files:
-    """A project and its truth; the noise is that of a seed, none of seed 0."""
+@cache
+def simulated(
+    seed: int,
+    cubic: bool = False,
+    readout: str = "{free: 20 ms}",
+    strips: int = 3,
+    true: float = READOUT,
+    still: bool = False,
+) -> Files:
+    """A project and its truth; the noise is that of a seed, none of seed 0.
+
+    ``readout`` is what the project says of the readout time, ``true`` how long it is; ``still`` flights hover.
+    """
     random, noise = np.random.default_rng(seed), 0.0 if seed == 0 else 1.0
     found = flights(cubic, strips)
+    if still:
+        found = {name: _hovering(flight) for name, flight in found.items()}
     taken, points = moments(found), ground()
     names, coordinates = list(points), np.stack(list(points.values()))
     rays = ["image,point,x,y"]
@@ -144,7 +164,7 @@ def simulated(seed: int, cubic: bool = False, readout: str = "{free: 20 ms}", st
         moment = Moment(found[strip], time)
         visible = inside(CAMERA, in_axes(moment.at(0.0), coordinates), border=60.0)
         for k in np.flatnonzero(visible):
-            xy = seen_by_row(CAMERA, moment, coordinates[k], READOUT)  # type: ignore[arg-type]
+            xy = seen_by_row(CAMERA, moment, coordinates[k], true)  # type: ignore[arg-type]
             xy = xy + noise * SIGMA * random.standard_normal(2)
             column, row = half + xy / CAMERA.pixel * np.array([1.0, -1.0])
             rays.append(f"{image},{names[k]},{column:.9f},{row:.9f}")
