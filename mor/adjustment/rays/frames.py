@@ -11,7 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.sights.cameras import ALONG, CROSSING, MODELS, MOVING, ON_THE_SPHERE
+from mor.adjustment.rays.compiled.sights.cameras import (
+    ALONG,
+    CROSSING,
+    MODELS,
+    MOVING,
+    ON_THE_SPHERE,
+    PANORAMA,
+)
 from mor.adjustment.rays.compiled.sights.image_rays import FrameChange, FrameValues, Layout
 from mor.adjustment.rays.knots import (
     FURTHER,
@@ -187,6 +194,8 @@ def _compiled_model(
     if is_on_the_sphere(group.type):
         single = any(group.type is on_the_sphere(type_) for type_ in IMAGE_TYPES.values())
         return ON_THE_SPHERE if single else -1, r0, clock, none
+    if group.type is IMAGE_TYPES["panorama"]:
+        return PANORAMA, r0, clock, none
     for key, model in MODELS.items():
         moving = group.type is MOVING_TYPES[key]
         if not moving and group.type is not IMAGE_TYPES[key]:
