@@ -274,13 +274,20 @@ def _means(settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescu
 def _with_settled_sigma(
     network: Network, adjustment: Adjustment, watch: Watcher | None, suspects: Suspects | None = None
 ) -> Adjustment:
-    """The adjustment with σ that depend on distances taken at its own result, whatever the start values were."""
+    """The adjustment with σ that depend on distances taken at its own result, whatever the start values were.
+
+    So are the knots about rows that a rolling shutter reads out on a trajectory.
+    """
     for _ in range(_SIGMA_ROUNDS):
         problem = make_problem(network, adjustment.start, adjustment.values)
         problem = left_out(problem, suspects) if suspects is not None else problem
         pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
         same = all(
-            a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True)
+            (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
+            and all(
+                one is other or np.array_equal(one, other)
+                for one, other in zip(a.blocks, b.blocks, strict=True)
+            )
             for a, b in pairs
         )
         if same or not adjustment.outcome.is_solution:

@@ -22,6 +22,7 @@ from mor.observations import without
 from mor.observations.sigma import with_sigma_model
 from mor.parameters.index import all_known, index_unknowns, with_shared_components
 from mor.project.network.build import Network
+from mor.project.trajectories.read_out import read_out_at
 from mor.quality.diagnosis.determinable import completed, without_unknown
 from mor.quality.tests.test_statistics import critical_value
 from mor.sparse.cholesky import NotFiniteError
@@ -35,10 +36,13 @@ def make_problem(
 ) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
 
-    The datum refers to the coordinates of ``start``; distances in σ models are those of ``place``.
+    The datum refers to the coordinates of ``start``; distances in σ models, and times by which rows are read out on
+    trajectories, are those of ``place``.
     """
-    groups = tuple(with_sigma_model(group, place) for group in network.groups)
-    checks = (with_sigma_model(group, place) for group in network.checks)
+    groups, checks = (
+        tuple(with_sigma_model(read_out_at(network, group, place), place) for group in some)
+        for some in (network.groups, network.checks)
+    )
     groups += tuple(without(group, group.mask) for group in checks)
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])

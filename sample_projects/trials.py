@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -72,7 +72,13 @@ def main(arguments: list[str]) -> int:
     name, count = arguments[0], int(arguments[1]) if len(arguments) > 1 else 200
     first = int(arguments[2]) if len(arguments) > 2 else 1
     simulate: Callable[[int], Files] = import_module(f"sample_projects.simulate.{name}").simulate
-    trials = [trial(name, simulate(seed)) for seed in range(first, first + count)]
+    say([trial(name, simulate(seed)) for seed in range(first, first + count)])
+    return 0
+
+
+def say(trials: Sequence[Trial]) -> None:
+    """Print what theory says of sets of errors, and what was found."""
+    count = len(trials)
     sigma0 = np.array([t.sigma0 for t in trials])
     ratios = np.stack([t.ratios for t in trials])
     expected = 1.0 / np.sqrt(2.0 * trials[0].redundancy)
@@ -89,7 +95,6 @@ def main(arguments: list[str]) -> int:
     )
     p = [kstest(column, "norm").pvalue for column in ratios.T]
     print(f"            normal (Kolmogorov-Smirnov, level 0.01): {np.mean(np.array(p) < 0.01):.4f} rejected")
-    return 0
 
 
 if __name__ == "__main__":

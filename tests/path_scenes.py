@@ -8,6 +8,7 @@ from scenes import Scene, add_object_points
 from mor.geometry.trajectory import cubic_weights, linear_weights
 from mor.observations import IMAGE_TYPES
 from mor.observations.time.line_scanner import line_scanner
+from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
 from mor.observations.time.trajectory import on_trajectory
 from mor.parameters.kinds import INTERIORS
 
@@ -17,6 +18,8 @@ PATHS = (
     "lines of a scanner",
     "cubic paths, all free",
     "paths, frames and shutters",
+    "shutters on a line",
+    "cubic shutters, all free",
 )
 TIMES = np.array([0.0, 1.1, 1.9, 3.2])
 """Of the knots."""
@@ -27,22 +30,26 @@ def path_scene(name: str) -> Scene:
     """Twelve points below two flights of four knots each."""
     scene = Scene()
     points = add_object_points(scene)
-    everything = name == "cubic paths, all free"
+    everything = "all free" in name
+    shutters = "shutters on" in name or "cubic shutters" in name
     mixed = name == "paths, frames and shutters"
     model = "brown" if name == "lines of a scanner" else "mor"
     _add_interior(scene, model, everything)
     scene.add("height", "H", [1.5], free=everything)
+    if shutters or mixed:
+        scene.add("readout", "T", [0.3], free=everything)
     scene.add("eccentricity", "E", [0.1, -0.2, 0.05], free=(everything, False, everything))
     for flight in range(2):
         knots = 4 if everything or (mixed and flight) else 2
         _add_knots(scene, flight, knots, mixed)
         for line in (3.0, -1.0, -4.0):
-            scans = name != "images on a line" and not (mixed and line < 0.0)
+            scans = name != "images on a line" and not shutters and not (mixed and line < 0.0)
             for number, point in enumerate(points):
                 if (number + flight) % 5 == 0:
                     continue
                 gap = everything and (number + flight) % 7 == 1
                 seen = _Seen(flight, knots, model, line if scans else None, 0.3 + 0.05 * number + 0.1 * line)
+                seen = seen.read_out() if shutters or (mixed and number % 3 == 0 and not scans) else seen
                 _observe(scene, seen, point, [number % 2] if gap else None)
     if mixed:
         _add_others(scene, points)
@@ -62,7 +69,15 @@ class _Seen:
         else:
             self.type = line_scanner(model, knots)
             self.constants = [0.4, line, *own, ROW, RATE]
-        self.interior = f"I {model}"
+        self.interior = [f"I {model}"]
+
+    def read_out(self) -> _Seen:
+        """The same with a rolling shutter."""
+        key = self.type.key.partition("/")[2]
+        self.type = shutter_on_trajectory(key, self.knots)
+        self.constants = [*self.constants, 0.01, -0.04, 0.02]
+        self.interior = ["T", *self.interior]
+        return self
 
 
 def _observe(scene: Scene, seen: _Seen, point: str, only: list[int] | None) -> None:
@@ -79,7 +94,7 @@ def _observe(scene: Scene, seen: _Seen, point: str, only: list[int] | None) -> N
         *knots,
         "H",
         "E",
-        seen.interior,
+        *seen.interior,
         point,
         sigma=(0.002, 0.003),
         constants=constants,
@@ -109,7 +124,6 @@ def _add_others(scene: Scene, points: list[str]) -> None:
     scene.add(INTERIORS["opencv"].key, "I opencv", [30.0, 30.1, 0.1, -0.2, 0.01, *np.zeros(7)], free=False)
     scene.add("image velocity", "V", [0.5, 2.0, -0.4])
     scene.add("rotation rate", "W", [0.1, -0.1, 0.2])
-    scene.add("readout", "T", [0.3], free=False)
     for k, place in enumerate(([3.0, -2.0, 18.0], [-3.0, 2.0, 20.0], [1.0, 4.0, 22.0])):
         scene.add("point", f"C{k}", place)
         scene.add("rotation", f"R{k}", [0.05 * k, -0.1, 0.4 * k])

@@ -23,6 +23,7 @@ from mor.geometry.rotations import (
 from mor.observations import ALL_TYPES, IMAGE_TYPES, ObservationGroup
 from mor.observations.names import one_name
 from mor.observations.time.line_scanner import line_scanner
+from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
 from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.parameters.index import Blocks, index_unknowns, moves_by_angles
 from mor.parameters.kinds import KINDS
@@ -32,7 +33,11 @@ TYPES = ALL_TYPES | {
     twin.key: twin
     for key, type_ in IMAGE_TYPES.items()
     for knots in (LINEAR, CUBIC)
-    for twin in (on_trajectory(type_, knots), line_scanner(key, knots))
+    for twin in (
+        on_trajectory(type_, knots),
+        line_scanner(key, knots),
+        shutter_on_trajectory(key, knots),
+    )
 }
 
 

@@ -28,6 +28,8 @@ from mor.geometry.trajectory import linear_weights, pose_at
 from mor.observations import ObservationGroup, is_image_point
 from mor.observations.time.line_scanner import ROW, SCANNER
 from mor.observations.time.navigation import ATTITUDE, POSITION
+from mor.observations.time.rolling_shutter import PHASE
+from mor.observations.time.shutter_on_trajectory import is_read_out_along
 from mor.observations.time.trajectory import Knots, is_along, knots_of
 from mor.project.network.build import Network
 from mor.project.trajectories.knots import between_rows
@@ -154,7 +156,8 @@ def _seen(network: Network, group: ObservationGroup, start: Mapping[str, FloatAr
     clock = _clock(group)
     scans = group.type.key.startswith(SCANNER)
     measured = (group.constants[:, :2] if scans else group.observed)[rows]
-    own = group.constants[rows, 2 : -clock - (len(ROW) if scans else 0)]
+    of_time = len(ROW) if scans else len(PHASE) if is_read_out_along(group.type) else 0
+    own = group.constants[rows, 2 : -clock - of_time]
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
     interior = start[group.type.slots[-2].kind][group.blocks[-2][rows]]
     times = np.full(len(start["point"]), np.nan)

@@ -94,6 +94,8 @@ def nearest_point(positions: FloatArray, directions: FloatArray) -> FloatArray:
         side = np.einsum("n,nij,nj->i", weights, across, positions - centre)
         point = centre + np.linalg.lstsq(normal, side, rcond=1e-15)[0]
         ranges = np.linalg.norm(point - positions, axis=1)
+        if not ranges.any():
+            break  # all lines come from one place
         weights = 1.0 / np.maximum(ranges, 1e-9 * (np.max(ranges) + 1e-300)) ** 2
     return np.asarray(point)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.motion import right_jacobian
 from mor.geometry.quaternions import quaternions
 from mor.geometry.rotations import exponential
@@ -69,6 +69,11 @@ class Path(NamedTuple):
     weights: FloatArray
     """(n, k, d) coefficients of the weights as polynomials of the time since knot 0, the constant first."""
 
+    @property
+    def _leaves(self) -> BoolArray:
+        """(n,) false where all knots are at one place: then the velocity is 0, and not what rounding leaves of it."""
+        return np.asarray((self.positions != self.positions[:, :1]).any(axis=(1, 2)))
+
     def at(self, time: FloatArray) -> Pose:
         """Poses at ``time`` (n,) since knot 0."""
         powers = time[:, None] ** np.arange(self.weights.shape[2])
@@ -82,7 +87,7 @@ class Path(NamedTuple):
             position=np.einsum("nk,nkj->nj", w, self.positions),
             rotation=turned @ self.first,
             weights=w,
-            velocity=np.einsum("nk,nkj->nj", dw, self.positions),
+            velocity=np.einsum("nk,nkj->nj", dw, self.positions) * self._leaves[:, None],
             rate=np.einsum("nij,nk,nkj->ni", jacobian, dw[:, 1:], self.turns),
             turned=turned,
             jacobian=jacobian,
@@ -103,12 +108,13 @@ def pose_at(positions: FloatArray, rotations: FloatArray, weights: FloatArray, t
 
 
 def small_rotations(before: FloatArray, after: FloatArray) -> FloatArray:
-    """θ (…, 3) with exp(−[θ]×) D = D′ for rotations D and D′ (…, 3, 3), no longer than π."""
+    """θ (…, 3) with exp(−[θ]×) D = D′ for rotations D and D′ (…, 3, 3), no longer than π; 0 where they are equal."""
     between = after @ np.swapaxes(before, -1, -2)
     q = quaternions(np.reshape(between, (-1, 3, 3)))
     length = np.linalg.norm(q[:, 1:], axis=1)
     whole = 2.0 * np.arctan2(length, q[:, 0])
     factor = np.where(length > 0.0, whole / np.where(length > 0.0, length, 1.0), 2.0)
+    factor *= (before != after).any(axis=(-1, -2)).ravel()
     return np.asarray(-factor[:, None] * q[:, 1:]).reshape(*between.shape[:-2], 3)
 
 

@@ -24,6 +24,11 @@ def test_point_is_found_exactly(scenes):
             np.testing.assert_allclose(found.point, point, atol=1e-10)
 
 
+def test_lines_from_one_place_meet_there():
+    place, rays = np.array([3.0, -2.0, 5.0]), np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8], [0.0, 0.6, -0.8]])
+    np.testing.assert_allclose(nearest_point(np.tile(place, (3, 1)), rays), place, atol=1e-15)
+
+
 def test_covariance_describes_the_scatter(scenes):
     made = scenes.scene(3, n=8, images=3)
     rng = np.random.default_rng(2)

@@ -14,6 +14,7 @@ from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationType
 from mor.observations.time import steadiness
 from mor.observations.time.line_scanner import line_scanner
 from mor.observations.time.navigation import trajectory_attitude, trajectory_position
+from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
 from mor.observations.time.trajectory import on_trajectory
 
 N = 8
@@ -55,8 +56,10 @@ def worst(type_: ObservationType, blocks: list[np.ndarray], constants: np.ndarra
     computed = type_.equation(blocks, constants)
     found = 0.0
     for k, block in enumerate(blocks):
-        h = 1e-6 * (1.0 if block.ndim == 3 else max(1.0, float(np.abs(block).max())))
+        step_of_block = 1e-6 * (1.0 if block.ndim == 3 else max(1.0, float(np.abs(block).max())))
         for j in range(3 if block.ndim == 3 else block.shape[1]):
+            slope = max(float(np.abs(computed.jacobians[k][:, :, j]).max()), 1e-9)
+            h = min(step_of_block, 1e-3 / slope)
             sides = []
             for sign in (1.0, -1.0):
                 step = np.zeros((len(block), 3 if block.ndim == 3 else block.shape[1]))
@@ -85,6 +88,10 @@ def test_derivatives_of_image_coordinates(model: str, knots: int) -> None:
     )
     row = np.stack([random.uniform(-5, 5, N), np.full(N, -0.5)], axis=1)
     assert worst(line_scanner(model, knots), [*blocks, *others], np.hstack([plain, row, clocks])) < 2e-6
+    shutter = np.concatenate([plain, np.tile([0.004, -0.006, 0.002], (N, 1)), clocks], axis=1)
+    shutter[:, :2] = random.uniform(-30.0, 30.0, (N, 2))
+    read_out = [*blocks, *others[:2], np.full((N, 1), 0.3), *others[2:]]
+    assert worst(shutter_on_trajectory(model, knots), read_out, shutter) < 1e-6
     pair = [rotation_from_angles(random.normal(0, 0.05, (N, 3))), random.normal(0, 1, (N, 3))]
     followed = [*blocks, *others[:2], *pair, *others[2:]]
     assert worst(on_trajectory(FOLLOWER_TYPES[model], knots), followed, np.hstack([plain, clocks])) < 1e-6

@@ -15,10 +15,11 @@ import numpy as np
 from mor import compilation
 from mor.adjustment.linearise import rotation_tangents
 from mor.adjustment.problem import Problem
-from mor.adjustment.rays.compiled import image_passes, image_rays, moving_rays, path_rays
-from mor.adjustment.rays.compiled.cameras import ALONG, MOVING
+from mor.adjustment.rays.compiled import image_passes
 from mor.adjustment.rays.compiled.image_passes import ImageRays
-from mor.adjustment.rays.compiled.image_rays import FrameValues, Measured
+from mor.adjustment.rays.compiled.sights import image_rays, moving_rays, path_rays
+from mor.adjustment.rays.compiled.sights.cameras import ALONG, MOVING
+from mor.adjustment.rays.compiled.sights.image_rays import FrameValues, Measured
 from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import Chunk, RayPlan, pieces

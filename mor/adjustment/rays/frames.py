@@ -11,8 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import ALONG, MODELS, MOVING, ON_THE_SPHERE
-from mor.adjustment.rays.compiled.image_rays import FrameChange, FrameValues, Layout
+from mor.adjustment.rays.compiled.sights.cameras import (
+    ALONG,
+    CROSSING,
+    MODELS,
+    MOVING,
+    ON_THE_SPHERE,
+    PANORAMA,
+)
+from mor.adjustment.rays.compiled.sights.image_rays import FrameChange, FrameValues, Layout
 from mor.adjustment.rays.knots import (
     FURTHER,
     KNOT_PARTS,
@@ -94,7 +101,10 @@ class GroupFrames:
     def parts(self) -> dict[str, int]:
         """Slots of a compiled group by what they are."""
         pose = _POSE[:2] if self.model < ALONG else knot_parts(self.weights.shape[1])
-        names = (*pose, *_POSE[2:], *(_MOTION if MOVING <= self.model < ALONG else ()))
+        of_own = MOVING <= self.model < ALONG
+        read_out = of_own or ALONG + MOVING <= self.model < CROSSING
+        motion = _MOTION if of_own else _MOTION[2:] if read_out else ()
+        names = (*pose, *_POSE[2:], *motion)
         return {name: slot for slot, name in enumerate((*names, "interior"))}
 
 
@@ -180,10 +190,12 @@ def _compiled_model(
     r0, clock, none = np.zeros(frames), np.zeros((frames, 3)), np.zeros((frames, 0, 0))
     along = compiled_along(group, rows, frame, frames)
     if along is not None:
-        return along.model, along.r0, clock, along.weights
+        return along.model, along.r0, along.clock, along.weights
     if is_on_the_sphere(group.type):
         single = any(group.type is on_the_sphere(type_) for type_ in IMAGE_TYPES.values())
         return ON_THE_SPHERE if single else -1, r0, clock, none
+    if group.type is IMAGE_TYPES["panorama"]:
+        return PANORAMA, r0, clock, none
     for key, model in MODELS.items():
         moving = group.type is MOVING_TYPES[key]
         if not moving and group.type is not IMAGE_TYPES[key]:
@@ -299,8 +311,9 @@ def frame_values(
         if group.model >= ALONG:
             turning = _of_further(group, tangent)
             set_paths(result.paths, here, group.weights, part, turning)
-        if "readout" in part:
+        if "velocity" in part:
             result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
+        if "readout" in part:
             result.readout[here], result.clock[here] = part["readout"][:, 0], group.clock
     return result
 
@@ -339,8 +352,9 @@ def frame_change(
         result.turn[here] = turn
         result.eccentricity[here] = part["eccentricity"]
         result.interior[here, : part["interior"].shape[1]] = part["interior"]
-        if "readout" in part:
+        if "velocity" in part:
             result.velocity[here], result.rate[here] = part["velocity"], part["rate"]
+        if "readout" in part:
             result.readout[here] = part["readout"][:, 0]
         if group.model >= ALONG:
             result.knots[here] = knot_change(group.weights.shape[1], part, _of_further(group, tangent))

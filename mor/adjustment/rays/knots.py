@@ -10,12 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import ALONG, CROSSING, MODELS
-from mor.adjustment.rays.compiled.image_rays import Paths
+from mor.adjustment.rays.compiled.sights.cameras import ALONG, CROSSING, MODELS, MOVING
+from mor.adjustment.rays.compiled.sights.image_rays import Paths
 from mor.arrays import AnyIntArray, FloatArray, IntArray
 from mor.geometry.trajectory import path_of
 from mor.observations import IMAGE_TYPES, ObservationGroup
 from mor.observations.time.line_scanner import ROW, line_scanner
+from mor.observations.time.rolling_shutter import PHASE
+from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
 from mor.observations.time.trajectory import CUBIC, LINEAR, is_along, on_trajectory
 
 FURTHER = tuple((f"rotation of knot {k}", f"position of knot {k}") for k in range(1, CUBIC))
@@ -29,6 +31,8 @@ class CompiledAlong(NamedTuple):
     model: int
     r0: FloatArray
     """(f,)"""
+    clock: FloatArray
+    """(f, 3) phases of a rolling shutter, zero for others."""
     weights: FloatArray
     """(f, k, k) of the knots, as polynomials of the time since knot 0."""
 
@@ -60,6 +64,8 @@ def _form(group: ObservationGroup) -> tuple[int, int, int] | None:
                 return model + CROSSING, knots, own + len(ROW)
             if group.type is on_trajectory(IMAGE_TYPES[key], knots):
                 return model + ALONG, knots, own
+            if group.type is shutter_on_trajectory(key, knots):
+                return model + ALONG + MOVING, knots, own + len(PHASE)
     return None
 
 
@@ -71,8 +77,11 @@ def compiled_along(
     if form is None:
         return None
     model, knots, own = form
-    has_r0 = own > (len(ROW) if model >= CROSSING else 0)
-    chosen = [*([2] if has_r0 else []), *range(own + 3, group.constants.shape[1])]
+    read_out = ALONG + MOVING <= model < CROSSING
+    of_time = len(ROW) if model >= CROSSING else len(PHASE) if read_out else 0
+    phase = range(own - 1, own + 2) if read_out else ()
+    has_r0 = own > of_time
+    chosen = [*([2] if has_r0 else []), *phase, *range(own + 3, group.constants.shape[1])]
     constants = group.constants[np.ix_(rows, chosen)]
     found = np.zeros((frames, len(chosen)))
     found[frame] = constants
@@ -80,7 +89,8 @@ def compiled_along(
         return None
     r0 = found[:, 0] if has_r0 else np.zeros(frames)
     weights = found[:, -knots * knots :].reshape(frames, knots, knots)
-    return CompiledAlong(model, np.ascontiguousarray(r0), weights)
+    clock = found[:, has_r0 : has_r0 + len(PHASE)] if read_out else np.zeros((frames, 3))
+    return CompiledAlong(model, np.ascontiguousarray(r0), clock, weights)
 
 
 def clock_of_rows(group: ObservationGroup, rows: AnyIntArray) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from mor import compilation
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.compiled import sorting
-from mor.adjustment.rays.compiled.image_rays import Measured
+from mor.adjustment.rays.compiled.sights.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
 from mor.adjustment.rays.knots import along_trajectory, clock_of_rows
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
@@ -194,7 +194,8 @@ def _measured(
 def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
     """Measurements of some rows of a group."""
     # Nothing else looks at the measured coordinates.
-    inverse = group.type in (IMAGE_TYPES["brown"], MOVING_TYPES["brown"]) or along_trajectory(group)
+    looking = (IMAGE_TYPES["brown"], IMAGE_TYPES["panorama"], MOVING_TYPES["brown"])
+    inverse = group.type in looking or along_trajectory(group)
     forward = not inverse and not is_on_the_sphere(group.type)
     clock = clock_of_rows(group, rows)
     one_sigma = group.sigma.strides == (0, 8) and bool(np.isfinite(group.observed).all())

@@ -14,9 +14,9 @@ image, digit by digit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -37,10 +37,11 @@ from mor.observations.image import (
 from mor.parameters.kinds import interior_key
 from mor.units import NUMBER, Component
 
+READOUT_SLOT = Slot("readout", "image", "readout")
 MOTION_SLOTS = (
     Slot("image velocity", "image", "image velocity"),
     Slot("rotation rate", "image", "rotation rate"),
-    Slot("readout", "image", "readout"),
+    READOUT_SLOT,
 )
 PHASE = (
     Component("phase by x", NUMBER),
@@ -61,23 +62,13 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
         measured, own, clock = constants[:, :2], constants[:, 2:-3], constants[:, -3:]
         frame = into_frame(position, rotation, height, point)
 
-        def at(xy: FloatArray) -> _Seen:
-            """What is seen in the moment in which the shutter passes xy."""
-            phase = phases(xy, clock)
+        def at(phase: FloatArray) -> tuple[Moved, Projection, FloatArray]:
             found = moved(frame.lever, velocity, rate, readout[:, 0] * phase)
             projection = model.project(found.star + eccentricity, interior, own, measured)
-            drift = np.einsum("nij,nj->ni", projection.by_star, by_time(found, velocity, rate))
-            slip = 1.0 - readout[:, 0] * np.einsum("nj,nj->n", clock[:, :2], drift)
-            return _Seen(phase, found, projection, drift, slip)
+            return found, projection, by_time(found, velocity, rate)
 
-        xy, seen = measured, at(measured)
-        for _ in range(_ROUNDS):
-            step = _met(seen, clock, readout, seen.projection.xy - xy)
-            if not np.abs(step).max(initial=0.0) > _STILL * np.abs(xy).max(initial=0.0):
-                break
-            xy = xy + step
-            seen = at(xy)
-        phase, found, projection = seen.phase, seen.found, seen.projection
+        meeting = meet(at, measured, clock, readout)
+        phase, found, projection = meeting.phase, meeting.at, meeting.projection
         time = readout[:, 0] * phase
         by_shifted = projection.by_star @ found.turn
         by_position = -by_shifted @ rotation
@@ -89,12 +80,11 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
             projection.by_star,
             -time[:, None, None] * by_shifted,
             by_rotation(by_shifted, found.shifted) @ turned,
-            (phase[:, None] * seen.drift)[:, :, None],
+            (phase[:, None] * meeting.drift)[:, :, None],
             projection.by_interior,
             -by_position,
         )
-        values = projection.xy + _further(seen, clock, readout, projection.xy - xy)
-        return Computed(values, tuple(_met(seen, clock, readout, one) for one in jacobians))
+        return Computed(meeting.values, tuple(meeting.changed(one) for one in jacobians))
 
     return ObservationType(
         key=f"{MOVING}/{model.key}",
@@ -107,31 +97,73 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
     )
 
 
-class _Seen(NamedTuple):
-    """Points as they are seen at one time each."""
+At = TypeVar("At")
+"""How things are at one time."""
+
+
+class Meeting(NamedTuple, Generic[At]):
+    """Points where they and the shutter meet."""
 
     phase: FloatArray
     """(n,) part of the readout that has passed, less 1/2."""
-    found: Moved
+    at: At
     projection: Projection
     drift: FloatArray
     """(n, 2) velocity in the image."""
+    clock: FloatArray
+    """(n, 3) phases by x, by y, and at 0."""
+    readout: FloatArray
+    """(n, 1) time from the first row to the last."""
     slip: FloatArray
     """(n,) 1 − T ∂ρ/∂t: how fast the shutter and the point meet; 1 where nothing moves along the readout."""
+    xy: FloatArray
+    """(n, 2) where the shutter is at this time; the point is beside it by next to nothing."""
+
+    @property
+    def values(self) -> FloatArray:
+        """(n, 2) image coordinates where the two meet."""
+        return self.projection.xy + self.further(self.projection.xy - self.xy)
+
+    def changed(self, change: FloatArray) -> FloatArray:
+        """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again."""
+        return change + self.further(change)
+
+    def further(self, change: FloatArray) -> FloatArray:
+        """How much further the point drifts: a change δ moves its row, and the time by T g·δ / slip; 0 at T = 0."""
+        one = (1,) * (change.ndim - 2)
+        passed = np.einsum("nj,nj...->n...", self.clock[:, :2], change)
+        time = self.readout.reshape(-1, *one) * passed / self.slip.reshape(-1, *one)
+        further: FloatArray = self.drift.reshape(-1, 2, *one) * time[:, None]
+        return further
 
 
-def _met(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
-    """Changes (n, 2) or (n, 2, k) of the image point at a fixed time, where shutter and point meet again."""
-    return change + _further(seen, clock, readout, change)
+def meet(
+    at: Callable[[FloatArray], tuple[At, Projection, FloatArray]],
+    measured: FloatArray,
+    clock: FloatArray,
+    readout: FloatArray,
+) -> Meeting[At]:
+    """Where points meet a shutter, looked for from ``measured`` (n, 2) by Newton's method.
 
+    ``at`` says what there is when parts (n,) of the readout have passed: how things are, where the points are seen,
+    and ∂X*/∂t (n, 3).
+    """
 
-def _further(seen: _Seen, clock: FloatArray, readout: FloatArray, change: FloatArray) -> FloatArray:
-    """How much further the point drifts: a change δ moves its row, and the time by τ = T g·δ / slip; 0 at T = 0."""
-    one = (1,) * (change.ndim - 2)
-    passed = np.einsum("nj,nj...->n...", clock[:, :2], change)
-    time = readout.reshape(-1, *one) * passed / seen.slip.reshape(-1, *one)
-    further: FloatArray = seen.drift.reshape(-1, 2, *one) * time[:, None]
-    return further
+    def seen(xy: FloatArray) -> Meeting[At]:
+        """What is seen in the moment in which the shutter passes xy."""
+        phase = phases(xy, clock)
+        found, projection, by_time = at(phase)
+        drift = np.einsum("nij,nj->ni", projection.by_star, by_time)
+        slip = 1.0 - readout[:, 0] * np.einsum("nj,nj->n", clock[:, :2], drift)
+        return Meeting(phase, found, projection, drift, clock, readout, slip, xy)
+
+    found = seen(measured)
+    for _ in range(_ROUNDS):
+        step = found.changed(found.projection.xy - found.xy)
+        if not np.abs(step).max(initial=0.0) > _STILL * np.abs(found.xy).max(initial=0.0):
+            break
+        found = seen(found.xy + step)
+    return found
 
 
 def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:

@@ -16,6 +16,8 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         found.append(("a network on the earth", ("world",)))
     if project.motions:
         found.append(("points that move", ("motions",)))
+    if project.trajectories:
+        found.append(("trajectories", ("trajectories",)))
     if project.pairs:
         found.append(("stereo pairs", ("pairs",)))
     settings = project.settings

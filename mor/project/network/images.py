@@ -94,10 +94,11 @@ def _read_images_table(
         return
     camera = shop.things["camera"]
     own = camera.parts["eccentricity"][cameras]
-    trajectory = put_on_trajectories(reading, rows, names)
+    trajectory = put_on_trajectories(reading, rows, names, table.free)
     position, rotation, height, eccentricity = _own_poses(reading, rows, trajectory >= 0, table, own)
     none = np.full(len(names), -1, dtype=np.int64)
-    velocity, rate = _motions(reading, rows, names, table, camera.parts["readout"][cameras])
+    readout = camera.parts["readout"][cameras]
+    velocity, rate = _motions(reading, rows, names, table, readout, trajectory >= 0)
     found = {
         "position": position,
         "rotation": rotation,
@@ -110,7 +111,7 @@ def _read_images_table(
         "base": none.copy(),
         "image velocity": velocity,
         "rotation rate": rate,
-        "readout": camera.parts["readout"][cameras],
+        "readout": readout,
         TRAJECTORY: trajectory,
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
@@ -174,12 +175,20 @@ def _own_poses(
 
 
 def _motions(
-    reading: Reading, rows: Rows, names: list[str], table: Images, readout: IntArray
+    reading: Reading,
+    rows: Rows,
+    names: list[str],
+    table: Images,
+    readout: IntArray,
+    on_trajectory: BoolArray,
 ) -> tuple[IntArray, IntArray]:
-    """Velocity and rotation rate of images whose cameras have a readout time (n,); a motion without one is noted."""
+    """Velocity and rotation rate of images whose cameras have a readout time (n,); a motion without one is noted.
+
+    Images ``on_trajectory`` (n,) move as that does.
+    """
     labels = [f"image {name}" for name in names]
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
-    moving = (readout >= 0) & ~follows
+    moving = (readout >= 0) & ~follows & ~on_trajectory
     words = "image {0!r} follows another one; a stereo follower with a readout time is not provided for"
     tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
     still = np.flatnonzero(readout < 0)

@@ -12,7 +12,10 @@ from mor.geometry.cameras import CAMERA_MODELS, CameraModel
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup, ObservationType
 from mor.observations.names import Names
 from mor.observations.time.line_scanner import line_scanner
+from mor.observations.time.rolling_shutter import PHASE, phases
+from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
 from mor.observations.time.trajectory import CUBIC, on_trajectory
+from mor.parameters.kinds import READOUT
 from mor.project.axes import external_image
 from mor.project.edge import ImageScale, UnitError, beyond, split
 from mor.project.file.model import Camera, Observations
@@ -120,7 +123,9 @@ def _image_group(
     knots: tuple[IntArray, ...] = ()
     if timed:
         own = rows.take(chosen)
-        found = clocks_of_rows(reading, own, image, observed[:, 1], scale if scanner is not None else None)
+        scans = scale if scanner is not None else None
+        later = _read_out_later(reading, int(images.parts["readout"][first]), constants) if moves else None
+        found = clocks_of_rows(reading, own, image, observed[:, 1], scans, later)
         if found is None:
             return None
         type_, knots, constants = _along(type_, camera, scanner, observed, constants, found)
@@ -165,13 +170,21 @@ def _along(
 ) -> tuple[ObservationType, tuple[IntArray, ...], FloatArray]:
     """Type, blocks of the knots and constants of the rows of images on a trajectory."""
     count = len(found.knots) // 2
-    if scanner is None:
+    if type_ is MOVING_TYPES[camera.model]:
+        type_ = shutter_on_trajectory(camera.model, count)
+    elif scanner is None:
         type_ = on_trajectory(type_, count)
     else:
         type_ = line_scanner(camera.model, count)
         crossed = np.stack([observed[:, 0], np.full(len(observed), scanner.line)], axis=1)
         constants = np.concatenate([crossed, constants[:, 2:]], axis=1)
     return type_, found.knots, np.concatenate([constants, found.constants], axis=1)
+
+
+def _read_out_later(reading: Reading, readout: int, constants: FloatArray) -> FloatArray:
+    """(n,) how much later than the middle of their images rows are read out, by the readout time that is given."""
+    given = float(reading.shop.store(READOUT.key).all_values()[readout, 0])
+    return given * phases(constants[:, :2], constants[:, -len(PHASE) :])
 
 
 def _all_timed(

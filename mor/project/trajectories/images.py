@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Problem
 from mor.observations.names import Names
-from mor.parameters.kinds import POINT, ROTATION
+from mor.parameters.kinds import IMAGE_VELOCITY, POINT, ROTATION, ROTATION_RATE, BlockKind
 from mor.project.edge import ImageScale
 from mor.project.network.reading import Reading
+from mor.project.network.set_ups import shared_column
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Rows
@@ -31,8 +33,11 @@ def trajectory_columns(reading: Reading) -> list[Column]:
     return [Column("trajectory"), number_column("time", TIME, reading.edge)]
 
 
-def put_on_trajectories(reading: Reading, rows: Rows, names: list[str]) -> IntArray:
-    """Number of the trajectory of every image (n,), −1 where it has none; its time goes to ``reading``."""
+def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Collection[str]) -> IntArray:
+    """Number of the trajectory of every image (n,), −1 where it has none; its time goes to ``reading``.
+
+    ``free`` are the constants of a set-up that the table frees.
+    """
     named, problems = rows.text("trajectory"), reading.problems
     result = np.full(len(names), -1, dtype=np.int64)
     scans = np.array([camera in reading.scanners for camera in rows.text("camera")], dtype=bool)
@@ -47,7 +52,7 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str]) -> IntAr
     timeless = on & np.isnan(times)
     needs = "image {0!r} is on a trajectory, but has no time (column time)"
     tell_rows(problems, timeless, rows, lambda row: needs.format(names[row]))
-    _refuse_others(reading, rows, names, on)
+    _refuse_others(reading, rows, names, on, free)
     ids = list(reading.trajectories)
     for i in np.flatnonzero(on & ~timeless).tolist():
         trajectory = reading.trajectories[named[i]]
@@ -86,19 +91,18 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
     return times
 
 
-def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray) -> None:
-    """Tell images on a trajectory that have a pose besides, follow another one, or are read out while they move."""
-    numbers = [f"{kind}{c}" for kind in ("", "sigma_", "start_") for c in (*POINT.names, *ROTATION.names)]
-    given = np.any([np.isfinite(rows.number(name)) for name in numbers], axis=0)
-    given |= np.array([bool(text) for text in rows.text("position")])
+def _refuse_others(
+    reading: Reading, rows: Rows, names: list[str], on: BoolArray, free: Collection[str]
+) -> None:
+    """Tell images on a trajectory that have a pose or a motion besides, or follow another one."""
     follows = [bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)]
-    cameras = reading.project.cameras
-    named = rows.text("camera")
-    read_out = [cameras[name].readout is not None and name not in reading.scanners for name in named]
+    kinds = (IMAGE_VELOCITY, ROTATION_RATE)
+    motion = _given(rows, kinds, [shared_column(kind) for kind in kinds])
+    motion |= any(name in free for kind in kinds for name in kind.names)
     why = {
-        "it has no position or attitude of its own": given,
+        "it has no position or attitude of its own": _given(rows, (POINT, ROTATION), ["position"]),
+        "its velocity and rate of rotation are those of the trajectory": motion,
         "it follows no other image": np.array(follows),
-        "rolling shutters (readout of its camera) on a trajectory are not provided for": np.array(read_out),
     }
     for words, wrong in why.items():
         tell_rows(
@@ -107,6 +111,15 @@ def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray
             rows,
             lambda row, said=words: f"image {names[row]!r} is on a trajectory: {said}",  # type: ignore[misc]
         )
+
+
+def _given(rows: Rows, kinds: tuple[BlockKind, ...], named: list[str]) -> BoolArray:
+    """(n,) true where a row says something of these kinds, or names one."""
+    numbers = [f"{of}{c}" for kind in kinds for of in ("", "sigma_", "start_") for c in kind.names]
+    given = np.any([np.isfinite(rows.number(name)) for name in numbers], axis=0)
+    for name in named:
+        given |= np.array([bool(text) for text in rows.text(name)])
+    return np.asarray(given)
 
 
 def pose_blocks(reading: Reading, labels: list[str]) -> tuple[IntArray, IntArray]:
@@ -127,11 +140,17 @@ class RowClocks(NamedTuple):
 
 
 def clocks_of_rows(
-    reading: Reading, rows: Rows, image: Names, y: FloatArray, scanner: ImageScale | None
+    reading: Reading,
+    rows: Rows,
+    image: Names,
+    y: FloatArray,
+    scanner: ImageScale | None,
+    later: FloatArray | None,
 ) -> RowClocks | None:
     """Clocks of rows (n,) that name images on trajectories of one kind; ``None`` where one is outside, which is told.
 
-    ``y`` (n,) are the observed ones inside; a ``scanner`` has a time for each row.
+    ``y`` (n,) are the observed ones inside; a ``scanner`` has a time for each row. So much ``later`` (n,) than the
+    middle of their images rows of a rolling shutter are read out.
     """
     if not reading.broken.isdisjoint(("camera", "trajectory", "image")):
         return None  # their times are wrong, or missing, and that is told already
@@ -140,7 +159,7 @@ def clocks_of_rows(
     names = [ids[k] for k in images.parts[TRAJECTORY][image.numbers].tolist()]
     if scanner is None:
         times = np.array([reading.image_times.get(name, np.nan) for name in image.known])[image.numbers]
-        found = clocks(reading, names, times, rows)
+        found = clocks(reading, names, times, rows, later)
         own = np.zeros((len(times), 0))
     else:
         times, rate, timed = _scanned(reading, image, scanner, y)

@@ -61,13 +61,18 @@ class Trajectory:
         """Knots that a pose depends on."""
         return CUBIC if self.cubic else LINEAR
 
-    def clock(self, times: FloatArray) -> Clock:
-        """Where times (n,) are; outside the trajectory anything finite."""
-        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
-        ends = (self.stretch[before] != self.stretch[before + 1]) & (times == self.times[before])
-        before = np.maximum(before - ends, 0)
+    def clock(self, times: FloatArray, later: FloatArray | None = None) -> Clock:
+        """Where times (n,) are; outside the trajectory anything finite.
+
+        Where something is seen so much ``later`` (n,), or before, the knots are those about then, within the stretch.
+        """
+        before = self._before(times)
         whole = self.stretch[before] == self.stretch[before + 1]
         inside = whole & (times >= self.times[before]) & (times <= self.times[before + 1])
+        if later is not None:
+            here = self.stretch[before]
+            first, last = (np.searchsorted(self.stretch, here, side=side) for side in ("left", "right"))
+            before = np.clip(self._before(times + later), first, np.maximum(last - LINEAR, first))
         if not self.cubic:
             knots = before[:, None] + np.arange(LINEAR)
             weights = linear_weights(self.times[before + 1] - self.times[before])
@@ -77,6 +82,12 @@ class Trajectory:
         return Clock(
             knots, np.concatenate([since, weights.reshape(len(times), -1)], axis=1), np.asarray(inside)
         )
+
+    def _before(self, times: FloatArray) -> IntArray:
+        """(n,) the knots before times; the last of a stretch belongs to the interval that it ends."""
+        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        ends = (self.stretch[before] != self.stretch[before + 1]) & (times == self.times[before])
+        return np.asarray(np.maximum(before - ends, 0))
 
     def _four(self, before: IntArray) -> tuple[IntArray, FloatArray]:
         """The knots about intervals that begin at ``before`` (n,), that knot first, and their weights."""
@@ -89,6 +100,10 @@ class Trajectory:
         order = np.stack([(place + k) % CUBIC for k in range(CUBIC)], axis=1)
         weights = np.take_along_axis(cubic_weights(self.times[four], place), order[:, :, None], axis=1)
         return np.take_along_axis(four, order, axis=1), weights
+
+    def blocks(self, clock: Clock) -> IntArray:
+        """(2k, n) blocks of the knots, positions first."""
+        return np.concatenate([self.positions[clock.knots].T, self.rotations[clock.knots].T])
 
     def outside(self, time: float) -> str:
         """Words for a time at which the trajectory is not known."""

@@ -82,11 +82,11 @@ def known_trajectories(reading: Reading, names: Sequence[str], rows: Rows) -> bo
 
 
 def clocks(
-    reading: Reading, names: Sequence[str], times: FloatArray, rows: Rows
+    reading: Reading, names: Sequence[str], times: FloatArray, rows: Rows, later: FloatArray | None = None
 ) -> tuple[Clock, IntArray, IntArray] | None:
     """Clock of every row (n,) of trajectories of one kind, and the position and rotation blocks (n, k) of its knots.
 
-    ``None`` where a row is outside its trajectory; each such row is told.
+    ``None`` where a row is outside its trajectory; each such row is told. So much ``later`` (n,) rows are read out.
     """
     order = reading.trajectories[names[0]].order
     n = len(names)
@@ -96,7 +96,7 @@ def clocks(
     for name in dict.fromkeys(names):
         mine = np.flatnonzero(named == name)
         trajectory = reading.trajectories[name]
-        found = trajectory.clock(times[mine])
+        found = trajectory.clock(times[mine], None if later is None else later[mine])
         for part, own in zip(whole, found, strict=True):
             part[mine] = own
         positions[mine], rotations[mine] = (

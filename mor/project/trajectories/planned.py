@@ -59,9 +59,7 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         clock = trajectory.clock(np.nan_to_num(timed, nan=float(trajectory.times[0])))
         own = np.concatenate([y[:, None], -rate[:, None] / scale.pixel, clock.constants], axis=1)
         constants[mine, -own.shape[1] :] = own
-        knots[:, mine] = np.concatenate(
-            [trajectory.positions[clock.knots].T, trajectory.rotations[clock.knots].T]
-        )
+        knots[:, mine] = trajectory.blocks(clock)
     _tell_lost(group, times)
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
 

@@ -7,6 +7,8 @@ import numpy as np
 from mor.arrays import BoolArray, IntArray
 from mor.observations.time.rolling_shutter import MOTION_SLOTS
 from mor.parameters.kinds import IMAGE_VELOCITY, READOUT, ROTATION_RATE
+from mor.project.trajectories.images import TRAJECTORY
+from mor.project.trajectories.poses import image_poses
 from mor.quality.diagnosis.sentences import Say, english
 from mor.quality.solved import Solved
 
@@ -22,11 +24,23 @@ def readout_sentences(solved: Solved, say: Say = english) -> list[str]:
         block = int(cameras.parts[READOUT.key][number])
         if block < 0 or not _untold(solved, READOUT.key, np.array([block])).all():
             continue
+        mine = np.asarray(images.parts[READOUT.key] == block)
+        flown = mine & (images.parts[TRAJECTORY] >= 0)
+        if flown.any() and _any_moves(solved, flown):
+            continue
         motions = {
-            kind: np.unique(images.parts[kind][images.parts[READOUT.key] == block])
+            kind: np.unique(images.parts[kind][mine & ~flown])
             for kind in (IMAGE_VELOCITY.key, ROTATION_RATE.key)
         }
-        if all(not solved.adjustment.start[kind][own].any() for kind, own in motions.items()):
+        if flown.any() and (flown == mine).all():
+            lines.append(
+                say(
+                    "Camera {id}: the trajectories of its images stand still at their times, so its readout time has "
+                    "no effect. Fix the readout time.",
+                    id=name,
+                )
+            )
+        elif all(not solved.adjustment.start[kind][own].any() for kind, own in motions.items()):
             lines.append(
                 say(
                     "Camera {id}: none of its images moves, so its readout time has no effect. Give the images their "
@@ -43,6 +57,14 @@ def readout_sentences(solved: Solved, say: Say = english) -> list[str]:
                 )
             )
     return lines
+
+
+def _any_moves(solved: Solved, flown: BoolArray) -> bool:
+    """True where the trajectory of one of the images ``flown`` (n,) moves or turns at its time."""
+    return any(
+        own.pose.velocity[flown[own.images]].any() or own.pose.rate[flown[own.images]].any()
+        for own in image_poses(solved.network, solved.adjustment.start)
+    )
 
 
 def _scales(solved: Solved, kind: str, own: IntArray) -> bool:

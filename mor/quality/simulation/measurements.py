@@ -18,11 +18,13 @@ from mor.arrays import FloatArray
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.observations.time.shutter_on_trajectory import is_read_out_along, shutter_on_trajectory
 from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.trajectories.planned import is_scanned, rescanned
 from mor.project.trajectories.poses import with_image_poses
+from mor.project.trajectories.read_out import read_out_at
 
 _CORRECTED = [
     types[key]
@@ -36,6 +38,7 @@ _CORRECTING = {
         *_CORRECTED,
         *(on_trajectory(kind, knots) for kind in _CORRECTED for knots in (LINEAR, CUBIC)),
         *MOVING_TYPES.values(),
+        *(shutter_on_trajectory(key, knots) for key in CAMERA_MODELS for knots in (LINEAR, CUBIC)),
     )
 }
 """Image coordinates whose distortion, or time, is taken at the measured coordinates."""
@@ -94,7 +97,9 @@ def measured_at(network: Network, place: Values) -> Network:
 
 
 def _at_its_time(network: Network, group: ObservationGroup, place: Values) -> ObservationGroup:
-    """The group with the time of every row; that of a row of a line scanner depends on where things are."""
+    """The group with the time of every row; where a row is scanned or read out depends on where things are."""
+    if is_read_out_along(group.type):
+        return read_out_at(network, _measured(group, place), place)
     return rescanned(network, group, place) if is_scanned(group) else group
 
 

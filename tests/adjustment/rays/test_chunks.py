@@ -30,6 +30,7 @@ INTERIOR = {
     "mor": [30.0, 0.1, -0.2, 1e-5, -2e-8, 1e-11, 2e-5, -1e-5, 3e-4, -2e-4],
     "brown": [30.0, 0.1, -0.2, 1e-5, -2e-8, 1e-11, 2e-5, -1e-5, 3e-4, -2e-4],
     "brown-forward": [30.0, 0.1, -0.2, 1e-5, -2e-8, 1e-11, 2e-5, -1e-5],
+    "panorama": [30.0, 0.1, -0.2, 1e-3, 0.2, -0.1, 2e-2, -0.03, 1e-5, -2e-8, 1e-2, -2e-2, 5e-3, 1e-2],
     "opencv": [30.0, 30.1, 0.1, -0.2, 0.01, -0.02, 1e-3, -1e-3, 0.01, 0.0, 0.0, 0.0],
 }
 PLACES = ([9.0, -8.0, 6.0], [-8.0, -9.0, 5.0], [8.0, 9.0, 7.0], [-9.0, 8.0, 5.0], [0.0, -12.0, 6.0])
@@ -41,6 +42,7 @@ NAMES = (
     "two cameras",
     "left to numpy",
     "missing and excluded",
+    "panoramas among frames",
     "rolling shutters",
     "a rolling shutter among frames",
     "readout time of two models",
@@ -97,6 +99,7 @@ def _add_image(scene: Scene, kind: str, number: int, place: list[float], model: 
     if name not in scene.truth.get(INTERIORS[model].key, {}):
         size = INTERIORS[model].size
         some = np.arange(size) % 3 != 2 if kind in ("partly free", "image-variant") else np.arange(size) < 3
+        some = np.ones(size, dtype=bool) if model == "panorama" else some
         scene.add(INTERIORS[model].key, name, INTERIOR[model], free=some)
 
 
@@ -121,6 +124,8 @@ def _extras(kind: str, number: int) -> tuple[str | None, str | None]:
 
 def _constants(model: str, number: int, k: int) -> list[float]:
     measured = [0.5 * k - 3.0, 0.4 * number - 1.0]
+    if model == "panorama":
+        measured[0] += 2.0 * np.pi * 30.0 * number  # so many turns further
     return [*measured, 4.0] if model == "mor" else measured
 
 
@@ -131,6 +136,7 @@ def scene_of(name: str) -> Scene:
         "two cameras": ("mor", "brown-forward"),
         "left to numpy": ("mor", "opencv", "brown"),
         "image-variant": ("brown",),
+        "panoramas among frames": ("panorama", "mor"),
         "a rolling shutter among frames": ("mor", "opencv", "brown"),
         "readout time of two models": ("brown", "brown-forward"),
         "all of rolling shutters": ("mor", "brown"),

@@ -11,7 +11,9 @@ import numpy as np
 
 from mor.adjustment.rays.compiled.cliques import NONE, Pattern
 from mor.adjustment.rays.compiled.frame_sums import add_rays
-from mor.adjustment.rays.compiled.image_rays import (
+from mor.adjustment.rays.compiled.point_products import Gathering, store_points
+from mor.adjustment.rays.compiled.points import solve_points, whiten_points
+from mor.adjustment.rays.compiled.sights.image_rays import (
     FrameChange,
     FrameValues,
     Layout,
@@ -20,10 +22,8 @@ from mor.adjustment.rays.compiled.image_rays import (
     follow,
     linearise,
 )
-from mor.adjustment.rays.compiled.moving_rays import follow_moving, linearise_moving
-from mor.adjustment.rays.compiled.path_rays import follow_along, linearise_along
-from mor.adjustment.rays.compiled.point_products import Gathering, store_points
-from mor.adjustment.rays.compiled.points import solve_points, whiten_points
+from mor.adjustment.rays.compiled.sights.moving_rays import follow_moving, linearise_moving
+from mor.adjustment.rays.compiled.sights.path_rays import follow_along, linearise_along
 from mor.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.compilation import compile_kernel
 

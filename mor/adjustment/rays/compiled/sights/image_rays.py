@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import MOVING, image_point, project
+from mor.adjustment.rays.compiled.sights.cameras import MOVING, image_point, project
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 

@@ -5,19 +5,17 @@ point at a fixed time moves the row in which they meet, and becomes
 
     M δ,        M = 1 + d gᵀ T / (1 − T g·d)
 
-with the slope g of the phase in the image. So M stands before all derivatives. Small rotations ψ = −ω t act by vector
-products: exp([ψ]×) q = q + sin|ψ|/|ψ| ψ×q + (1 − cos|ψ|)/|ψ|² ψ×(ψ×q).
+with the slope g of the phase in the image. So M stands before all derivatives.
 """
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import ALONG, MOVING, Sight, fill_by_interior, sight
-from mor.adjustment.rays.compiled.image_rays import (
+from mor.adjustment.rays.compiled.sights.cameras import ALONG, MOVING, Sight, fill_by_interior, sight
+from mor.adjustment.rays.compiled.sights.image_rays import (
     FrameChange,
     FrameValues,
     Layout,
@@ -25,27 +23,23 @@ from mor.adjustment.rays.compiled.image_rays import (
     clear_row,
     set_row,
 )
+from mor.adjustment.rays.compiled.sights.small_turns import (
+    Turn,
+    Vector,
+    cross,
+    polynomial,
+    small_turn,
+    turned,
+    turned_back,
+)
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
-
-Vector = tuple[float, float, float]
 
 _ROUNDS, _STILL = 20, 1e-12
 """Rounds at most, and the part of the camera constant by which the row may still move.
 
 What is left of that is taken along to first order; the derivatives are those at the row before, and differ by less than
 it, for the point moves in the image by a small part of its height while it is read out."""
-_SERIES = 0.0025
-"""Square of the angle below which the series have all digits."""
-
-
-class Turn(NamedTuple):
-    """A small rotation vector ψ, and the factors of ψ× and ψ×ψ× in exp([ψ]×), and of the last in its right Jacobian."""
-
-    psi: Vector
-    sine: float
-    cosine: float
-    third: float
 
 
 class Meeting(NamedTuple):
@@ -76,54 +70,9 @@ class Meeting(NamedTuple):
 
 
 @compile_kernel
-def cross(a: Vector, b: Vector) -> Vector:
-    """Return a × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@compile_kernel
-def small_turn(x: float, y: float, z: float) -> Turn:
-    """Return the rotation by a vector."""
-    square = x * x + y * y + z * z
-    if square < _SERIES:
-        sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
-        cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))
-        third = (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))) / 6.0
-    else:
-        angle = sqrt(square)
-        sine, cosine = sin(angle) / angle, (1.0 - cos(angle)) / square
-        third = (1.0 - sine) / square
-    return Turn((x, y, z), sine, cosine, third)
-
-
-@compile_kernel
-def polynomial(q: Vector, once: Vector, first: float, second: float, twice: Vector) -> Vector:
-    """Return q + first · once + second · twice."""
-    return (
-        q[0] + first * once[0] + second * twice[0],
-        q[1] + first * once[1] + second * twice[1],
-        q[2] + first * once[2] + second * twice[2],
-    )
-
-
-@compile_kernel
-def turned(turn: Turn, q: Vector) -> Vector:
-    """Return exp([ψ]×) q."""
-    once = cross(turn.psi, q)
-    return polynomial(q, once, turn.sine, turn.cosine, cross(turn.psi, once))
-
-
-@compile_kernel
-def turned_back(turn: Turn, row: Vector) -> Vector:
-    """Return the row times exp([ψ]×)."""
-    once = cross(row, turn.psi)
-    return polynomial(row, once, turn.sine, turn.cosine, cross(once, turn.psi))
-
-
-@compile_kernel
 def meet(values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v: float) -> Meeting:
     """Return where a point at ``lever`` = D (X − X0) meets the shutter, looked for from (u, v), as measured."""
-    T, model, e, r0 = values.readout[f], values.model[f] - MOVING, values.eccentricity[f], values.r0[f]
+    T, model, e, r0 = values.readout[f], values.model[f] % MOVING, values.eccentricity[f], values.r0[f]
     gx, gy, g0 = values.clock[f, 0], values.clock[f, 1], values.clock[f, 2]
     velocity = values.velocity[f, 0], values.velocity[f, 1], values.velocity[f, 2]
     rate = values.rate[f, 0], values.rate[f, 1], values.rate[f, 2]
@@ -179,7 +128,7 @@ def linearise_moving(
             u, v = measured[n, 0], measured[n, 1]
             met = meet(values, f, lever, i, u, v)
             X, Y, Z = met.star
-            model, r0, by_ideal = values.model[f] - MOVING, values.r0[f], met.sight.by_ideal
+            model, r0, by_ideal = values.model[f] % MOVING, values.r0[f], met.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, r0, u, v, by_ideal, by_interior)
             one, other = met.sight.by_star
             a, b, c = lever
@@ -292,7 +241,7 @@ def follow_moving(
             u, v = measured[n, 0], measured[n, 1]
             met = meet(values, f, lever, i, u, v)
             X, Y, Z = met.star
-            model, r0, by_ideal = values.model[f] - MOVING, values.r0[f], met.sight.by_ideal
+            model, r0, by_ideal = values.model[f] % MOVING, values.r0[f], met.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, r0, u, v, by_ideal, by_interior)
             a, b, c = star_change(values, change, f, lever, met)
             one, other = met.sight.by_star

@@ -1,8 +1,6 @@
 """Kernels that linearise image rays along trajectories, as ``mor.observations.time`` has images and line scanners.
 
-In the axes of knot 0 a point is at D_0 (X − X_0) − Σ w_k p_k with p_k = D_0 (X_k − X_0), the sum over the other knots;
-exp(−[θ]×) with θ = Σ w_k θ_k turns it into those of time t. A line scanner sees it when it crosses the line: a change
-(dx, dy) at a fixed time becomes dx − ẋ/ẏ dy, and −dy/ẏ in time. A row β by the small rotation of the pose becomes
+How a point is seen says ``passing``. A row β by the small rotation of the pose becomes
 
     w_k β J(θ) J(θ_k)⁻¹        and        β exp(−[θ]×) − β J(θ) Σ w_k J(θ_k)⁻ᵀ
 
@@ -11,27 +9,24 @@ by those of knot k, and of knot 0.
 
 from __future__ import annotations
 
-from math import nan
-from typing import NamedTuple
-
 import numpy as np
 
-from mor.adjustment.rays.compiled.cameras import ALONG, CROSSING, Sight, fill_by_interior, sight
-from mor.adjustment.rays.compiled.image_rays import (
+from mor.adjustment.rays.compiled.sights.cameras import ALONG, MOVING, fill_by_interior
+from mor.adjustment.rays.compiled.sights.image_rays import (
     FrameChange,
     FrameValues,
     Layout,
     Measured,
-    Paths,
     clear_row,
 )
-from mor.adjustment.rays.compiled.moving_rays import (
+from mor.adjustment.rays.compiled.sights.moving_rays import lever_of
+from mor.adjustment.rays.compiled.sights.passing import Passing, passing
+from mor.adjustment.rays.compiled.sights.small_turns import (
     Turn,
     Vector,
+    by_psi,
     cross,
-    lever_of,
-    polynomial,
-    small_turn,
+    row_by_psi,
     turned,
     turned_back,
 )
@@ -40,109 +35,6 @@ from mor.compilation import compile_inline, compile_kernel
 
 KNOTS = 4
 """Knots that a pose depends on, at most."""
-_ROUNDS, _STILL = 10, 1e-12
-"""Rounds at most, and the part of the time in which the camera scans its own camera constant by which a crossing may
-still move: what is left of that is taken along to first order, and the derivatives differ by less than it."""
-
-
-class Passing(NamedTuple):
-    """A point as it is seen from a trajectory.
-
-    Attributes:
-        turn: −θ.
-        lever: D(t) (X − X0(t)).
-        star: the same, with the eccentricity added.
-        sight: image coordinates at this time, and derivatives.
-        x, y: coordinates as they are computed: y of line scanners is that of the row of the crossing.
-        across: what stands before the derivatives at a fixed time, row by row.
-    """
-
-    turn: Turn
-    lever: Vector
-    star: Vector
-    sight: Sight
-    x: float
-    y: float
-    across: tuple[float, float, float, float]
-
-
-@compile_kernel
-def between(paths: Paths, f: int, time: float, w: FloatArray) -> tuple[Vector, Vector, Vector, Vector]:
-    """Set the weights w (4,) of the knots; return Σ w_k p_k and θ at ``time`` since knot 0, and their derivatives."""
-    a, b, c, g, h, o = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    da, db, dc, dg, dh, do = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    weights, reach, turns = paths.weights[f], paths.reach[f], paths.turns[f]
-    w[0] = 1.0
-    for k in range(1, paths.knots[f]):
-        first, second, third = weights[k, 1], weights[k, 2], weights[k, 3]
-        one = weights[k, 0] + time * (first + time * (second + time * third))
-        slope = first + time * (2.0 * second + 3.0 * time * third)
-        p, q, r = reach[k - 1, 0], reach[k - 1, 1], reach[k - 1, 2]
-        a, b, c = a + one * p, b + one * q, c + one * r
-        da, db, dc = da + slope * p, db + slope * q, dc + slope * r
-        p, q, r = turns[k - 1, 0], turns[k - 1, 1], turns[k - 1, 2]
-        g, h, o = g + one * p, h + one * q, o + one * r
-        dg, dh, do = dg + slope * p, dh + slope * q, do + slope * r
-        w[k] = one
-        w[0] -= one
-    return (a, b, c), (g, h, o), (da, db, dc), (dg, dh, do)
-
-
-@compile_kernel
-def by_psi(turn: Turn, q: Vector) -> Vector:
-    """Return J(−ψ) q with the right Jacobian J."""
-    once = cross(turn.psi, q)
-    return polynomial(q, once, turn.cosine, turn.third, cross(turn.psi, once))
-
-
-@compile_kernel
-def row_by_psi(turn: Turn, row: Vector) -> Vector:
-    """Return the row times J(−ψ)."""
-    once = cross(row, turn.psi)
-    return polynomial(row, once, turn.cosine, turn.third, cross(once, turn.psi))
-
-
-@compile_kernel
-def passing(
-    values: FrameValues,
-    f: int,
-    base: Vector,
-    i: FloatArray,
-    u: float,
-    v: float,
-    clock: FloatArray,
-    w: FloatArray,
-) -> Passing:
-    """Return how a point at ``base`` = D_0 (X − X_0) is seen, and set the weights w (4,) of the knots.
-
-    (u, v) are the measured coordinates, v of a line scanner that of its line; ``clock`` (3,): time since knot 0, of a
-    line scanner when the observed row was scanned, that row, and seconds by rows.
-    """
-    crosses = values.model[f] >= CROSSING
-    model = values.model[f] - (CROSSING if crosses else ALONG)
-    e, r0 = values.eccentricity[f], values.r0[f]
-    time, still, rounds = clock[0], _STILL * abs(clock[2] * i[0]), 0
-    while True:
-        moved, theta, velocity, rate = between(values.paths, f, time, w)
-        turn = small_turn(-theta[0], -theta[1], -theta[2])
-        q = turned(turn, (base[0] - moved[0], base[1] - moved[1], base[2] - moved[2]))
-        star = q[0] + e[0], q[1] + e[1], q[2] + e[2]
-        seen = sight(model, star[0], star[1], star[2], i, r0, u, v)
-        if not crosses:
-            return Passing(turn, q, star, seen, seen.x, seen.y, (1.0, 0.0, 0.0, 1.0))
-        about, along = cross(q, by_psi(turn, rate)), turned(turn, velocity)
-        a, b, c = about[0] - along[0], about[1] - along[1], about[2] - along[2]
-        one, other = seen.by_star
-        dx, dy = one[0] * a + one[1] * b + one[2] * c, other[0] * a + other[1] * b + other[2] * c
-        per_dy = 1.0 / dy if dy != 0.0 else nan  # a camera that stands still scans nothing
-        step = (v - seen.y) * per_dy
-        rounds += 1
-        if rounds > _ROUNDS or not abs(step) > still:
-            break
-        time += step
-    per_rate = 1.0 / clock[2]
-    row = clock[1] + (time + step - clock[0]) * per_rate
-    return Passing(turn, q, star, seen, seen.x + dx * step, row, (1.0, -dx * per_dy, 0.0, -per_dy * per_rate))
 
 
 @compile_kernel
@@ -171,8 +63,7 @@ def linearise_along(
             u, v = measured[n, 0], measured[n, 1]
             seen = passing(values, f, lever_of(values, f, points, p), i, u, v, clock[n], w)
             X, Y, Z = seen.star
-            model = values.model[f] - (CROSSING if values.model[f] >= CROSSING else ALONG)
-            by_ideal = seen.sight.by_ideal
+            model, by_ideal = values.model[f] % MOVING, seen.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, values.r0[f], u, v, by_ideal, by_interior)
             one, other = seen.sight.by_star
             for m in range(2):
@@ -190,6 +81,8 @@ def linearise_along(
                 a, b, c = by_object(D, f, turned_back(seen.turn, by_star))
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = a, b, c
                 set_knots(row, layout, values, f, w, (a, b, c), seen.turn, cross(by_star, seen.lever))
+                if layout.readout >= 0:
+                    row[layout.readout] = s * seen.by_readout[m]
                 if layout.height >= 0:
                     row[layout.height] = -c
                 if layout.eccentricity >= 0:
@@ -314,8 +207,7 @@ def follow_along(
             u, v = measured[n, 0], measured[n, 1]
             seen = passing(values, f, lever_of(values, f, points, p), i, u, v, clock[n], w)
             X, Y, Z = seen.star
-            model = values.model[f] - (CROSSING if values.model[f] >= CROSSING else ALONG)
-            by_ideal = seen.sight.by_ideal
+            model, by_ideal = values.model[f] % MOVING, seen.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, values.r0[f], u, v, by_ideal, by_interior)
             a, b, c = star_along(values, change, f, w, seen)
             one, other = seen.sight.by_star
@@ -331,7 +223,8 @@ def follow_along(
                     continue
                 g, h = s * seen.across[2 * m], s * seen.across[2 * m + 1]
                 found = seen.x if m == 0 else seen.y
-                residual[n, m] = (found - observed[n, m]) * s + g * dx + h * dy
+                later = seen.by_readout[m] * change.readout[f]
+                residual[n, m] = (found - observed[n, m] + later) * s + g * dx + h * dy
                 by_star = g * one[0] + h * other[0], g * one[1] + h * other[1], g * one[2] + h * other[2]
                 a, b, c = by_object(D, f, turned_back(seen.turn, by_star))
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = a, b, c

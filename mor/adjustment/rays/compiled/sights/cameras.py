@@ -8,18 +8,22 @@ from __future__ import annotations
 from math import atan2, copysign, sqrt
 from typing import NamedTuple
 
+from mor.adjustment.rays.compiled.sights.panorama import panorama_point, project_panorama
 from mor.arrays import FloatArray
 from mor.compilation import compile_kernel
 
 MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
 """Number of each compiled model."""
 _MOR, _BROWN_FORWARD = 0, 1
-ON_THE_SPHERE = 3
+PANORAMA = 3
+"""Number of panoramas, which have kernels as images that stand still alone."""
+ON_THE_SPHERE = 4
 """Number of what takes the place of every model where rays are directions (``mor.observations.on_the_sphere``)."""
-MOVING = 4
-"""Added to the number of a model where the rows are read out one after the other."""
-ALONG, CROSSING = 8, 16
-"""Added to it where the pose is one between knots: of images, and of the lines of a scanner."""
+MOVING = 8
+"""Added to the number of a model where the rows are read out one after the other; what is left by it is the model."""
+ALONG, CROSSING = 16, 32
+"""Added to it where the pose is one between knots: of images, read out row by row or not, and of the lines of a
+scanner."""
 
 
 @compile_kernel
@@ -100,6 +104,8 @@ def image_point(
     if model == ON_THE_SPHERE:
         axes = across(X, Y, Z)
         return arcs(X, Y, Z, u, v, axes)
+    if model == PANORAMA:
+        return panorama_point(X, Y, Z, i, u)
     x, y = -i[0] * X / Z, -i[0] * Y / Z
     if model == _MOR:
         dx, dy = distortion(x, y, i[3], i[4], i[5], i[6], i[7], r0)
@@ -141,6 +147,8 @@ def project(
             axes[5] * per_length,
         )
         return arcs(X, Y, Z, u, v, axes)
+    if model == PANORAMA:
+        return project_panorama(X, Y, Z, i, u, by_star, by_interior)
     seen = sight(model, X, Y, Z, i, r0, u, v)
     by_star[0, 0], by_star[0, 1], by_star[0, 2] = seen.by_star[0]
     by_star[1, 0], by_star[1, 1], by_star[1, 2] = seen.by_star[1]
