@@ -26,6 +26,8 @@ _SIGHTS = 8
 _LEAST = 3
 """Sights that are needed: two always meet."""
 _ITERATIONS = 8
+_RANK = 4.0 * float(np.finfo(np.float64).eps)
+"""Part of the largest singular value of two sights below which they tell nothing of a direction."""
 
 
 class _Sights(NamedTuple):
@@ -70,9 +72,7 @@ def costs_at_places(problem: Problem, values: Values, point: int, places: FloatA
     if not sights:
         return np.zeros(len(places))
     count = problem.observations
-    found = [cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count) for place in places]
-    costs: FloatArray = np.nan_to_num(np.array(found), nan=np.inf)
-    return costs
+    return _costs(sights, values, places, count)
 
 
 def _slot_of_target(group: ObservationGroup) -> int | None:
@@ -110,40 +110,48 @@ def _best(
 ) -> FloatArray:
     """The place (3,) among all intersections, and some further places, that costs least."""
 
-    def cost(place: FloatArray) -> float:
-        own = cost_of_residuals([np.abs(_residuals(sights, values, place)[0])], count)
-        return own if np.isfinite(own) else np.inf
-
-    total = sum(len(one.rows) for one in sights)
-    places = list(places)
-    for pair in combinations(range(total), 2):
-        places += [_intersected(sights, values, begin, list(pair)) for begin in begins]
-    return min(places, key=cost)
+    pairs = np.array(list(combinations(range(sum(len(one.rows) for one in sights)), 2)))
+    begin = np.tile(np.array(begins), (len(pairs), 1))
+    met = _intersected(sights, values, begin, np.repeat(pairs, len(begins), axis=0))
+    every = np.concatenate([np.array(places).reshape(-1, 3), met])
+    best: FloatArray = every[np.argmin(_costs(sights, values, every, count))]
+    return best
 
 
-def _intersected(sights: list[_Sights], values: Values, begin: FloatArray, pair: list[int]) -> FloatArray:
-    """Least squares (Gauss–Newton) of two sights."""
-    place = begin
+def _costs(sights: list[_Sights], values: Values, places: FloatArray, count: int) -> FloatArray:
+    """(k,) what the sights of a point cost if it were at some places (k, 3)."""
+    sizes = np.abs(_residuals(sights, values, places)[0])
+    return np.nan_to_num([cost_of_residuals([one], count) for one in sizes], nan=np.inf)
+
+
+def _intersected(sights: list[_Sights], values: Values, begin: FloatArray, pairs: IntArray) -> FloatArray:
+    """Least squares (Gauss–Newton) of two sights each (k, 2), from (k, 3); the beginning where it leads nowhere."""
+    place, two = begin, np.arange(len(pairs))[:, None]
+    lost = np.zeros(len(pairs), dtype=bool)
     for _ in range(_ITERATIONS):
         residuals, jacobian = _residuals(sights, values, place)
-        if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
-            return begin
-        step = np.linalg.lstsq(jacobian[pair].reshape(-1, 3), residuals[pair].ravel(), rcond=None)[0]
-        place = place + step
+        own, design = residuals[two, pairs].reshape(-1, 4), jacobian[two, pairs].reshape(-1, 4, 3)
+        lost |= ~(np.isfinite(own).all(axis=1) & np.isfinite(design).all(axis=(1, 2)))
+        own, design = np.where(lost[:, None], 0.0, own), np.where(lost[:, None, None], 0.0, design)
+        step = np.einsum("kij,kj->ki", np.linalg.pinv(design, rcond=_RANK), own)
+        place = np.where(lost[:, None], begin, place + step)
     return place
 
 
-def _residuals(sights: list[_Sights], values: Values, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(observed − computed)/σ (k, 2) of sights to the point at a place, and the derivatives (k, 2, 3) of the latter."""
+def _residuals(
+    sights: list[_Sights], values: Values, places: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(observed − computed)/σ (k, s, 2) of s sights to the point at each place (k, 3), and derivatives (k, s, 2, 3)."""
     misclosures, jacobians = [], []
     for group, rows, slot in sights:
-        blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
-        blocks[slot] = np.repeat(place[None], len(rows), axis=0)
+        every = np.tile(rows, len(places))
+        blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+        blocks[slot] = np.repeat(places, len(rows), axis=0)
         with np.errstate(all="ignore"):
-            equation = group.type.equation(blocks, group.constants[rows])
-        difference = group.observed[rows] - equation.values
+            equation = group.type.equation(blocks, group.constants[every])
+        difference = group.observed[every] - equation.values
         difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
-        sigma = group.given_sigma[rows]
-        misclosures.append(difference / sigma)
-        jacobians.append(equation.jacobians[slot] / sigma[:, :, None])
-    return np.concatenate(misclosures), np.concatenate(jacobians)
+        sigma = group.given_sigma[every]
+        misclosures.append((difference / sigma).reshape(len(places), -1, 2))
+        jacobians.append((equation.jacobians[slot] / sigma[:, :, None]).reshape(len(places), -1, 2, 3))
+    return np.concatenate(misclosures, axis=1), np.concatenate(jacobians, axis=1)
