@@ -17,7 +17,9 @@ from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import normalised_misclosures, reweighted_plan
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
+from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.graduated_weights import graduated_weights
+from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import left_out, may_be_absurd, without_suspects
 
 GON = np.pi / 200.0
@@ -127,3 +129,22 @@ def test_of_two_sources_that_contradict_each_other_none_is_left_out():
 @pytest.mark.parametrize("kind", KINDS)
 def test_start_values_that_are_far_off_reach_the_solution_of_all_observations(kind):
     assert reaches(spoiled(3, kind, 0.0), 0.4, 40.0 * GON, 3)
+
+
+def test_suspects_that_fit_the_rest_come_back_and_the_others_stay_out():
+    """One good row in four is called a suspect beside the exchanged names: all of them come back, unless flagged."""
+    scene = names_exchanged(1, "aerial")
+    plain = adjust(scene.problem, scene.truth)
+    _, suspects = without_suspects(plain)
+    more = [mask.copy() for mask in suspects.masks]
+    more[0][::4] |= scene.problem.groups[0].mask[::4]
+    wider = replace(suspects, masks=tuple(more))
+    levels = Levels()
+    rest = adjust(left_out(scene.problem, wider), scene.truth)
+    quality, left = put_back(assess(rest, levels), wider, lambda one: assess(one, levels))
+    exchanged = scene.problem.groups[0].observed != spoiled(1, "aerial", 0.0).problem.groups[0].observed
+    assert (left.masks[0] | ~exchanged).all()
+    assert left.count <= suspects.count + 2
+    again, same = put_back(quality, left, lambda one: assess(one, levels))
+    assert same.count == left.count
+    assert again.adjustment.normals.objective == quality.adjustment.normals.objective
