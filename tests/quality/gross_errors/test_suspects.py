@@ -131,20 +131,22 @@ def test_start_values_that_are_far_off_reach_the_solution_of_all_observations(ki
     assert reaches(spoiled(3, kind, 0.0), 0.4, 40.0 * GON, 3)
 
 
-def test_suspects_that_fit_the_rest_come_back_and_the_others_stay_out():
-    """One good row in four is called a suspect beside the exchanged names: all of them come back, unless flagged."""
-    scene = names_exchanged(1, "aerial")
-    plain = adjust(scene.problem, scene.truth)
-    _, suspects = without_suspects(plain)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_suspects_that_fit_the_rest_come_back_whoever_was_called_one(seed):
+    """Beside the exchanged names one good row in sixteen: the end is the same as without these."""
+    scene = names_exchanged(seed, "aerial")
+    _, suspects = without_suspects(adjust(scene.problem, scene.truth))
     more = [mask.copy() for mask in suspects.masks]
-    more[0][::4] |= scene.problem.groups[0].mask[::4]
-    wider = replace(suspects, masks=tuple(more))
+    more[0][::16] |= scene.problem.groups[0].mask[::16]
     levels = Levels()
-    rest = adjust(left_out(scene.problem, wider), scene.truth)
-    quality, left = put_back(assess(rest, levels), wider, lambda one: assess(one, levels))
-    exchanged = scene.problem.groups[0].observed != spoiled(1, "aerial", 0.0).problem.groups[0].observed
-    assert (left.masks[0] | ~exchanged).all()
-    assert left.count <= suspects.count + 2
-    again, same = put_back(quality, left, lambda one: assess(one, levels))
-    assert same.count == left.count
-    assert again.adjustment.normals.objective == quality.adjustment.normals.objective
+
+    def ended(some):
+        rest = assess(adjust(left_out(scene.problem, some), scene.truth), levels)
+        return put_back(rest, some, lambda one: assess(one, levels))
+
+    (one, few), (other, also) = ended(suspects), ended(replace(suspects, masks=tuple(more)))
+    np.testing.assert_array_equal(few.masks[0], also.masks[0])
+    objectives = one.adjustment.normals.objective, other.adjustment.normals.objective
+    assert objectives[1] == pytest.approx(objectives[0], rel=1e-9)
+    exchanged = scene.problem.groups[0].observed != spoiled(seed, "aerial", 0.0).problem.groups[0].observed
+    assert (few.masks[0] | ~exchanged).all()
