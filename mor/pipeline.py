@@ -35,6 +35,7 @@ from mor.quality.diagnosis.determinable import Means, adjust_determinable
 from mor.quality.diagnosis.self_check import checked
 from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
+from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import (
     SUSPECT,
     Rescued,
@@ -144,6 +145,13 @@ def _solved(
     sound = checked(quality)
     if not sound.outcome.is_solution:
         return Solved(network, sound, None, None, suspects, possible_causes(None))
+    if suspects is not None:
+        again = Settings(settings.max_iterations)
+        quality, suspects = put_back(
+            quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
+        )
+        adjustment = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
+        plain = adjustment if suspects is None else plain
     found = possible_causes(quality)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)

@@ -35,3 +35,15 @@ def test_one_centre_and_one_normal_are_named():
     assert {t.outcome for t in (G.relative(seed) for seed in range(25)) if t.kind == "one centre"} == {
         "NO_BASE"
     }
+
+
+@pytest.mark.parametrize("seed", [2000669, 23857])
+def test_a_sense_of_the_base_that_no_point_contradicts_is_another_orientation(seed):
+    """Both had been called determined; the first with the base the wrong way round, an angle 5.8 of its σ off."""
+    assert G.relative(seed).outcome == "AMBIGUOUS"
+
+
+@pytest.mark.parametrize("seed", [2004630, 2004710])
+def test_a_shape_that_changes_by_more_than_its_sigma_promise_is_weak(seed):
+    """Both had been called unique, with sides 6.9 and 6.4 of their σ off."""
+    assert G.planar(seed).outcome == "WEAK"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +56,8 @@ def meet(
     """Intersect ``points`` (m,) by all rays from posed frames.
 
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
-    which rays must meet. Closed form: the point of least sum of squared distances from the rays.
+    which rays must meet. Closed form: the point of least sum of squared distances from the rays. A wrong ray may draw
+    it away from all of them: where not all agree, those agree that most pairs of them are for.
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
@@ -78,19 +80,67 @@ def meet_plainly(
     rays, point = rays[known], point[known]
     frame = seen.frame[rays]
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
-    sigma = loosened(seen.sigma[rays], slack)
-    use = np.ones(len(rays), dtype=bool)
-    X, good = np.full((len(points), 3), np.nan), np.zeros(len(points), dtype=bool)
-    for _ in range(rounds):
-        X, good = _nearest(point[use], centre[use], direction[use], len(points), smallest)
-        away = X[point] - centre
-        with np.errstate(invalid="ignore", divide="ignore"):
-            off = np.linalg.norm(away / np.linalg.norm(away, axis=1)[:, None] - direction, axis=1)
-        use = good[point] & (off < 3.0 * sigma)
-        if (use == good[point]).all():
-            break
+    lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
+    found = _in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
+    if rounds > 1:
+        begin = _likelier_pairs(lines, found, len(points), smallest)
+        found = _in_rounds(lines, begin, len(points), smallest, rounds)
+    X, good, use = found
     X[:, 2] -= _mean(point, seen.height[rays], len(points))
     return Meetings(X, good & (np.bincount(point[use], minlength=len(points)) >= 2))
+
+
+class _Lines(NamedTuple):
+    """Rays in space."""
+
+    point: IntArray
+    """(n,) number of the point each sees."""
+    centre: FloatArray
+    direction: FloatArray
+    limit: FloatArray
+    """(n,) what they may pass by at, as the difference of unit vectors."""
+
+    def agree(self, X: FloatArray) -> BoolArray:
+        """(…, n) true where they go to ``X`` (…, n, 3)."""
+        away = X - self.centre
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = away / np.linalg.norm(away, axis=-1)[..., None] - self.direction
+            return np.asarray(np.linalg.norm(off, axis=-1) < self.limit)
+
+
+def _in_rounds(
+    lines: _Lines, use: BoolArray, count: int, smallest: float, rounds: int
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Places (count, 3) nearest to the rays in use, whether they are good, and the rays (n,) in use at last."""
+    X, good = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
+    for _ in range(rounds):
+        X, good = _nearest(lines.point[use], lines.centre[use], lines.direction[use], count, smallest)
+        before, use = use, good[lines.point] & lines.agree(X[lines.point])
+        if (use == before).all():
+            break
+    return X, good, use
+
+
+def _likelier_pairs(
+    lines: _Lines, found: tuple[FloatArray, BoolArray, BoolArray], count: int, smallest: float
+) -> BoolArray:
+    """(n,) rays to begin with anew: where not all agree, the two on whose meeting more of them do; else all."""
+    use = np.ones(len(lines.point), dtype=bool)
+    for point in range(count):
+        rows = np.flatnonzero(lines.point == point)
+        agreeing = int(np.count_nonzero(found[2][rows]))
+        if len(rows) < 3 or agreeing == len(rows):
+            continue
+        pairs = np.array(list(combinations(range(min(len(rows), kernels.PAIRED)), 2)))
+        own = _Lines(*(array[rows] for array in lines))
+        meeting, centre, direction = np.repeat(np.arange(len(pairs)), 2), own.centre[pairs], own.direction[pairs]
+        X, good = _nearest(meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest)
+        votes = np.where(good, np.count_nonzero(own.agree(X[:, None]), axis=1), 0)
+        most = int(votes.max())
+        if most > max(agreeing, 1) and (most > 2 or np.count_nonzero(votes == most) == 1):
+            use[rows] = False
+            use[rows[pairs[np.argmax(votes)]]] = True
+    return use
 
 
 def _mean(point: IntArray, height: FloatArray, count: int) -> FloatArray:

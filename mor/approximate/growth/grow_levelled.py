@@ -8,14 +8,26 @@ from mor.approximate.choices import Choices
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import Rule, rule
-from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
-from mor.approximate.terrestrial.free_station import StationOutcome, free_station_level
+from mor.approximate.terrestrial.agreement import Fit, agreeing
+from mor.approximate.terrestrial.bearings_and_arcs import (
+    Section,
+    SectionOutcome,
+    arc_section,
+    bearing_section,
+    misclosures_of_arcs,
+    misclosures_of_bearings,
+)
+from mor.approximate.terrestrial.free_station import FreeStation, StationOutcome, free_station_level
 from mor.approximate.terrestrial.polar import orient
 from mor.approximate.terrestrial.sights import Sight, Terrestrial
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
+SECTION_FITS = 1e-2
+"""Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
+CONTRADICTS = 0.45
+"""Radians that half of the directions of a set must not be off the others by."""
 RISES = 0.1, -0.1, 0.5, -0.5
 """Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
 SMALLEST_SECTION = 0.05
@@ -63,7 +75,7 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
             continue
         here = part.points[sight.position, :2]
         result = orient(here, part.points[sight.points[usable], :2], sight.directions[usable])
-        if np.isfinite(result.kappa) and result.resultant > 0.9:
+        if np.median(np.abs(result.residuals)) < CONTRADICTS:
             part.kappas[number] = result.kappa
             added = True
     return added
@@ -140,9 +152,11 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
     for point, found in bearings.items():
         if len(found) < 2 or not _meet_well([t for _, t in found]):
             continue
-        section = bearing_section(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
+        section, count = _bearings_that_agree(
+            np.array([xy for xy, _ in found]), np.array([t for _, t in found])
+        )
         if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("intersection of {count} bearings", count=len(found)))
+            _place(part, point, section.points[0], rule("intersection of {count} bearings", count=count))
             added = True
     return added
 
@@ -157,11 +171,39 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
             continue
-        section = arc_section(np.array(centres), np.array(lengths))
+        section, count = _arcs_that_agree(np.array(centres), np.array(lengths))
         if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("section of {count} arcs", count=len(lengths)))
+            _place(part, point, section.points[0], rule("section of {count} arcs", count=count))
             known[point] = added = True
     return added
+
+
+def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[Section, int]:
+    """The section of those bearings that agree, and how many these are."""
+
+    def fit(rows: IntArray) -> Fit:
+        section = bearing_section(stations[rows], bearings[rows])
+        if section.outcome is not SectionOutcome.DETERMINED:
+            return Fit(np.inf, np.zeros(0))
+        return Fit(
+            section.sigma0, np.abs(misclosures_of_bearings(stations[rows], bearings[rows], section.point))
+        )
+
+    rows = agreeing(len(bearings), fit, SECTION_FITS, least=3)
+    return bearing_section(stations[rows], bearings[rows]), len(rows)
+
+
+def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[Section, int]:
+    """The section of those arcs that agree, and how many these are."""
+
+    def fit(rows: IntArray) -> Fit:
+        section = arc_section(stations[rows], lengths[rows])
+        if section.outcome is not SectionOutcome.DETERMINED:
+            return Fit(np.inf, np.zeros(0))
+        return Fit(section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point)))
+
+    rows = agreeing(len(lengths), fit, SECTION_FITS * float(np.median(lengths)), least=3)
+    return arc_section(stations[rows], lengths[rows]), len(rows)
 
 
 def known_arcs(
@@ -202,12 +244,29 @@ def _free_station(part: Part, sight: Sight, distances: Distances) -> tuple[Float
         return None
     lengths = np.array([distances.between(part, sight.position, int(point)) for point in points])
     size = np.ptp(part.points[points, :2], axis=0).max()
-    result = free_station_level(
-        part.points[points, :2], sight.directions[known], lengths, SIGMA_DIRECTION, 1e-3 * size
-    )
+    result = _station_that_agrees(part.points[points, :2], sight.directions[known], lengths, 1e-3 * size)
     if result.outcome is StationOutcome.DETERMINED and np.isfinite(result.kappa):
         return result.position, result.kappa
     return None
+
+
+def _station_that_agrees(
+    points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float
+) -> FreeStation:
+    """The free station by those sights that agree; ``sigma`` of the lengths."""
+
+    def station(rows: IntArray) -> FreeStation:
+        return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
+
+    def fit(rows: IntArray) -> Fit:
+        found = station(rows)
+        scaled = np.nan_to_num(np.abs(found.residuals) / [SIGMA_DIRECTION, sigma])
+        return Fit(float(np.nan_to_num(found.sigma0, nan=np.inf)), scaled.max(axis=1, initial=0.0))
+
+    least = 5 if np.isnan(lengths).all() else 4
+    if len(points) < least:
+        return station(np.arange(len(points)))
+    return station(agreeing(len(points), fit, SECTION_FITS / SIGMA_DIRECTION, least - 1))
 
 
 def _vectors(part: Part, measured: Terrestrial) -> bool:

@@ -42,6 +42,8 @@ from mor.geometry.rotations import cross_matrix
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
+MOVED = 5.0 / 3.0
+"""Times its σ that a coordinate may change by for each σ of the normal: what is called five σ is three at least."""
 SAME_NORMAL = 0.02
 """Angle in radians between the normals of two pairs up to which one of them is start enough."""
 SAME = 1e-5
@@ -274,7 +276,8 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     """Do the σ promise more than the measurements hold?
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
-    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
+    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation), and no
+    coordinate may have changed by five of its own σ or more where the normal is turned by three.
     """
     adjusted = shape.adjusted
     if adjusted is None or not max(FAR) * shape.sigma_normal < 0.5 * np.pi:
@@ -291,7 +294,20 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
         bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, k])
         if bent.objective - adjusted.objective < PROMISED * far**2:
             return True
+        if _moved(shape, bent.state.points[:, :2], rays.in_plane) > MOVED * far:
+            return True
     return False
+
+
+def _moved(shape: PlaneShape, points: FloatArray, in_plane: BoolArray) -> float:
+    """Largest change of a coordinate in the plane, in its σ, from the shape to ``points`` (n, 2) laid upon it."""
+    known = in_plane & np.isfinite(shape.points).all(axis=1) & np.isfinite(points).all(axis=1)
+    before, after = (array[known] @ [1.0, 1.0j] for array in (shape.points, points))
+    mean = before.mean()
+    before, after = before - mean, after - after.mean()
+    laid = after * np.vdot(after, before) / np.vdot(after, after).real
+    away = np.stack([(laid - before).real, (laid - before).imag], axis=1)
+    return float(np.max(np.abs(away) / np.maximum(shape.sigma_points[known], 1e-300)))
 
 
 def _same(first: PlaneShape, second: PlaneShape) -> bool:

@@ -18,7 +18,7 @@ from mor.approximate.relative_orientation.outcome import (
 )
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns, four_candidates
 from mor.approximate.vectors import cross
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
 AS_GOOD = 25.0
@@ -80,6 +80,8 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     if not judged.adjusted:
         return failed(RelativeOutcome.NO_BASE, len(a))
     chosen, rivals = _choice(a, b, judged)
+    opposite = chosen._replace(base=-chosen.base)
+    rivals += [] if _is_contradicted(a, b, opposite) else [opposite]
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     outcome = _outcome(a, b, chosen, rivals, covariance)
@@ -221,11 +223,31 @@ def _parallaxes_behind(a: Bundle, b: Bundle, one: Coplanarity) -> FloatArray:
 
     σ are those of the rays and of the attitude.
     """
-    front = np.all(in_front(a, b, one.base, one.rotation), axis=1)
+    behind, parallax, of_rays, of_turn = _parallaxes(a, b, one)
+    return np.where(behind, parallax / np.hypot(of_rays, of_turn), 0.0)
+
+
+def _is_contradicted(a: Bundle, b: Bundle, one: Coplanarity) -> bool:
+    """True where a point is behind beyond doubt, or all that are behind together.
+
+    Their rays err each for itself, and the attitude for all of them alike: the mean of n parallaxes has the variance
+    σ²/n of the rays, and the whole one of the attitude.
+    """
+    behind, parallax, of_rays, of_turn = _parallaxes(a, b, one)
+    if not behind.any():
+        return False
+    alone = parallax[behind] / np.hypot(of_rays[behind], of_turn)
+    of_mean = np.sqrt(np.mean(of_rays[behind] ** 2) / np.count_nonzero(behind))
+    return bool(max(alone.max(), parallax[behind].mean() / np.hypot(of_mean, of_turn)) > SURE)
+
+
+def _parallaxes(a: Bundle, b: Bundle, one: Coplanarity) -> tuple[BoolArray, FloatArray, FloatArray, float]:
+    """(n,) which points are behind, parallaxes and what the rays err in them (radians), and the attitude in all."""
+    behind = ~np.all(in_front(a, b, one.base, one.rotation), axis=1)
     parallax = np.linalg.norm(cross(a.directions, b.directions @ one.rotation), axis=1)
     of_rays = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
-    of_turn = np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:])))
-    return np.where(front, 0.0, parallax / np.hypot(of_rays, of_turn))
+    of_turn = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:]))))
+    return behind, parallax, of_rays, of_turn
 
 
 def _outcome(

@@ -73,7 +73,7 @@ def bearing_section(stations: FloatArray, bearings: FloatArray) -> Section:
             break
     if np.any(np.einsum("ni,ni->n", along, point - stations) < 0.0):
         return Section(SectionOutcome.BEHIND, point[None], float("nan"))
-    difference = np.angle(np.exp(1j * (np.arctan2(*(point - stations).T) - t)))
+    difference = misclosures_of_bearings(stations, t, point)
     sigma0 = float(np.sqrt(difference @ difference / (len(t) - 2))) if len(t) > 2 else float("nan")
     return Section(SectionOutcome.DETERMINED, point[None], sigma0)
 
@@ -133,7 +133,7 @@ def _many_arcs(stations: FloatArray, d: FloatArray, section: Section) -> Section
     if not len(section.points):
         return section
     refined = [_refined_arc(stations, d, point) for point in section.points]
-    misfits = np.array([float(np.sum(_misclosure(stations, d, point) ** 2)) for point in refined])
+    misfits = np.array([float(np.sum(misclosures_of_arcs(stations, d, point) ** 2)) for point in refined])
     order = np.argsort(misfits, kind="stable")
     sigma0 = float(np.sqrt(misfits[order[0]] / (len(d) - 2)))
     values = np.linalg.svd(stations - stations.mean(axis=0), compute_uv=False)
@@ -144,8 +144,14 @@ def _many_arcs(stations: FloatArray, d: FloatArray, section: Section) -> Section
     return Section(section.outcome, points, sigma0)
 
 
-def _misclosure(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
+def misclosures_of_arcs(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
+    """(n,) computed less measured horizontal distances."""
     return np.asarray(np.linalg.norm(point - stations, axis=1) - d)
+
+
+def misclosures_of_bearings(stations: FloatArray, bearings: FloatArray, point: FloatArray) -> FloatArray:
+    """(n,) computed less measured bearings."""
+    return np.asarray(np.angle(np.exp(1j * (np.arctan2(*(point - stations).T) - bearings))))
 
 
 def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:

@@ -137,17 +137,19 @@ def _rescued(
 
 
 def _with_points_moved(problem: Problem, found: Graduated, watch: Watcher | None) -> Graduated:
-    """Where points whose sights do not fit have been intersected anew; as it was, where that leaves no fewer suspects.
+    """Where points whose sights do not fit have been intersected anew, as long as that leaves fewer suspects.
 
     A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
     """
-    if "point" not in problem.index.blocks:
-        return found
-    moved = reintersected(problem, found.values, found.sizes)
-    if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
-        return found
-    other = graduated_weights(problem, moved, watch)
-    return other if _count(other.suspects) < _count(found.suspects) else found
+    while "point" in problem.index.blocks:
+        moved = reintersected(problem, found.values, found.sizes)
+        if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
+            break
+        other = graduated_weights(problem, moved, watch)
+        if _count(other.suspects) >= _count(found.suspects):
+            break
+        found = other
+    return found
 
 
 def _count(masks: Sequence[BoolArray]) -> int:

@@ -88,6 +88,17 @@ def test_rays_meet_alike_in_both_forms(scenes, images):
         np.testing.assert_allclose(compiled.X[5:20], made.points[5:], atol=1e-10)
 
 
+@pytest.mark.parametrize("form", [meet, meet_plainly])
+def test_one_wrong_ray_does_not_draw_a_point_away_from_the_others(scenes, form):
+    """Of four or more rays; the mean of all of them lies where none agrees."""
+    for seed in range(10):
+        made = scenes.scene(seed, n=20, images=4)
+        seen = sightings(frames_of(made, wrong=5), 20)
+        found = form(np.arange(20), seen, posed_frames(dict(enumerate(made.cameras)), 4), 5e-4)
+        assert found.good.all()
+        np.testing.assert_allclose(found.X, made.points, atol=1e-9)
+
+
 def test_frames_without_a_pose_have_no_say(scenes):
     made = scenes.scene(1, n=12, images=3)
     seen = sightings(frames_of(made), 12)

@@ -62,7 +62,7 @@ def test_polar_points_invert_the_observations(seed):
         assert height == pytest.approx(points[k, 2])
 
 
-def test_orientation_is_a_circular_mean():
+def test_orientation_is_a_median_on_the_circle():
     points, station, _ = setup(1)
     directions, _, _ = observe(points, station, np.pi - 1e-5)
     noisy = directions + np.array([1, -1, 2, -2, 3, -3]) * 1e-5
@@ -72,6 +72,8 @@ def test_orientation_is_a_circular_mean():
     assert found.resultant == pytest.approx(1.0, abs=1e-6)
     assert orient(station, points, directions + np.arange(6) * np.pi / 3).resultant < 0.01
     assert np.isnan(orient(station, points[:0], directions[:0]).kappa)
+    wrong = np.where(np.arange(len(directions)) < 2, directions + 0.7, noisy)
+    assert abs(np.angle(np.exp(1j * (orient(station, points, wrong).kappa - np.pi)))) < 5e-5
 
 
 def test_bearing_sections_meet_at_the_point():

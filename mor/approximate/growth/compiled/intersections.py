@@ -7,6 +7,9 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.compilation import compile_kernel
 
+PAIRED = 16
+"""Rays of a point that are put together in pairs."""
+
 
 @compile_kernel
 def meet(
@@ -67,18 +70,80 @@ def _meet_in_rounds(
     rounds: int,
     X: FloatArray,
 ) -> bool:
-    """Place of one point, rays that pass by taken out and back in for some rounds; true where two or more agree."""
+    """Place of one point; true where two or more rays agree.
+
+    It begins with all of them and, where these do not all agree, with the two on whose meeting more of them do.
+    """
+    good = _in_rounds(centre, direction, limit, use, count, smallest, rounds, X)
+    agreeing = int(np.sum(use[:count])) if good else 0
+    if rounds > 1 and count > 2 and agreeing < count:
+        tried, place = np.empty(count, dtype=np.bool_), np.empty(3)
+        first, second = _likeliest_pair(centre, direction, limit, count, smallest, agreeing, tried, place)
+        if first >= 0:
+            for n in range(count):
+                use[n] = n == first or n == second
+            good = _in_rounds(centre, direction, limit, use, count, smallest, rounds, X)
+    return good and bool(np.sum(use[:count]) >= 2)
+
+
+@compile_kernel
+def _in_rounds(
+    centre: FloatArray,
+    direction: FloatArray,
+    limit: FloatArray,
+    use: BoolArray,
+    count: int,
+    smallest: float,
+    rounds: int,
+    X: FloatArray,
+) -> bool:
+    """Place nearest to the rays in use, those that pass by taken out and back in for some rounds."""
     good = False
     for _ in range(rounds):
         good = _nearest(centre, direction, use, count, smallest, X)
         changed = False
         for n in range(count):
             agrees = good and _passes(centre[n], direction[n], X) < limit[n]
-            changed = changed or agrees != good
+            changed = changed or agrees != use[n]
             use[n] = agrees
-        if not changed:
+        if not (good and changed):
             break
-    return good and bool(np.sum(use[:count]) >= 2)
+    return good
+
+
+@compile_kernel
+def _likeliest_pair(
+    centre: FloatArray,
+    direction: FloatArray,
+    limit: FloatArray,
+    count: int,
+    smallest: float,
+    least: int,
+    pair: BoolArray,
+    place: FloatArray,
+) -> tuple[int, int]:
+    """The two rays on whose meeting most rays agree, more than ``least``; −1 where there are none.
+
+    Two with which no third one agrees must be the only ones that meet.
+    """
+    first, second, most, alike = -1, -1, max(least, 1), 0
+    sampled = min(count, PAIRED)
+    for i in range(sampled):
+        for j in range(i + 1, sampled):
+            for n in range(count):
+                pair[n] = n == i or n == j
+            if not _nearest(centre, direction, pair, count, smallest, place):
+                continue
+            agreeing = 0
+            for n in range(count):
+                agreeing += _passes(centre[n], direction[n], place) < limit[n]
+            if agreeing > most:
+                first, second, most, alike = i, j, agreeing, 1
+            elif agreeing == most:
+                alike += 1
+    if most == 2 and alike > 1:
+        return -1, -1
+    return first, second
 
 
 @compile_kernel
