@@ -30,7 +30,7 @@ from mor.observations.time.line_scanner import ROW, SCANNER
 from mor.observations.time.navigation import ATTITUDE, POSITION
 from mor.observations.time.rolling_shutter import PHASE
 from mor.observations.time.shutter_on_trajectory import is_read_out_along
-from mor.observations.time.trajectory import Knots, is_along, knots_of
+from mor.observations.time.trajectory import Knots, is_along, knot_count, knots_of
 from mor.project.network.build import Network
 from mor.project.trajectories.knots import between_rows
 from mor.project.trajectories.poses import with_image_poses
@@ -171,8 +171,7 @@ def _seen(network: Network, group: ObservationGroup, start: Mapping[str, FloatAr
 
 def _clock(group: ObservationGroup) -> int:
     """Number of the constants of the clock of a row."""
-    knots = sum(slot.kind == "rotation" and "knot" in slot.part for slot in group.type.slots)
-    return 1 + knots * knots
+    return 1 + knot_count(group.type) ** 2
 
 
 def _stretches_without_poses(network: Network, start: Mapping[str, FloatArray]) -> list[_Stretch]:

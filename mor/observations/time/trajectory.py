@@ -42,6 +42,11 @@ def is_along(type_: ObservationType) -> bool:
     return type_.slots[0].part == "position of knot 0"
 
 
+def knot_count(type_: ObservationType) -> int:
+    """Number of knots that such a type takes, 0 for others."""
+    return sum(slot.kind == "rotation" and "knot" in slot.part for slot in type_.slots)
+
+
 class Knots(NamedTuple):
     """Knots of n rows, and when something is observed between them."""
 

@@ -19,6 +19,7 @@ from mor.geometry.frames import into_frame
 from mor.geometry.trajectory import Pose, pose_at
 from mor.observations import ObservationGroup
 from mor.observations.time.line_scanner import ROW, SCANNER
+from mor.observations.time.trajectory import knot_count
 from mor.project.network.build import Network
 from mor.project.trajectories.images import TRAJECTORY
 from mor.project.trajectories.model import Lines, Trajectory
@@ -45,7 +46,7 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
     """
     image = group.references[0]
     times = np.full(group.count, np.nan)
-    knots, constants = np.array(group.blocks[: 2 * _order(group)]), group.constants.copy()
+    knots, constants = np.array(group.blocks[: 2 * knot_count(group.type)]), group.constants.copy()
     for number in np.unique(image.numbers).tolist():
         mine = np.flatnonzero(image.numbers == number)
         name = image.known[number]
@@ -62,11 +63,6 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         knots[:, mine] = trajectory.blocks(clock)
     _tell_lost(group, times)
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
-
-
-def _order(group: ObservationGroup) -> int:
-    """Knots that a row depends on."""
-    return sum(slot.kind == "rotation" and "knot" in slot.part for slot in group.type.slots)
 
 
 def _flown(network: Network, image: str) -> Trajectory:
@@ -92,7 +88,7 @@ class _Sight:
     def __init__(
         self, group: ObservationGroup, place: Mapping[str, FloatArray], trajectory: Trajectory, mine: IntArray
     ) -> None:
-        order = _order(group)
+        order = knot_count(group.type)
         slots = list(zip(group.type.slots, group.blocks, strict=True))[2 * order :]
         self.height, self.eccentricity, self.interior, self.point = (
             place[slot.kind][blocks[mine]] for slot, blocks in slots

@@ -11,6 +11,7 @@ from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
 from mor.observations.time.rolling_shutter import PHASE, READOUT_SLOT, phases
 from mor.observations.time.shutter_on_trajectory import is_read_out_along
+from mor.observations.time.trajectory import knot_count
 from mor.project.network.build import Network
 from mor.project.trajectories.images import TRAJECTORY
 
@@ -26,8 +27,8 @@ def read_out_at(
     if not is_read_out_along(group.type):
         return group
     image, slots = group.references[0], group.type.slots
-    of_knots = [k for k, slot in enumerate(slots) if "of knot" in slot.part]
-    knots, constants = np.array([group.blocks[k] for k in of_knots]), group.constants.copy()
+    count = 2 * knot_count(group.type)
+    knots, constants = np.array(group.blocks[:count]), group.constants.copy()
     clock_at = [constant.name for constant in group.type.constants].index("time since knot")
     readout = place[READOUT_SLOT.kind][group.blocks[slots.index(READOUT_SLOT)], 0]
     later = readout * phases(constants[:, :2], constants[:, clock_at - len(PHASE) : clock_at])
@@ -41,6 +42,6 @@ def read_out_at(
         if len(mine):
             constants[mine, clock_at : clock_at + width] = clock.constants
             knots[:, mine] = trajectory.blocks(clock)
-    if all(np.array_equal(one, group.blocks[k]) for one, k in zip(knots, of_knots, strict=True)):
+    if all(np.array_equal(*pair) for pair in zip(knots, group.blocks[:count], strict=True)):
         return group
-    return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
+    return replace(group, constants=constants, blocks=(*knots, *group.blocks[count:]))
