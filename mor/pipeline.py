@@ -140,9 +140,7 @@ def _solved(
         quality, suspects = put_back(
             quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
         )
-        adjustment = replace(
-            quality.adjustment, start=adjustment.start, iterations=adjustment.iterations
-        )
+        adjustment = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
     found = possible_causes(quality)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)

@@ -133,7 +133,11 @@ def _likelier_pairs(
             continue
         pairs = np.array(list(combinations(range(min(len(rows), kernels.PAIRED)), 2)))
         own = _Lines(*(array[rows] for array in lines))
-        meeting, centre, direction = np.repeat(np.arange(len(pairs)), 2), own.centre[pairs], own.direction[pairs]
+        meeting, centre, direction = (
+            np.repeat(np.arange(len(pairs)), 2),
+            own.centre[pairs],
+            own.direction[pairs],
+        )
         X, good = _nearest(meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest)
         votes = np.where(good, np.count_nonzero(own.agree(X[:, None]), axis=1), 0)
         most = int(votes.max())

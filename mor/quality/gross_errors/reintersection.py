@@ -138,9 +138,7 @@ def _intersected(sights: list[_Sights], values: Values, begin: FloatArray, pairs
     return place
 
 
-def _residuals(
-    sights: list[_Sights], values: Values, places: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _residuals(sights: list[_Sights], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(observed − computed)/σ (k, s, 2) of s sights to the point at each place (k, 3), and derivatives (k, s, 2, 3)."""
     misclosures, jacobians = [], []
     for group, rows, slot in sights:
