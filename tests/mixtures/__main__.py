@@ -2,7 +2,8 @@
 
 The criterion: with nothing given the adjustment reaches the solution that starting at the truth reaches; where plain
 least squares do not, what ``mor adjust`` ends at counts, which may leave out what it suspects ("by mor adjust only").
-Only worlds whose adjustment from the truth converges are counted.
+Only worlds whose adjustment from the truth converges are counted. With ``--as-adjusted`` both are what ``mor adjust``
+ends at, and worlds count for which that is a solution from the truth: what a user sees where identities are wrong.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.mixtures.ingredients import mixture, wrong_identities
+from tests.mixtures.project_file import write_project
 from tests.mixtures.situations import SITUATIONS, situation
 from tests.mixtures.surveys.composed import composed
 from tests.mixtures.surveys.newer import NEWER
 from tests.mixtures.surveys.tied import tied
-from tests.mixtures.trial import Trial, compared, tried
+from tests.mixtures.trial import Trial, compared, compared_as_adjusted
 
 OTHERS = {**NEWER, "tied": tied}
 """Surveys of one kind."""
@@ -39,6 +41,7 @@ def main() -> None:
         choices=["composed", *OTHERS],
         help="surveys of the second generator, instead of mixtures",
     )
+    parser.add_argument("--as-adjusted", action="store_true", help="compare what mor adjust ends at")
     parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
     options = parser.parse_args()
     trials: list[Trial] = []
@@ -53,15 +56,16 @@ def main() -> None:
 
 
 def _trials(seed: int, options: argparse.Namespace, folder: Path) -> Iterator[Trial]:
+    compare = compared_as_adjusted if options.as_adjusted else compared
     if options.surveys:
         composes = options.surveys == "composed"
         survey = composed(seed, options.wrong) if composes else OTHERS[options.surveys](seed)
-        yield compared(*survey.write(folder), frozenset(survey.tags))
+        yield compare(*survey.write(folder), frozenset(survey.tags))
         return
     worlds = [situation(name, seed) for name in SITUATIONS] if options.situations else [mixture(seed)]
     for number, world in enumerate(worlds):
         wrong_identities(world, options.wrong)
-        yield tried(world, folder / str(number))
+        yield compare(*write_project(world, folder / str(number)), frozenset(world.tags))
 
 
 def _print_rates(trials: list[Trial]) -> None:

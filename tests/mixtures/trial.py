@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
 from mor.pipeline import read_document, read_network, solve_network
 from mor.preparation import determinable_start, make_problem
+from mor.quality.hypotheses.hypothesis import Causes
+from mor.quality.solved import Solved
 from mor.sparse.cholesky import NotFiniteError
 from tests.mixtures.project_file import write_project
 from tests.mixtures.world import World
@@ -57,6 +60,34 @@ def compared(nothing: Path, truth: Path, tags: frozenset[str]) -> Trial:
 def _same(expected: Adjustment, found: Adjustment) -> bool:
     objectives = expected.normals.objective, found.normals.objective
     return abs(objectives[1] - objectives[0]) <= 2.0 * SAME * objectives[0] + 1e-12
+
+
+def compared_as_adjusted(nothing: Path, truth: Path, tags: frozenset[str]) -> Trial:
+    """What ``mor adjust`` ends at from the truth and with nothing given, whatever it leaves out as suspects.
+
+    A world counts where it ends at a solution from the truth. Possible causes are not looked for: they change nothing.
+    """
+    with patch("mor.quality.hypotheses.search.causes", lambda *_: Causes()):
+        expected, found = _ended(truth), _ended(nothing)
+    if isinstance(expected, str) or isinstance(found, str):
+        counts = not isinstance(expected, str)
+        return Trial(tags, counts, False, str(found) if counts else str(expected))
+    left = [0 if one.suspects is None else one.suspects.count for one in (expected, found)]
+    objectives = [one.adjustment.normals.objective for one in (expected, found)]
+    words = f"v'Pv {objectives[1]:.6g} without {left[1]} suspects, not {objectives[0]:.6g} without {left[0]}"
+    reached = _same(expected.adjustment, found.adjustment)
+    return Trial(tags, True, reached, "" if reached else words)
+
+
+def _ended(path: Path) -> Solved | str:
+    """What ``mor adjust`` ends at, or why that is no solution."""
+    try:
+        solved = solve_network(read_network(read_document(path), path.parent))
+    except InputError as error:
+        return f"not started: {str(error)[:300]}"
+    return (
+        f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}" if solved.quality is None else solved
+    )
 
 
 def _same_without_suspects(truth: Path, nothing: Path) -> bool:

@@ -57,7 +57,7 @@ def meet(
 
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
     which rays must meet. Closed form: the point of least sum of squared distances from the rays. A wrong ray may draw
-    it away from all of them: where not all agree, those agree that most pairs of them are for.
+    it away from all of them: where less than half agree, those do that most pairs are for.
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
@@ -124,16 +124,20 @@ def _in_rounds(
 def _likelier_pairs(
     lines: _Lines, found: tuple[FloatArray, BoolArray, BoolArray], count: int, smallest: float
 ) -> BoolArray:
-    """(n,) rays to begin with anew: where not all agree, the two on whose meeting more of them do; else all."""
+    """(n,) rays to begin with anew: where less than half agree, the two on whose meeting more of them do; else all."""
     use = np.ones(len(lines.point), dtype=bool)
     for point in range(count):
         rows = np.flatnonzero(lines.point == point)
         agreeing = int(np.count_nonzero(found[2][rows]))
-        if len(rows) < 3 or agreeing == len(rows):
+        if len(rows) < 3 or 2 * agreeing >= len(rows):
             continue
         pairs = np.array(list(combinations(range(min(len(rows), kernels.PAIRED)), 2)))
-        own = _Lines(*(array[rows] for array in lines))
-        meeting, centre, direction = np.repeat(np.arange(len(pairs)), 2), own.centre[pairs], own.direction[pairs]
+        own = _Lines._make(array[rows] for array in lines)
+        meeting, centre, direction = (
+            np.repeat(np.arange(len(pairs)), 2),
+            own.centre[pairs],
+            own.direction[pairs],
+        )
         X, good = _nearest(meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest)
         votes = np.where(good, np.count_nonzero(own.agree(X[:, None]), axis=1), 0)
         most = int(votes.max())

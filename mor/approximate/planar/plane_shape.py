@@ -276,8 +276,8 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     """Do the σ promise more than the measurements hold?
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
-    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation), and no
-    coordinate may have changed by five of its own σ or more where the normal is turned by three.
+    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
+    Where the normal is turned by three no coordinate may have changed by five of its own σ or more.
     """
     adjusted = shape.adjusted
     if adjusted is None or not max(FAR) * shape.sigma_normal < 0.5 * np.pi:

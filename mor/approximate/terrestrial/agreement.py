@@ -29,7 +29,7 @@ class Fit(NamedTuple):
 def agreeing(count: int, fit: Callable[[IntArray], Fit], limit: float, least: int) -> IntArray:
     """Rows (k,) of ``count`` measurements that agree to ``limit``; all of them where no ``least`` of them do.
 
-    ``fit``: how well some rows agree. A third of all may be left out: of what is left more would have to be wrong alike.
+    ``fit``: how well some rows agree. A third of all may be left out: of the rest more would have to be wrong alike.
     """
     rows: IntArray = np.arange(count)
     found = fit(rows)

@@ -12,6 +12,8 @@ import numpy as np
 
 from mor.arrays import FloatArray
 
+AGREES = 0.05
+"""Radians up to which sights agree: places may be rough."""
 CANDIDATES = 100
 """Sights of which the orientation of a set may be that of one."""
 SAME = 1e-9
@@ -62,8 +64,8 @@ def polar_points_level(
 def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> Orientation:
     """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3).
 
-    That of the sight with the least sum of absolute differences from all the others, a median on the circle, which a
-    few wrong identities do not turn; the mean of two where two have the same.
+    The mean of those that agree with the sight of the least sum of absolute differences from all the others: a median
+    on the circle, which a few wrong identities do not turn.
     """
     differences = np.asarray(directions) - bearing(station, points)
     if not len(differences):
@@ -71,7 +73,9 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     units = np.exp(1j * differences)
     candidates = units[np.linspace(0, len(units) - 1, min(len(units), CANDIDATES)).astype(int)]
     apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
-    kappa = float(np.angle(candidates[apart <= apart.min() + SAME * len(units)].mean()))
+    median = candidates[apart <= apart.min() + SAME * len(units)].mean()
+    near = np.abs(np.angle(units * np.conj(median))) <= AGREES
+    kappa = float(np.angle(units[near].mean() if near.any() else median))
     return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()), abs(units.mean()))
 
 

@@ -72,11 +72,11 @@ def _meet_in_rounds(
 ) -> bool:
     """Place of one point; true where two or more rays agree.
 
-    It begins with all of them and, where these do not all agree, with the two on whose meeting more of them do.
+    It begins with all of them and, where less than half of them agree, with the two on whose meeting more of them do.
     """
     good = _in_rounds(centre, direction, limit, use, count, smallest, rounds, X)
     agreeing = int(np.sum(use[:count])) if good else 0
-    if rounds > 1 and count > 2 and agreeing < count:
+    if rounds > 1 and count > 2 and 2 * agreeing < count:
         tried, place = np.empty(count, dtype=np.bool_), np.empty(3)
         first, second = _likeliest_pair(centre, direction, limit, count, smallest, agreeing, tried, place)
         if first >= 0:
