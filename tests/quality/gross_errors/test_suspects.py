@@ -135,7 +135,7 @@ def test_start_values_that_are_far_off_reach_the_solution_of_all_observations(ki
 def test_suspects_that_fit_the_rest_come_back_whoever_was_called_one(seed):
     """Beside the exchanged names one good row in sixteen: the end is the same as without these."""
     scene = names_exchanged(seed, "aerial")
-    _, suspects = without_suspects(adjust(scene.problem, scene.truth))
+    _, suspects, _ = without_suspects(adjust(scene.problem, scene.truth))
     more = [mask.copy() for mask in suspects.masks]
     more[0][::16] |= scene.problem.groups[0].mask[::16]
     levels = Levels()
