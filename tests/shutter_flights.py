@@ -138,6 +138,26 @@ class Files(NamedTuple):
     flights: dict[str, Flight]
 
 
+def _flown(cubic: bool, strips: int, still: bool) -> dict[str, Flight]:
+    found = flights(cubic, strips)
+    return {name: _hovering(flight) for name, flight in found.items()} if still else found
+
+
+@cache
+def _without_errors(cubic: bool, strips: int, true: float, still: bool) -> list[tuple[str, str, Array]]:
+    """Image, point and image coordinates (2,) of all that is seen."""
+    found, points = _flown(cubic, strips, still), ground()
+    names, coordinates = list(points), np.stack(list(points.values()))
+    rays = []
+    for image, (strip, time) in moments(found).items():
+        moment = Moment(found[strip], time)
+        visible = inside(CAMERA, in_axes(moment.at(0.0), coordinates), border=60.0)
+        for k in np.flatnonzero(visible):
+            seen = seen_by_row(CAMERA, moment, coordinates[k], true)  # type: ignore[arg-type]
+            rays.append((image, names[k], seen))
+    return rays
+
+
 @cache
 def simulated(
     seed: int,
@@ -152,23 +172,15 @@ def simulated(
     ``readout`` is what the project says of the readout time, ``true`` how long it is; ``still`` flights hover.
     """
     random, noise = np.random.default_rng(seed), 0.0 if seed == 0 else 1.0
-    found = flights(cubic, strips)
-    if still:
-        found = {name: _hovering(flight) for name, flight in found.items()}
-    taken, points = moments(found), ground()
-    names, coordinates = list(points), np.stack(list(points.values()))
+    found, taken, points = _flown(cubic, strips, still), moments(flights(cubic, strips)), ground()
     rays = ["image,point,x,y"]
     half = np.array([CAMERA.width, CAMERA.height]) / 2.0
-    often = dict.fromkeys(names, 0)
-    for image, (strip, time) in taken.items():
-        moment = Moment(found[strip], time)
-        visible = inside(CAMERA, in_axes(moment.at(0.0), coordinates), border=60.0)
-        for k in np.flatnonzero(visible):
-            xy = seen_by_row(CAMERA, moment, coordinates[k], true)  # type: ignore[arg-type]
-            xy = xy + noise * SIGMA * random.standard_normal(2)
-            column, row = half + xy / CAMERA.pixel * np.array([1.0, -1.0])
-            rays.append(f"{image},{names[k]},{column:.9f},{row:.9f}")
-            often[names[k]] += 1
+    often = dict.fromkeys(points, 0)
+    for image, name, exact in _without_errors(cubic, strips, true, still):
+        xy = exact + noise * SIGMA * random.standard_normal(2)
+        column, row = half + xy / CAMERA.pixel * np.array([1.0, -1.0])
+        rays.append(f"{image},{name},{column:.9f},{row:.9f}")
+        often[name] += 1
     seen = {name: place for name, place in points.items() if often[name] > 2}
     rays = [rays[0], *(ray for ray in rays[1:] if ray.split(",")[1] in seen)]
     knots = ["trajectory,time,x,y,z,omega,phi,kappa"]
