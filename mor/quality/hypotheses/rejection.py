@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, auto
 
 import numpy as np
 
@@ -21,9 +21,11 @@ LEVEL = 1e-3
 class Rejection(Enum):
     """What the tests of the verdict reject at ``LEVEL``: of all, of single observations, or of groups."""
 
-    NOTHING = "nothing"
-    SMALLER = "residuals smaller than their sigma says, and nothing else"
-    LARGER = "residuals larger than their sigma says"
+    NOTHING = auto()
+    SMALLER = auto()
+    """Residuals smaller than their σ says, and nothing else."""
+    LARGER = auto()
+    """Residuals larger than their σ says."""
 
 
 def rejection(quality: Quality, network: Network) -> Rejection:
