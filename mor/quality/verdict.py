@@ -74,7 +74,8 @@ def verdict(quality: Quality, network: Network) -> Verdict:
     beside = sum(test.log_p_beside_rest <= limit for test in rejected)
     looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
-    explained.sort(key=lambda one: -one.gain)
+    # Two that contradict each other gain alike: round-off must not say which comes first.
+    explained.sort(key=lambda one: -float(f"{one.gain:.6g}"))
     return Verdict(tests, tuple(explained), alike, _chosen_only(quality))
 
 

@@ -77,12 +77,8 @@ class GroupTests:
 
     @property
     def rejected(self) -> list[GroupTest]:
-        """Those that reject, the worst beside all others first; of those that are alike the first table."""
-        # Two that contradict each other are as bad as each other: round-off must not tell them apart.
-        return sorted(
-            (test for test in self.tests if test.rejected),
-            key=lambda test: float(f"{test.log_p_beside_rest:.6g}"),
-        )
+        """Those that reject, the worst beside all others first."""
+        return sorted((test for test in self.tests if test.rejected), key=lambda test: test.log_p_beside_rest)
 
     @property
     def all_alike(self) -> bool:
