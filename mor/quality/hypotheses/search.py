@@ -91,7 +91,7 @@ def possible_causes(situation: Situation, before: Before) -> Causes:
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     """Families that are asked together: those of a whole first where most observations do not fit, else last."""
     if not situation.larger:
-        return (OF_SIGMAS,)  # no other mistake makes residuals smaller
+        return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
     if not situation.settled:
         return OF_SIGMAS, OF_A_WHOLE
     if situation.most_do_not_fit:
