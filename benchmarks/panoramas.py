@@ -48,7 +48,7 @@ def problem_of_panoramas(block: Block, compiled: bool) -> Posed:
     del blocks[INTERIORS["mor"].key]
     free = (np.arange(kind.size) < 5)[None]
     blocks = {kind.key: Blocks(kind, ("0",), free, np.zeros((1, kind.size), dtype=np.int64)), **blocks}
-    type_ = type_ if compiled else replace(type_, written="in numpy")
+    type_ = type_ if compiled else type_._replace(written="in numpy")
     rays = replace(problem.groups[0], type=type_, observed=xy, constants=xy)
     return Problem(index_unknowns(blocks), (rays, *problem.groups[1:]), (), problem.datum), values
 

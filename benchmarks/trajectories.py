@@ -11,7 +11,6 @@ of its rounds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from problems import Posed, problem_of_block
@@ -63,7 +62,7 @@ def problem_of_strips(cubic: bool, compiled: bool) -> Posed:
     nothing = np.broadcast_to(np.int64(0), (len(xy),))
     rays = ObservationGroup(
         "lines",
-        type_ if compiled else replace(type_, written="in numpy"),
+        type_ if compiled else type_._replace(written="in numpy"),
         (*blocks[:-1], nothing, nothing, nothing, blocks[-1]),
         xy,
         np.full(xy.shape, SIGMA_IMAGE),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
@@ -24,8 +23,7 @@ class ExitCode(IntEnum):
     INTERNAL = 70
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(NamedTuple):
     """One mistake in the input: where it stands, what was found, what was expected.
 
     ``file`` and ``line`` may be empty (``""``, 0) where a problem belongs to no single place.
@@ -110,7 +108,7 @@ def mistakes_in(file: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        error.problems = tuple(replace(p, file=p.file or file) for p in error.problems)
+        error.problems = tuple(p._replace(file=p.file or file) for p in error.problems)
         raise
 
 

@@ -150,11 +150,11 @@ def _solved(
         quality, suspects = put_back(
             quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
         )
-        adjustment = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
+        adjustment = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
         plain = adjustment if suspects is None else plain
     found = possible_causes(quality)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
-    last = replace(quality.adjustment, start=adjustment.start, iterations=adjustment.iterations)
+    last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
     return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found)
 
 
@@ -303,6 +303,6 @@ def _with_settled_sigma(
         settings = Settings(network.project.settings.max_iterations)
         count = len(adjustment.iterations)
         again = adjust(problem, adjustment.values, settings, counting_on(watch, count))
-        further = tuple(replace(step, number=step.number + count) for step in again.iterations)
-        adjustment = replace(again, start=adjustment.start, iterations=adjustment.iterations + further)
+        further = tuple(step._replace(number=step.number + count) for step in again.iterations)
+        adjustment = again._replace(start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment

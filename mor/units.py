@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 LENGTH_UNITS = {
     "m": 1.0,
@@ -47,8 +47,7 @@ PIXEL = "px"
 SECOND = "s"
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """Physical dimension as exponents of object length, angle, image length and time."""
 
     length: int = 0
@@ -84,8 +83,7 @@ SPEED = Quantity(length=1, time=-1)
 TURN_RATE = Quantity(angle=1, time=-1)
 
 
-@dataclass(frozen=True)
-class Component:
+class Component(NamedTuple):
     """A named component of a parameter block or of an observation, with its physical dimension."""
 
     name: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +17,7 @@ _TOGETHER = 2_000_000
 """Entries of Jacobians and whitening matrices that are in memory together."""
 
 
-@dataclass(frozen=True)
-class ClusterRows:
+class ClusterRows(NamedTuple):
     """A correlated cluster: where its entries stand, and the matrix that makes them uncorrelated."""
 
     groups: IntArray
@@ -50,8 +48,7 @@ class PartOfClusters(NamedTuple):
         return chosen
 
 
-@dataclass(frozen=True)
-class AlikeClusters:
+class AlikeClusters(NamedTuple):
     """n clusters of as many entries k and unknowns c each."""
 
     whitening: FloatArray

@@ -13,7 +13,6 @@ So nothing weak is lost, nothing singular is hidden, and which unknowns are anch
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +35,7 @@ HARDLY_DETERMINED = 1e-8
 _PROBES = 12
 
 
-@dataclass(frozen=True)
-class Inverse:
+class Inverse(NamedTuple):
     """A factorised normal system."""
 
     plan: Plan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,7 @@ from mor.sparse.rows import Target, target
 from mor.sparse.symbolic_factorisation import Elimination, analyse
 
 
-@dataclass(frozen=True)
-class RowSet:
+class RowSet(NamedTuple):
     """Rows of one group with the square roots of their weights; correlated entries have weight 0 here."""
 
     group: int
@@ -33,8 +33,7 @@ class RowSet:
     """(n, m) 1/σ."""
 
 
-@dataclass(frozen=True)
-class RowClusters:
+class RowClusters(NamedTuple):
     """Clusters that are one row of a group each, all of a group together: vectors with a covariance of their own."""
 
     group: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,16 +13,14 @@ from mor.observations import ObservationGroup
 from mor.parameters.index import Index, Values
 
 
-@dataclass(frozen=True)
-class Cluster:
+class Cluster(NamedTuple):
     """Correlated observations: entry numbers (k,) and their covariance matrix (k, k)."""
 
     entries: IntArray
     covariance: FloatArray
 
 
-@dataclass(frozen=True)
-class Datum:
+class Datum(NamedTuple):
     """Which components carry the datum where observations leave it open, and what they refer to.
 
     ``mask[kind]`` (n, size) is true for the components whose total corrections from ``reference[kind]`` the inner

@@ -63,7 +63,7 @@ def reweighted_plan(plan: Plan, factors: Factors) -> Plan:
     """The plan with weights multiplied by factors (n, m) of each group."""
     roots = [np.sqrt(factor) for factor in factors]
     row_sets = tuple(
-        replace(row_set, weight=row_set.weight * roots[row_set.group][row_set.rows])
+        row_set._replace(weight=row_set.weight * roots[row_set.group][row_set.rows])
         for row_set in plan.row_sets
     )
     return replace(
@@ -88,7 +88,7 @@ def _reweighted_rays(plan: Plan, roots: Factors) -> RayPlan:
         seen = np.isfinite(group.observed[rows])
         weight[here] = np.where(seen, roots[own.group][rows] / group.sigma[rows], 0.0)
     measured = observed if kept.measured is kept.observed else kept.measured
-    return replace(rays, measurements=Measurements(observed, weight, measured, kept.clock))
+    return rays._replace(measurements=Measurements(observed, weight, measured, kept.clock))
 
 
 def _reweighted_cluster(cluster: ClusterRows, roots: Factors) -> ClusterRows:
@@ -98,4 +98,4 @@ def _reweighted_cluster(cluster: ClusterRows, roots: Factors) -> ClusterRows:
             for group, row, component in zip(cluster.groups, cluster.rows, cluster.components, strict=True)
         ]
     )
-    return replace(cluster, whitening=cluster.whitening * own)
+    return cluster._replace(whitening=cluster.whitening * own)

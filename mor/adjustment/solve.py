@@ -6,7 +6,8 @@ back as soon as it is not needed. When it is over is said in :mod:`mor.adjustmen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,7 @@ from mor.parameters.index import Values, move
 from mor.sparse.blas_threads import threads_for
 
 
-@dataclass(frozen=True)
-class Settings:
+class Settings(NamedTuple):
     """What the user may set of the solver."""
 
     max_iterations: int = 50
@@ -70,7 +70,7 @@ def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | No
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations):
-            return replace(state, reason=STANDS_STILL)
+            return state._replace(reason=STANDS_STILL)
     return state
 
 
@@ -103,13 +103,13 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
     defect, datum = state.defect, state.problem.datum
     if defect.inside:
-        return replace(
-            state, outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations"
+        return state._replace(
+            outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations"
         )
     if defect.datum.shape[1] and not datum.free:
-        return replace(state, outcome=Outcome.SINGULAR, reason="the datum is not defined")
+        return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
     if not binds(defect.datum, state.constraint):
-        return replace(state, outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
+        return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
     return state
 
 
@@ -128,13 +128,12 @@ def _advance(state: Adjustment) -> Adjustment:
     if taken is None:
         taken = accept(state, regular, stride.weak + shift, change)
     if taken is None:
-        return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
+        return state._replace(outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     if any(np.abs(values).max(initial=0.0) > LARGEST for values in taken.values.values()):
-        return replace(state, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
-    iteration = replace(iteration, damping=taken.damping)
+        return state._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
+    iteration = iteration._replace(damping=taken.damping)
     moved = _at(state, taken, (*state.iterations, iteration), last=over)
-    moved = replace(
-        moved,
+    moved = moved._replace(
         stride=Stride(stride.whole, stride.share * taken.share),
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
@@ -173,12 +172,11 @@ def _converged(state: Adjustment) -> Adjustment:
         return state
     turns = weak_turns(state.inverse.weak, state.problem, state.values)
     if turns and turns[0].sigma > NOTHING_KNOWN:
-        return replace(state, outcome=Outcome.SINGULAR, reason=A_WEAK_TURN)
+        return state._replace(outcome=Outcome.SINGULAR, reason=A_WEAK_TURN)
     datum = state.defect.datum
     if datum.shape[1]:
         datum = state.inverse.refined(datum)
-    return replace(
-        state,
+    return state._replace(
         outcome=Outcome.CONVERGED,
         defect=replace(state.defect, datum=datum),
         constraint=constraint(datum, state.problem, state.inverse.values),
@@ -198,8 +196,7 @@ def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adj
     checked = _with_checked_defect(state)
     if checked.outcome is not Outcome.NOT_CONVERGED:
         return checked
-    return replace(
-        checked,
+    return checked._replace(
         values=move(state.problem.index, state.values, step),
         normals=state.normals._replace(objective=objective_there),
         iterations=(*state.iterations, iteration),
@@ -218,7 +215,7 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
     """The state after a step. Only the last one checks once more what the anchors hold."""
     values = taken.values
     normals = build_normals(state.plan, values) if taken.normals is None else taken.normals
-    moved = replace(state, values=values, normals=normals, iterations=iterations)
+    moved = state._replace(values=values, normals=normals, iterations=iterations)
     if last or state.inverse.weak.shape[1]:
         return _with_checked_defect(moved)
     inverse = invert_alike(state.plan, normals, values, state.anchors)
@@ -235,4 +232,4 @@ def _with_checked_defect(state: Adjustment) -> Adjustment:
 
 def _with_defect(state: Adjustment, inverse: Inverse, defect: Defect) -> Adjustment:
     bound = constraint(defect.datum, state.problem, state.values)
-    return _judge_defect(replace(state, inverse=inverse, defect=defect, constraint=bound))
+    return _judge_defect(state._replace(inverse=inverse, defect=defect, constraint=bound))

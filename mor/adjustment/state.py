@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -42,8 +41,7 @@ class Outcome(Enum):
         return self is Outcome.CONVERGED
 
 
-@dataclass(frozen=True)
-class Iteration:
+class Iteration(NamedTuple):
     """One step: objective before it, its size in units of σ, the damping it needed, the redundancy of the system."""
 
     number: int
@@ -83,8 +81,7 @@ class Stride(NamedTuple):
         return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
 
 
-@dataclass(frozen=True)
-class Adjustment:
+class Adjustment(NamedTuple):
     """Outcome of the solver, complete with the inverse of the system at the solution."""
 
     problem: Problem
@@ -112,4 +109,4 @@ def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
     """A watcher that is told of iterations numbered after ``count`` earlier ones."""
     if watch is None:
         return None
-    return lambda step: watch(replace(step, number=step.number + count))
+    return lambda step: watch(step._replace(number=step.number + count))

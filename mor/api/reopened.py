@@ -93,7 +93,7 @@ def _with_datum(project: Project, target: str, said: str) -> Project:
         lines={**project.document.lines, ("datum",): 0},
         files={**project.document.files, ("datum",): said},
     )
-    datum = replace(read_network(document, project.folder).datum, reference=project.network.datum.reference)
+    datum = read_network(document, project.folder).datum._replace(reference=project.network.datum.reference)
     return replace(project, document=document, network=replace(project.network, datum=datum))
 
 
@@ -111,4 +111,4 @@ def _with_reference(network: Network, path: Path) -> Network:
     known = place >= 0
     given = table.select("x", "y", "z").fill_null(np.nan).to_numpy()[known]
     reference[points.parts["position"][place[known]]] = given @ network.edge.matrix.T
-    return replace(network, datum=replace(network.datum, reference=reference))
+    return replace(network, datum=network.datum._replace(reference=reference))

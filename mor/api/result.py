@@ -151,7 +151,7 @@ class Result:
     def cofactor(self, *points: str) -> Labelled:
         """The same for σ0 = 1: the matrix of cofactors Q."""
         found = self.covariance(*points)
-        return replace(found, matrix=found.matrix / found.sigma0**2, sigma0=1.0)
+        return found._replace(matrix=found.matrix / found.sigma0**2, sigma0=1.0)
 
     def in_datum(self, datum: str) -> Result:
         """The result in another datum, written as in a project file (``"free: [1, 2, 7]"``), by S-transformation.
@@ -162,7 +162,7 @@ class Result:
         from mor.api.reopened import in_datum
 
         adjustment = self._solution.adjustment
-        here = replace(self.solved.network.datum, reference=adjustment.problem.datum.reference["point"])
+        here = self.solved.network.datum._replace(reference=adjustment.problem.datum.reference["point"])
         network = replace(self.solved.network, start=adjustment.values, datum=here)
         return Result(*in_datum(replace(self.project, network=network), datum, "in_datum"))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.history import Join
@@ -13,8 +13,7 @@ from mor.arrays import FloatArray
 from mor.errors import Undeterminable
 
 
-@dataclass(frozen=True)
-class Approximation:
+class Approximation(NamedTuple):
     """Start values, how each was obtained, and what is still missing."""
 
     start: Mapping[str, FloatArray]

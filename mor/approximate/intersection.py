@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ class IntersectionOutcome(Enum):
         return self is IntersectionOutcome.DETERMINED
 
 
-@dataclass(frozen=True)
-class Intersection:
+class Intersection(NamedTuple):
     """A point and how well its rays determine it."""
 
     outcome: IntersectionOutcome

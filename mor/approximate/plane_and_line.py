@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ class FitOutcome(Enum):
     COLLINEAR = "the points lie in one line: the plane can turn about it"
 
 
-@dataclass(frozen=True)
-class FittedPlane:
+class FittedPlane(NamedTuple):
     """n · (X − origin) = 0."""
 
     outcome: FitOutcome
@@ -39,8 +38,7 @@ class FittedPlane:
     """Standard deviation of a distance of weight one; not a number for three points."""
 
 
-@dataclass(frozen=True)
-class FittedLine:
+class FittedLine(NamedTuple):
     """origin + s · direction."""
 
     outcome: FitOutcome

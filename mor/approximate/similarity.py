@@ -8,8 +8,8 @@ from the spreads. A local system X̄ = λ D (X − X0) is the same with D = R, X
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,8 +37,7 @@ class SimilarityOutcome(Enum):
         return self is SimilarityOutcome.DETERMINED
 
 
-@dataclass(frozen=True)
-class Similarity:
+class Similarity(NamedTuple):
     """target = scale · rotation · source + translation, in d = 2 or 3 dimensions."""
 
     outcome: SimilarityOutcome

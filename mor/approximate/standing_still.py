@@ -23,7 +23,7 @@ def standing_still(network: Network) -> Network:
     points = network.blocks["point"]
     free = points.free.copy()
     free[later] = False
-    blocks = {**network.blocks, "point": replace(points, free=free)}
+    blocks = {**network.blocks, "point": points._replace(free=free)}
     groups = tuple(_still(group, stays) for group in network.groups)
     return replace(network, groups=groups, blocks=blocks, start={**network.start, "point": start})
 

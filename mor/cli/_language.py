@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +71,7 @@ def tell(text: str, language: str = "") -> None:
 
 def told_problem(problem: Problem, language: str = "") -> str:
     """A mistake or a note with its place, which is the same in every language."""
-    return str(replace(problem, message=told(problem.message, language)))
+    return str(problem._replace(message=told(problem.message, language)))
 
 
 def tell_note(note: Problem) -> None:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -93,7 +93,7 @@ class Progress:
         for note in told:
             self.event("note", message=note.message, file=note.file, line=note.line)
         for note in () if self.quiet else screenful(told, "--events FILE"):
-            said = replace(note, message=self.words.told(note.message))
+            said = note._replace(message=self.words.told(note.message))
             click.echo(self.words("note: {text}", text=said), err=True)
 
     def note(self, words: str, /, **values: object) -> None:

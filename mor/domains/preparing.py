@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,8 +22,7 @@ from mor.project.file.model import Project
 from mor.project.file.nodes import Document
 
 
-@dataclass(frozen=True)
-class Divided:
+class Divided(NamedTuple):
     """A project that was divided; what every task begins with."""
 
     project: Project

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -34,8 +33,7 @@ from mor.report.tables.observations import SHOWN
 from mor.report.words.language import Words, words_of_page
 
 
-@dataclass(frozen=True)
-class Told:
+class Told(NamedTuple):
     """How results are written: kind of the tables, whether all residuals, in which words, with a page or without."""
 
     kind: Kind

@@ -6,9 +6,8 @@ project file → Project → parts of its tables → domains → joined adjustme
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,8 +31,7 @@ from mor.quality.diagnosis.self_check import BEYOND_USE, REDUNDANCY_LOST, is_com
 from mor.quality.tests.levels import sidak
 
 
-@dataclass(frozen=True)
-class Prepared:
+class Prepared(NamedTuple):
     """Domains that are ready to be adjusted."""
 
     project: Project
@@ -58,8 +56,7 @@ class Prepared:
         return max(len(numbers) for numbers in self.boundaries.numbers)
 
 
-@dataclass(frozen=True)
-class Outcomes:
+class Outcomes(NamedTuple):
     """What became of it."""
 
     prepared: Prepared
@@ -138,7 +135,7 @@ def solved(
     binding, core = _datum(engine, joined)
     chosen = levels(project.settings)
     if chosen.familywise is not None:
-        chosen = replace(chosen, snooping=sidak(chosen.familywise, ready.sizes.observations))
+        chosen = chosen._replace(snooping=sidak(chosen.familywise, ready.sizes.observations))
     whole = Whole(joined.redundancy, joined.objective, chosen, project.settings.sigma == "aposteriori")
     values = Outcomes(ready, joined).values
     movements = joined.null_space.movements
@@ -157,10 +154,10 @@ def _checked(found: Outcomes) -> Outcomes:
     """As :func:`mor.quality.diagnosis.self_check.checked`: no solution where σ are beyond use, or Σ r is lost."""
     useless = tuple(key for one in found.assessed for key in one.useless)
     if useless:
-        lost = replace(found.joined, outcome=Outcome.SINGULAR, reason=BEYOND_USE, loose=useless)
+        lost = found.joined._replace(outcome=Outcome.SINGULAR, reason=BEYOND_USE, loose=useless)
         return Outcomes(found.prepared, lost)
     if not is_complete(found.redundancy_sum, found.joined.redundancy):
-        lost = replace(found.joined, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
+        lost = found.joined._replace(outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
         return Outcomes(found.prepared, lost)
     return found
 

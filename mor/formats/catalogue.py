@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 
@@ -13,8 +12,7 @@ class Code(NamedTuple):
     function: str
 
 
-@dataclass(frozen=True)
-class Format:
+class Format(NamedTuple):
     """One foreign format."""
 
     title: str

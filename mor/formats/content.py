@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,8 +58,7 @@ class ImagePoints(NamedTuple):
     sigma: FloatArray
 
 
-@dataclass(frozen=True)
-class Content:
+class Content(NamedTuple):
     """A project that is to be written in another format."""
 
     document: Document

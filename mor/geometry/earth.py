@@ -24,8 +24,7 @@ _MOST_ROUNDS = 40
 """For a foot: each makes the error smaller by height over radius; on the ground two or three are enough."""
 
 
-@dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(NamedTuple):
     """An ellipsoid of revolution."""
 
     a: float

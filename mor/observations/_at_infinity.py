@@ -8,7 +8,6 @@ a frame it is X* = D_frame · u, wherever the frame stands (MOR eq. 1 with X →
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -49,8 +48,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
         by_kept = (_without_lengths(type_.slots[k], computed.jacobians[k]) for k in kept)
         return Computed(computed.values, (*by_kept, by_turn))
 
-    return replace(
-        type_,
+    return type_._replace(
         key=type_.key + AT_INFINITY,
         written=type_.name,
         slots=(*(type_.slots[k] for k in kept), Slot("rotation", type_.slots[target].of, "direction")),

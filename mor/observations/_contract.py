@@ -22,16 +22,14 @@ class Computed(NamedTuple):
     """One (n, m, k) array per slot; k columns as the kind of block has components."""
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """A name an observation row carries (``image``, ``from``) and the namespaces it may come from."""
 
     name: str
     among: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Slot:
+class Slot(NamedTuple):
     """One block an observation depends on: its kind, whose it is, and which part of that one."""
 
     kind: str
@@ -42,8 +40,7 @@ class Slot:
 Equation = Callable[[Sequence[FloatArray], FloatArray], Computed]
 
 
-@dataclass(frozen=True)
-class ObservationType:
+class ObservationType(NamedTuple):
     """An observation type.
 
     ``equation(blocks, constants)`` takes one array per slot, (n, size) or (n, 3, 3) for rotations, and the
@@ -89,8 +86,7 @@ class ObservationType:
         return np.array([component.quantity == ANGLE for component in self.components])
 
 
-@dataclass(frozen=True)
-class External:
+class External(NamedTuple):
     """How a group's components were given, and are reported: internal = T · (given · factor) + t."""
 
     transform: FloatArray

@@ -15,7 +15,6 @@ interior orientation is taken as it is.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -45,9 +44,9 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
         return None
     if form == MOVING:
         return on_the_sphere(IMAGE_TYPES[key])
-    model = replace(CAMERA_MODELS[key], project=_arcs, constants=RAY)
+    model = CAMERA_MODELS[key]._replace(project=_arcs, constants=RAY)
     found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
-    return replace(found, key=_KEY + type_.key)
+    return found._replace(key=_KEY + type_.key)
 
 
 def is_on_the_sphere(type_: ObservationType) -> bool:

@@ -11,7 +11,6 @@ of its leading image, its base b* (else 0). Every type that takes positions gets
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -51,8 +50,7 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
         further += [computed.jacobians[at[end]][:, :, 2:] for end in low]
         return Computed(computed.values, (*computed.jacobians, *further))
 
-    return replace(
-        type_,
+    return type_._replace(
         key=f"{type_.key}/projection centre",
         written=type_.name,
         slots=(*type_.slots, *extra),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,8 +21,7 @@ def all_known(values: Values) -> bool:
     return all(bool(np.isfinite(array).all()) for array in values.values())
 
 
-@dataclass(frozen=True)
-class Blocks:
+class Blocks(NamedTuple):
     """All blocks of one kind."""
 
     kind: BlockKind

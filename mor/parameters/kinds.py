@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component
 
 
-@dataclass(frozen=True)
-class BlockKind:
+class BlockKind(NamedTuple):
     """A kind of parameter block: its key and its components, in the order of their columns."""
 
     key: str

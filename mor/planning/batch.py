@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mor.errors import ExitCode, InputError
 from mor.errors import Problem as Mistake
@@ -26,8 +25,7 @@ _STATUS = {
 LOG = "log.txt"
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(NamedTuple):
     """A project of a batch, its name in all tables, and the folder of its results."""
 
     name: str

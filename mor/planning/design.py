@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -38,8 +37,7 @@ from mor.report.words.language import Words, words_of_planning
 AS_IT_IS = "as it is"
 
 
-@dataclass(frozen=True)
-class Design:
+class Design(NamedTuple):
     """A plan with the verdict on what is required of it."""
 
     solved: Solved
@@ -145,7 +143,7 @@ def _without_points(required: Requirement, variant: Variant) -> Requirement | No
         return required
     stays: BoolArray = np.array([not named_in(variant, name) for name in required.names], dtype=bool)
     names = tuple(name for name, here in zip(required.names, stays, strict=True) if here)
-    return replace(required, names=names, blocks=required.blocks[stays]) if names else None
+    return required._replace(names=names, blocks=required.blocks[stays]) if names else None
 
 
 def judgements(solved: Solved, required: Sequence[Requirement]) -> tuple[Judged, ...]:

@@ -12,9 +12,9 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ class SingularPlanError(MorError):
     """The network that is to be simulated cannot be adjusted."""
 
 
-@dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """What is simulated: a project file, a seed, and whether start values are worked out anew in every run."""
 
     path: Path
@@ -53,8 +52,7 @@ class Trial:
     starts: bool = False
 
 
-@dataclass(frozen=True)
-class Prepared:
+class Prepared(NamedTuple):
     """A trial that is ready to be run."""
 
     trial: Trial

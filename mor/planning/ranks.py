@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,7 @@ from mor.quality.design.wide import weak_observations, wide_interest, wide_outco
 from mor.quality.solved import Solved
 
 
-@dataclass(frozen=True)
-class Ranking:
+class Ranking(NamedTuple):
     """What can be spared, what helps most, and a greedy plan."""
 
     network: Network

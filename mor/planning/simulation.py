@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -32,8 +33,7 @@ LEFT_OUT = "something of the network has no place; a simulation needs one for ev
 SIMULATED_FILES = (PROJECT, "truth.csv", "planted.csv", "observations_*.csv", "checks_*.csv")
 
 
-@dataclass(frozen=True)
-class Simulation:
+class Simulation(NamedTuple):
     """A network with simulated observations, the place they were measured at, and the errors planted in them."""
 
     network: Network

@@ -64,7 +64,7 @@ def _with_cameras(document: Document, folder: Path, name: str, variant: Variant)
         return at_its_place(read_plan(changed, folder).network)
     except InputError as error:
         place = f"variants: {name}: "
-        told = [replace(one, message=place + one.message, line=0) for one in error.problems]
+        told = [one._replace(message=place + one.message, line=0) for one in error.problems]
         raise InputError(told) from None
 
 
@@ -96,7 +96,7 @@ def _with_factors(network: Network, variant: Variant, at: str, problems: list[Mi
         for group, f in zip(network.groups, factors.tolist(), strict=True)
     )
     correlations = tuple(
-        replace(one, covariance=one.covariance * np.outer(factors[one.groups], factors[one.groups]))
+        one._replace(covariance=one.covariance * np.outer(factors[one.groups], factors[one.groups]))
         for one in network.correlations
     )
     return replace(network, groups=groups, correlations=correlations)

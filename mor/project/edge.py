@@ -7,7 +7,7 @@ unit of each camera.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ class UnitError(ValueError):
     """A text that is no number, or a unit that does not fit; the words say which."""
 
 
-@dataclass(frozen=True)
-class ImageScale:
+class ImageScale(NamedTuple):
     """How image coordinates of one camera come in: its unit inside, pixel size, origin."""
 
     unit: str
@@ -144,8 +143,7 @@ def _plain(text: str, expected: str) -> float:
     return number
 
 
-@dataclass(frozen=True)
-class Edge:
+class Edge(NamedTuple):
     """Units and axes of a project."""
 
     units: Units

@@ -57,7 +57,7 @@ def without_blocks(network: Network, marked: Marked, things: Sequence[Undetermin
     """The network without some blocks and all observations that refer to them; ``things`` says what they are."""
     kept = [~touches(group, marked) for group in network.groups]
     blocks = {
-        kind: replace(table, free=table.free & ~marked[kind][:, None])
+        kind: table._replace(free=table.free & ~marked[kind][:, None])
         for kind, table in network.blocks.items()
     }
     checks = (some_rows(group, np.flatnonzero(~touches(group, marked))) for group in network.checks)
@@ -82,7 +82,7 @@ def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterm
     if not things:
         return network
     blocks = {
-        kind: replace(table, free=table.free & ~marked[kind][:, None])
+        kind: table._replace(free=table.free & ~marked[kind][:, None])
         for kind, table in network.blocks.items()
     }
     return replace(
@@ -119,7 +119,7 @@ def with_points_at_infinity(
     point = network.blocks["point"]
     blocks = {
         **network.blocks,
-        "point": replace(point, free=point.free & (number < 0)[:, None]),
+        "point": point._replace(free=point.free & (number < 0)[:, None]),
         "rotation": _with_directions(network.blocks["rotation"], [f"point {point.ids[p]}" for p in points]),
     }
     empty = np.full((len(points), 3), np.nan)
@@ -176,8 +176,7 @@ def _with_directions(blocks: Blocks, ids: Sequence[str]) -> Blocks:
     about = np.zeros(count, dtype=bool) if blocks.about_axes is None else blocks.about_axes
     own = np.broadcast_to(np.arange(count, count + more)[:, None], (more, 3))
     apart = blocks.difference
-    return replace(
-        blocks,
+    return blocks._replace(
         difference=None if apart is None else np.concatenate([apart, np.zeros((more, 3))]),
         ids=(*blocks.ids, *ids),
         free=np.concatenate([blocks.free, np.broadcast_to(np.array(FREE_TURNS), (more, 3))]),

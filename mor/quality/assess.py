@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,7 @@ from mor.quality.tests.test_statistics import GlobalTest, critical_value, global
 from mor.sparse.block_matrix import BlockMatrix
 
 
-@dataclass(frozen=True)
-class Levels:
+class Levels(NamedTuple):
     """Levels of the tests: α0 and β0 of the test of single observations, level of the global test."""
 
     snooping: float = 0.001
@@ -95,14 +95,13 @@ def assess(
     cofactors = adjustment.inverse.selected(of_operations(done) if done is not None else None)
     datum = datum_transformation(adjustment)
     if levels.familywise is not None:
-        levels = replace(levels, snooping=sidak(levels.familywise, problem.observations))
+        levels = levels._replace(snooping=sidak(levels.familywise, problem.observations))
     redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
     whole = Whole(redundancy, adjustment.normals.objective, levels, aposteriori)
     return assessed(adjustment, cofactors, datum, whole, done)
 
 
-@dataclass(frozen=True)
-class Whole:
+class Whole(NamedTuple):
     """Of a network as a whole, where only a part of it may be at hand."""
 
     redundancy: int

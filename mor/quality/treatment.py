@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from mor.quality.assess import Levels, Quality
@@ -23,8 +22,7 @@ class Wanted(NamedTuple):
     component_method: ComponentMethod = "simplified"
 
 
-@dataclass(frozen=True)
-class Treatment:
+class Treatment(NamedTuple):
     """What was done."""
 
     components: Components

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ _MOST_MOVEMENTS = 7
 """Movements of a whole network: shifts, turns, scale."""
 
 
-@dataclass(frozen=True)
-class Explained:
+class Explained(NamedTuple):
     """What would bring a rejected group into line with its σ."""
 
     test: GroupTest
@@ -47,8 +46,7 @@ class Explained:
         return max(self.effect.test**2 if self.effect is not None else 0.0, self.largest**2)
 
 
-@dataclass(frozen=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The tests of the whole and of the groups together."""
 
     tests: GroupTests

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mor import __version__
 from mor.errors import InputError, Problem
@@ -18,8 +17,7 @@ EPOCH = "SOURCE_DATE_EPOCH"
 """Variable that sets the date of reports, in seconds since 1970 (reproducible-builds.org)."""
 
 
-@dataclass(frozen=True)
-class Identity:
+class Identity(NamedTuple):
     """Files that an adjustment was read from, and the options it was asked for with."""
 
     files: tuple[ReadFile, ...] = ()

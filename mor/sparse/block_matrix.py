@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -76,8 +77,7 @@ class BlockStructure:
             yield int(key) // base, int(key) % base, members
 
 
-@dataclass(frozen=True)
-class BlockMatrix:
+class BlockMatrix(NamedTuple):
     """Symmetric block matrix: a pattern and the flat array of the values of its stored blocks."""
 
     structure: BlockStructure

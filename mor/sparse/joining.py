@@ -8,7 +8,7 @@ they meet.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dgemm, dsyrk, dtrsm
@@ -20,8 +20,7 @@ from mor.sparse.cholesky import factorise
 from mor.sparse.symbolic_factorisation import analyse
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(NamedTuple):
     """What a part of a system leaves of its normal equations to the unknowns it has in common with others."""
 
     numbers: IntArray
@@ -34,8 +33,7 @@ class Share:
     """(s,) diagonal before anything was eliminated: the measure of what vanishes."""
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):
     """Unknowns that were eliminated where shares met, for the way down.
 
     With the pivots scaled to unit diagonal before elimination, L11 and L21 are the factor of its dense front.

@@ -8,8 +8,7 @@ whose update it hands on to its parent. All of this depends on the pattern alone
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,8 +26,7 @@ _PRICES: FloatArray = np.array([1.0, 3e-5, 4e-6])
 _NEARLY_FULL = 0.4
 
 
-@dataclass(frozen=True)
-class Entries:
+class Entries(NamedTuple):
     """Where the stored blocks of the matrix go, sorted by front.
 
     Attributes:
@@ -61,8 +59,7 @@ class Entries:
         )
 
 
-@dataclass(frozen=True)
-class Elimination:
+class Elimination(NamedTuple):
     """Plan of the factorisation of every matrix of one pattern.
 
     Attributes:

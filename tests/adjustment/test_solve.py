@@ -145,7 +145,7 @@ def test_the_length_unit_does_not_matter(factor):
         image, bar = problem.groups
         bar = replace(bar, observed=bar.observed * unit, sigma=bar.sigma * unit)
         reference = {"point": problem.datum.reference["point"] * unit}
-        problem = replace(problem, groups=(image, bar), datum=replace(problem.datum, reference=reference))
+        problem = replace(problem, groups=(image, bar), datum=problem.datum._replace(reference=reference))
         return adjust(problem, start), points
 
     one, points = adjusted(1.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from motion_scenes import Scene, project, scene, solve, values
@@ -156,7 +154,7 @@ def test_smallest_movement_is_found_with_the_power_it_claims(redundancy: int | N
             log_p = tests.log_p(0, None)
         else:
             variance = random.chisquare(redundancy, n) / redundancy
-            log_p = replace(tests, statistic=tests.statistic / variance).log_p(redundancy, 1.0)
+            log_p = tests._replace(statistic=tests.statistic / variance).log_p(redundancy, 1.0)
         expected = power_of(3, level, factor**2 * ncp, redundancy)
         assert np.mean(log_p < np.log(level)) == pytest.approx(expected, abs=0.01)
     assert power_of(3, level, ncp, redundancy) == pytest.approx(0.8, abs=1e-3)

@@ -119,11 +119,11 @@ def test_runs_of_something_else_are_never_mixed_in(trial, tmp_path):
     ready = prepared(trial)
     run_trial(ready, 2, 1, tmp_path / "runs", {}, _told)
     with pytest.raises(InputError, match="of other input or another seed"):
-        run_trial(replace(ready, trial=replace(trial, seed=2)), 2, 1, tmp_path / "runs", {}, _told)
+        run_trial(ready._replace(trial=trial._replace(seed=2)), 2, 1, tmp_path / "runs", {}, _told)
 
 
 def test_start_values_are_worked_out_anew_where_that_is_wanted(trial):
-    ready = prepared(replace(trial, starts=True))
+    ready = prepared(trial._replace(starts=True))
     tally = chunk_of(ready, 0, 3)
     assert float(tally.runs) == 3
     assert float(tally.solved) <= 3

@@ -26,8 +26,7 @@ _NEAR = 1e-2
 """Corrections in parts of the network below which its movements stay the same on the way into the datum."""
 
 
-@dataclass(frozen=True)
-class Constraint:
+class Constraint(NamedTuple):
     """Inner constraints Bᵀ(x − x₀) = 0."""
 
     normals: FloatArray

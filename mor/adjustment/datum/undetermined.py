@@ -7,7 +7,7 @@ blocks, which leaves the larger part of the network where it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ _MOST = 12
 """Unknowns told of one direction."""
 
 
-@dataclass(frozen=True)
-class Undetermined:
+class Undetermined(NamedTuple):
     """A null direction that is no movement of the whole network: the unknowns it moves, the strongest first."""
 
     unknowns: tuple[tuple[str, str, str], ...]

@@ -7,7 +7,6 @@ the observations hardly determine are left to one machine: here they end the adj
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -43,16 +42,14 @@ NOT_SETTLED = "the datum points do not settle the datum"
 """Reasons of outcomes."""
 
 
-@dataclass(frozen=True)
-class Sizes:
+class Sizes(NamedTuple):
     """Of the network as a whole."""
 
     observations: int
     unknowns: int
 
 
-@dataclass(frozen=True)
-class Joined:
+class Joined(NamedTuple):
     """An adjustment of domains; what is longer than their boundaries is in the store."""
 
     boundaries: Boundaries
@@ -103,7 +100,7 @@ def adjust(
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations):
-            return replace(state, reason="the iteration stands still")
+            return state._replace(reason="the iteration stands still")
     return state
 
 
@@ -124,20 +121,20 @@ def _begin(engine: Engine, boundaries: Boundaries, sizes: Sizes, free: bool) -> 
         handed.vanished,
     )
     if handed.vanished:
-        return replace(state, outcome=Outcome.SINGULAR, reason=LOOSE)
+        return state._replace(outcome=Outcome.SINGULAR, reason=LOOSE)
     anchors = anchors_of(dense(root.matrix), analyse(one_block(len(root.matrix)))).unknowns
     return _judged(state, explain(engine, boundaries, "0", root, anchors))
 
 
 def _judged(state: Joined, found: NullSpace) -> Joined:
     """The state with its null space; singular where something is loose, or the datum does not settle what is free."""
-    state = replace(state, null_space=found)
+    state = state._replace(null_space=found)
     if found.undetermined:
-        return replace(state, outcome=Outcome.SINGULAR, reason=LOOSE)
+        return state._replace(outcome=Outcome.SINGULAR, reason=LOOSE)
     if found.weak:
-        return replace(state, outcome=Outcome.SINGULAR, reason=HARDLY)
+        return state._replace(outcome=Outcome.SINGULAR, reason=HARDLY)
     if found.movements and not state.free:
-        return replace(state, outcome=Outcome.SINGULAR, reason=NO_DATUM)
+        return state._replace(outcome=Outcome.SINGULAR, reason=NO_DATUM)
     return state
 
 
@@ -177,7 +174,7 @@ def _advance(engine: Engine, state: Joined) -> Joined:
     """One accepted step, or the end."""
     step = _step(engine, state, state.stage, state.root, state.null_space.anchors, 1e-10)
     if not np.isfinite(step.movement).all():
-        return replace(state, outcome=Outcome.SINGULAR, reason=NOT_SETTLED)
+        return state._replace(outcome=Outcome.SINGULAR, reason=NOT_SETTLED)
     change, number = step.change, len(state.iterations) + 1
     over = _is_over(state, step) and _is_in_datum(engine, state, step)
     iteration = Iteration(number, state.objective, change, 0.0, state.redundancy)
@@ -185,7 +182,7 @@ def _advance(engine: Engine, state: Joined) -> Joined:
     if over and change <= ACCURACY:
         _each(engine, state, lambda d: engine.submit(move_on, d, state.stage, step.movement, "solution"))
         objective = max(state.objective - change**2, 0.0)
-        return _converged(engine, replace(state, iterations=iterations, objective=objective, moved=True))
+        return _converged(engine, state._replace(iterations=iterations, objective=objective, moved=True))
     to = str(number)
     root, handed = up(
         engine, state.boundaries, to, lambda d: engine.submit(advance, d, state.stage, step.movement, to)
@@ -193,9 +190,9 @@ def _advance(engine: Engine, state: Joined) -> Joined:
     if not handed.objective <= state.objective * (1.0 + 1e-6) + 1e-6:
         return _damped(engine, state, iteration, to)
     _forget(engine, state)
-    moved = replace(state, stage=to, root=root, objective=handed.objective, iterations=iterations)
+    moved = state._replace(stage=to, root=root, objective=handed.objective, iterations=iterations)
     if handed.vanished:
-        return replace(moved, outcome=Outcome.SINGULAR, reason=LOOSE, loose=handed.vanished)
+        return moved._replace(outcome=Outcome.SINGULAR, reason=LOOSE, loose=handed.vanished)
     return _converged(engine, moved) if over else moved
 
 
@@ -207,10 +204,10 @@ def _damped(engine: Engine, state: Joined, iteration: Iteration, to: str) -> Joi
         if taken is not None:
             root, objective = taken
             _forget(engine, state)
-            iterations = (*state.iterations, replace(iteration, damping=damping))
-            return replace(state, stage=to, root=root, objective=objective, iterations=iterations)
+            iterations = (*state.iterations, iteration._replace(damping=damping))
+            return state._replace(stage=to, root=root, objective=objective, iterations=iterations)
         damping *= 10.0
-    return replace(state, outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
+    return state._replace(outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
 
 
 def _tried(engine: Engine, state: Joined, to: str, damping: float) -> tuple[Root, float] | None:
@@ -281,7 +278,7 @@ def _converged(engine: Engine, state: Joined) -> Joined:
         state = _judged(state, found)
     if state.outcome is not Outcome.NOT_CONVERGED:
         return state
-    return replace(state, outcome=Outcome.CONVERGED)
+    return state._replace(outcome=Outcome.CONVERGED)
 
 
 def _each(engine: Engine, state: Joined, task: Callable[[int], object]) -> list:  # type: ignore[type-arg]

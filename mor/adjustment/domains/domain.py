@@ -6,7 +6,7 @@ ones. Given the solution there, its own follows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +30,7 @@ Key = tuple[str, str, int]
 """Kind, name of the block and component of an unknown: what it is called in every domain."""
 
 
-@dataclass(frozen=True)
-class Domain:
+class Domain(NamedTuple):
     """A planned domain."""
 
     plan: Plan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -14,8 +14,7 @@ from mor.adjustment.inverse import HARDLY_DETERMINED, NULL
 from mor.arrays import FloatArray, IntArray
 
 
-@dataclass(frozen=True)
-class NullSpace:
+class NullSpace(NamedTuple):
     """What the anchors at the root hold."""
 
     anchors: IntArray

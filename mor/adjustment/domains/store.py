@@ -6,7 +6,7 @@ import pickle
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from mor.observations import (
     FOLLOWER_TYPES,
@@ -78,8 +78,7 @@ def _type_of(catalogue: str, key: str) -> ObservationType:
     return _TYPES[catalogue][key]
 
 
-@dataclass(frozen=True)
-class FileStore:
+class FileStore(NamedTuple):
     """One file for each object in a folder; a file is there as a whole or not at all."""
 
     folder: Path

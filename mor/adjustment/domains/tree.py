@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -38,8 +38,7 @@ class Engine(Protocol):
         """What a task has returned."""
 
 
-@dataclass(frozen=True)
-class Here:
+class Here(NamedTuple):
     """Tasks one after the other, in this process."""
 
     store: Store
@@ -103,8 +102,7 @@ class Boundaries:
         return used
 
 
-@dataclass(frozen=True)
-class Root:
+class Root(NamedTuple):
     """What is left at the root, scaled to unit diagonal."""
 
     numbers: IntArray

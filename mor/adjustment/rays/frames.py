@@ -108,8 +108,7 @@ class GroupFrames:
         return {name: slot for slot, name in enumerate((*names, "interior"))}
 
 
-@dataclass(frozen=True)
-class Frames:
+class Frames(NamedTuple):
     """Frames of all rays.
 
     Attributes:

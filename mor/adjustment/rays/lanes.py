@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -44,4 +43,4 @@ def _lanes(rays: RayPlan, numbers: int) -> list[RayPlan]:
     chunks = rays.chunks
     count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
     bounds = [len(chunks) * k // count for k in range(count + 1)]
-    return [replace(rays, chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
+    return [rays._replace(chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]

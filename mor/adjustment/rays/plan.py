@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -71,8 +70,7 @@ class Measurements(NamedTuple):
         return Measured(observed, weight, observed, self.clock[rays])
 
 
-@dataclass(frozen=True)
-class RayPlan:
+class RayPlan(NamedTuple):
     """Rays of the eliminated points, sorted by point, those of a point by frame."""
 
     points: IntArray

@@ -8,8 +8,6 @@ With the rows of the rays split into A_p (their points) and A_r (all else), N_pp
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mor.adjustment.plan import Plan
@@ -63,7 +61,7 @@ def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple
     answer = np.zeros(of_points.shape)
     touched = np.asarray(of_points.any(axis=(1, 2)))
     wanted = tuple(chunk for chunk in plan.rays.chunks if touched[chunk.points].any())
-    for chunk in ray_chunks(plan.problem, replace(plan.rays, chunks=wanted), plan.reduced, values):
+    for chunk in ray_chunks(plan.problem, plan.rays._replace(chunks=wanted), plan.reduced, values):
         if not touched[chunk.points].any():
             continue
         rays = chunk.rays

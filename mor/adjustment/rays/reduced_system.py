@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,7 @@ from mor.arrays import FloatArray
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
 
 
-@dataclass(frozen=True)
-class ReducedSystem:
+class ReducedSystem(NamedTuple):
     """Normal equations of the unknowns that remain; ``accumulate`` adds to its arrays in place.
 
     Attributes:

@@ -69,7 +69,7 @@ def approximate(network: Network, settle: Settle | None = None, others: int = OT
         better = _with_others(network, scene, found) if found else None
         result = _approximation(assembly) if better is None else better
     missing = seen_along_trajectories(moving, result.missing)
-    return replace(result, start=at_all_times(moving, result.start), missing=missing)
+    return result._replace(start=at_all_times(moving, result.start), missing=missing)
 
 
 def _likeliest(
@@ -134,10 +134,10 @@ def _with_what_agrees(
         for one in gone
         if one not in agree
     )
-    found = replace(_approximation(assembly), replaced=words)
+    found = _approximation(assembly)._replace(replaced=words)
     start = {kind: values.copy() for kind, values in found.start.items()}
     put_back(network, scene, start, agree)
-    kept = replace(found, start=start)
+    kept = found._replace(start=start)
     return (
         found
         if _judged(assembly, found, moving, settle).beats(_judged(assembly, kept, moving, settle))
@@ -180,7 +180,7 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
     names = {one.name for one in wrong}
     start = {kind: values.copy() for kind, values in approximation.start.items()}
     put_back(network, scene, start, [one for one in found if one.name not in names])
-    return replace(approximation, start=start, replaced=tuple(str(one) for one in wrong))
+    return approximation._replace(start=start, replaced=tuple(str(one) for one in wrong))
 
 
 def _approximation(assembly: Assembly) -> Approximation:

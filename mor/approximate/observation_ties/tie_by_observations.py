@@ -278,7 +278,7 @@ def _determined(search: _Search, rows: FloatArray) -> tuple[FloatArray, FloatArr
     rest = rows[:, :n]
     if further.shape[1]:
         left, values, _ = np.linalg.svd(further, full_matrices=False)
-        left = left[:, values > 1e-9 * max(float(values[0]), 1e-300)]
+        left = left[:, values > 1e-9 * values.max(initial=1e-300)]
         rest = rest - left @ (left.T @ rest)
     padded = np.concatenate([rest, np.zeros((n, n))])
     _, values, axes = np.linalg.svd(padded, full_matrices=False)

@@ -6,7 +6,6 @@ Images and full theodolite bundles are the same thing here: a frame with unit ra
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,8 +23,7 @@ SLACKS = (0.0, 5e-4, 2e-3, 8e-3)
 """Radians by which rays may be off beside their own σ, tried in this order: distortion not yet known, a rough c."""
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """A frame whose pose is wanted: blocks that hold it, and its rays."""
 
     name: str

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -74,7 +73,7 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     _mirror(loose)
     if fit * ALIKE < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
         return found
-    return replace(found, alternatives=(*found.alternatives, found.similarity))
+    return found._replace(alternatives=(*found.alternatives, found.similarity))
 
 
 def tie_at_last(target: Part, source: Part, scene: Scene) -> Movement | None:

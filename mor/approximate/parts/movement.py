@@ -11,8 +11,8 @@ their centre, so the distance from the origin does not matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,7 @@ class Turn(Enum):
     NONE = "none"
 
 
-@dataclass(frozen=True)
-class Ties:
+class Ties(NamedTuple):
     """What two systems have in common."""
 
     source: FloatArray
@@ -54,8 +53,7 @@ class Ties:
     """(m, 3) the same in the other."""
 
 
-@dataclass(frozen=True)
-class Movement:
+class Movement(NamedTuple):
     """A similarity, what is left open of it, and how well it fits."""
 
     scale: float
@@ -111,8 +109,7 @@ def _best(
     )
 
 
-@dataclass(frozen=True)
-class _Fit:
+class _Fit(NamedTuple):
     """A movement between normalised systems."""
 
     scale: float
@@ -124,8 +121,7 @@ class _Fit:
     redundancy: int
 
 
-@dataclass(frozen=True)
-class _Normalised:
+class _Normalised(NamedTuple):
     """Ties about the centre of the points, in parts of their size."""
 
     source: FloatArray

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mor.counting import Place
 
 
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """An English sentence with places, and what stands in them: names of things ("image I1") and numbers."""
 
     words: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.project.network.build import Network
 
 
-@dataclass(frozen=True)
-class StereoPair:
+class StereoPair(NamedTuple):
     """A relative orientation: frames of leader and follower that have it, and what is given of it."""
 
     members: tuple[tuple[int, int], ...]
@@ -31,8 +31,7 @@ class StereoPair:
     """Follower → (projection centre, rotation D) of its leader, where that is given."""
 
 
-@dataclass(frozen=True)
-class LocalSystem:
+class LocalSystem(NamedTuple):
     """Points measured in a system of their own."""
 
     name: str

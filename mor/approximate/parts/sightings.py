@@ -7,7 +7,7 @@ point, the one that most rays go to: there a point stands for its target. As soo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from mor.approximate.parts.frames import Frame
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 
-@dataclass(frozen=True)
-class Sightings:
+class Sightings(NamedTuple):
     """Rays, frame after frame."""
 
     frame: IntArray
@@ -83,8 +82,7 @@ def bare_frames(frames: Sequence[Frame], heights: FloatArray) -> tuple[Frame, ..
 
 
 def _bare(frame: Frame, kept: BoolArray) -> Frame:
-    return replace(
-        frame,
+    return frame._replace(
         points=frame.points[kept],
         heights=np.zeros(int(kept.sum())),
         rays=frame.rays[kept],

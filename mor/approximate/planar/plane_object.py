@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +13,7 @@ from mor.approximate.planar.plane_shape import PlaneShape
 from mor.arrays import FloatArray, IntArray
 
 
-@dataclass(frozen=True)
-class PlacedPlane:
+class PlacedPlane(NamedTuple):
     """Points of the plane and the frames in an object system."""
 
     points: FloatArray

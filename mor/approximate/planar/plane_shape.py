@@ -10,7 +10,6 @@ the distances of S from the two images of its own pair.) Scale, position and tur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -57,8 +56,7 @@ SOLVED = (
 """Outcomes of a pair that leave it to all images."""
 
 
-@dataclass(frozen=True)
-class PlaneShape:
+class PlaneShape(NamedTuple):
     """Points in a plane and beside it, and the frames that see it; the plane is Z = 0, the frames at Z > 0."""
 
     outcome: PlaneOutcome
@@ -260,7 +258,7 @@ def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape])
     based: list[PlaneOutcome] = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
         outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
-    return replace(best, outcome=outcome, alternatives=tuple(rivals))
+    return best._replace(outcome=outcome, alternatives=tuple(rivals))
 
 
 def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[PlaneOutcome]) -> PlaneOutcome:

@@ -8,7 +8,7 @@ over all attitudes or about the vertical, and the best are adjusted (Gauss-Newto
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _DIFFERENCE = 1e-6
 _REMEMBERED = 256
 
 
-@dataclass(frozen=True)
-class Planes:
+class Planes(NamedTuple):
     """Planes (n) of one system through points of the other; a row is one plane."""
 
     normal: FloatArray
@@ -85,8 +84,7 @@ def _found(
     return _judged(ties, found, turn, scaled, redundant) if found else None
 
 
-@dataclass(frozen=True)
-class _Ties:
+class _Ties(NamedTuple):
     planes: Planes
     middles: tuple[FloatArray, FloatArray]
     sizes: tuple[float, float]
@@ -106,7 +104,7 @@ def _about_middle(planes: Planes) -> _Ties:
     through = np.where(
         planes.of_source[:, None], (other - middles[1]) / sizes[1], (other - middles[0]) / sizes[0]
     )
-    moved = replace(planes, at=of_ray, point=through, reach=planes.reach / sizes[1])
+    moved = planes._replace(at=of_ray, point=through, reach=planes.reach / sizes[1])
     return _Ties(moved, middles, (sizes[0], sizes[1]))
 
 
@@ -180,8 +178,7 @@ def _residuals(ties: _Ties, rotations: FloatArray, scale: FloatArray, shift: Flo
     return np.asarray(off / _reach(ties.planes, rotations, scale, shift))
 
 
-@dataclass(frozen=True)
-class _Fit:
+class _Fit(NamedTuple):
     scale: float
     rotation: FloatArray
     shift: FloatArray
@@ -193,8 +190,7 @@ class _Fit:
         return float(np.log1p(np.square(self.residuals / PRECISION)).sum())
 
 
-@dataclass(frozen=True)
-class _Movements:
+class _Movements(NamedTuple):
     """Movements of one kind: scales (k,), rotations (k, 3, 3) and shifts (k, 3) by which the source is moved."""
 
     scale: FloatArray

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from mor.arrays import BoolArray, FloatArray
 
@@ -48,8 +48,7 @@ class SceneGeometry(Enum):
     UNKNOWN = "not examined"
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """One of the four orientations that fulfil the coplanarity conditions alike."""
 
     base: FloatArray
@@ -61,8 +60,7 @@ class Candidate:
     in_front_of_both: int
 
 
-@dataclass(frozen=True)
-class RelativeOrientation:
+class RelativeOrientation(NamedTuple):
     """Frame B in frame A: X_B = D* (X_A − b), |b| = 1."""
 
     outcome: RelativeOutcome

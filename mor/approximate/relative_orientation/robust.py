@@ -9,7 +9,6 @@ input, same result.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import combinations
 from math import comb
 from typing import NamedTuple
@@ -124,8 +123,8 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
     others = tuple(
         one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT
     )
-    return replace(
-        orientation, outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others
+    return orientation._replace(
+        outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +52,7 @@ class ResectionOutcome(Enum):
         )
 
 
-@dataclass(frozen=True)
-class Resection:
+class Resection(NamedTuple):
     """A frame in the object system: X* = D (X − X0)."""
 
     outcome: ResectionOutcome

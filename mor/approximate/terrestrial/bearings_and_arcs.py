@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ class SectionOutcome(Enum):
     APART = "the arcs do not meet: a distance is wrong, or the scale"
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(NamedTuple):
     """Points that fit, the best first."""
 
     outcome: SectionOutcome

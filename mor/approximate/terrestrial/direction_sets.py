@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from mor.project.network.build import Network
 KEYS = ("directions", "zenith_directions")
 
 
-@dataclass(frozen=True)
-class DirectionSet:
+class DirectionSet(NamedTuple):
     """What one set read: horizontal and vertical directions in face one, NaN where there is none."""
 
     name: str

@@ -9,9 +9,9 @@ refined with all that was measured; what then fits alike is ambiguous.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +44,7 @@ class StationOutcome(Enum):
         return self in (StationOutcome.DETERMINED, StationOutcome.AMBIGUOUS)
 
 
-@dataclass(frozen=True)
-class FreeStation:
+class FreeStation(NamedTuple):
     """A station with the orientation of its directions, r = t + κ."""
 
     outcome: StationOutcome

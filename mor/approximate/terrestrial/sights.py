@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ UPRIGHT = 1.0 - 1e-5
 """Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
 
 
-@dataclass(frozen=True)
-class Sight:
+class Sight(NamedTuple):
     """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
 
     name: str
@@ -32,8 +31,7 @@ class Sight:
     verticals: FloatArray
 
 
-@dataclass(frozen=True)
-class Lengths:
+class Lengths(NamedTuple):
     """Measured lengths, height differences or vectors between positions, with the heights of instrument and target."""
 
     start: IntArray
@@ -48,8 +46,7 @@ class Lengths:
     """(n,) the largest of a row."""
 
 
-@dataclass(frozen=True)
-class Terrestrial:
+class Terrestrial(NamedTuple):
     """Everything terrestrial that start values can be taken from."""
 
     sights: tuple[Sight, ...]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -109,7 +108,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
         found = worked_out(network)
     critical = critical_value(network.project.settings.snooping_level)
     start, missing = completed_or_at_infinity(network, found.start, found.missing, critical)
-    return replace(found, start=start, missing=missing)
+    return found._replace(start=start, missing=missing)
 
 
 def _report(

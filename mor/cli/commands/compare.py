@@ -281,7 +281,7 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tup
         try:
             tests.append(pair_movement(solved.quality, *point_numbers(solved, (one, other))))
         except InputError as error:
-            raise InputError(replace(p, file=str(pairs), line=line) for p in error.problems) from None
+            raise InputError(p._replace(file=str(pairs), line=line) for p in error.problems) from None
         names.append(f"{one} - {other}")
     table = movement_table(names, tests, solved.network.edge.matrix, level, known)
     moved = int(table["moved"].sum())

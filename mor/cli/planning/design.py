@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,7 +105,7 @@ def _tell(design: Design, lang: str, folder: Path | None) -> None:
 
     words = words_of_planning(lang)
     for note in screenful(design.notes, "mor check --all"):
-        said = replace(note, message=words.told(note.message))
+        said = note._replace(message=words.told(note.message))
         click.echo(words("note: {text}", text=said), err=True)
     click.echo(design.screen(words), err=True)
     if folder is not None:

@@ -12,8 +12,7 @@ With u = X/Z, v = Y/Z and r² = u² + v² (COLMAP source, ``sensor/models.h``):
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from mor.formats.colmap.model import ColmapCamera
 from mor.formats.content import interior_values
@@ -22,8 +21,7 @@ from mor.project.file.model import Camera
 from mor.units import IMAGE
 
 
-@dataclass(frozen=True)
-class ColmapCameraModel:
+class ColmapCameraModel(NamedTuple):
     """A camera model: its number in binary files, its parameters, and the model of mor that says it."""
 
     number: int

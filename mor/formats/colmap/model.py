@@ -32,8 +32,7 @@ class Pose(NamedTuple):
     translation: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class ColmapImage:
+class ColmapImage(NamedTuple):
     """An image: its pose (camera from world) and image points."""
 
     id: int

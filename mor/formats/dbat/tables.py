@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.errors import nearest
 from mor.formats.draft import Draft, number
@@ -14,8 +14,7 @@ _TEXTS = ("id", "im", "cam", "label", "path")
 _SKIPPED = ("ignored", "dummy")
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """A line of a table: cells by their column, and where it stands."""
 
     cells: dict[str, str]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from mor.formats.gkf.points import GamaPoint
 from mor.formats.xml import Element
 
 
-@dataclass(frozen=True)
-class GamaKind:
+class GamaKind(NamedTuple):
     """How an element becomes an observation of a project: its type, names, components and what it needs of points."""
 
     type: str
@@ -53,8 +52,7 @@ KINDS = {
 ANGULAR = ("direction", "angle", "z-angle", "azimuth")
 
 
-@dataclass(frozen=True)
-class GamaObservation:
+class GamaObservation(NamedTuple):
     """One element with a measured value, or several."""
 
     kind: str
@@ -78,8 +76,7 @@ class GamaObservation:
         return sum(value is not None for value in self.values)
 
 
-@dataclass(frozen=True)
-class GamaCluster:
+class GamaCluster(NamedTuple):
     """Observations given together, with one covariance matrix over all their values where there is one."""
 
     element: str
@@ -99,7 +96,7 @@ class GamaCluster:
             dtype=bool,
         )
         covariance = None if self.covariance is None else self.covariance[np.ix_(kept, kept)]
-        return replace(self, observations=tuple(o for o in chosen if o is not None), covariance=covariance)
+        return self._replace(observations=tuple(o for o in chosen if o is not None), covariance=covariance)
 
 
 def read_clusters(root: Element, sigma_apriori: float, draft: Draft) -> list[GamaCluster]:
@@ -145,7 +142,7 @@ def _observation(
     if sigma is None:
         words = f"no stdev, and no {kind.implicit}" if kind.implicit else "no stdev and no cov-mat"
         draft.problem(f"<{element.name}>: {words}", element.line)
-    return replace(observation, sigma=sigma)
+    return observation._replace(sigma=sigma)
 
 
 def _sigma(
@@ -225,7 +222,7 @@ def _active(
     if left_out:
         words = f"point {point.name!r} is neither fixed nor adjusted in {', '.join(left_out)}"
         draft.note(f"<point> in <coordinates> not used: {words}", observation.line)
-    return replace(observation, values=values) if any(v is not None for v in values) else None
+    return observation._replace(values=values) if any(v is not None for v in values) else None
 
 
 def without_lonely_directions(clusters: list[GamaCluster], draft: Draft) -> list[GamaCluster]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mor.errors import nearest
 from mor.formats.draft import Draft, number
@@ -80,8 +80,7 @@ def _one_of(*choices: str) -> Check:
     return check
 
 
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """What an element may contain: child elements, required and optional attributes."""
 
     children: tuple[str, ...] = ()

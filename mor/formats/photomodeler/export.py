@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,8 +29,7 @@ class Line(NamedTuple):
     number: int
 
 
-@dataclass(frozen=True)
-class Export:
+class Export(NamedTuple):
     """A whole export; lists in the order of the file."""
 
     title: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -26,8 +26,7 @@ _BLOCK = (3, 3, 3, 3, 2, 3, 3, 3, 3)
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True)
-class Photo:
+class Photo(NamedTuple):
     """An image of the calibrated camera parameters."""
 
     name: str

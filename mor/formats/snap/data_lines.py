@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ _A_LINE = 6
 NO_REFRACTION = "NONE"
 
 
-@dataclass(frozen=True)
-class Writing:
+class Writing(NamedTuple):
     """What the lines of all tables share."""
 
     content: Content

@@ -5,8 +5,8 @@ x east, y north, bearings clockwise from north; lengths in metres, angles in gon
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.formats.draft import Draft, Row, number
 from mor.formats.textbook.points import put_coordinates, read_coordinates
@@ -16,8 +16,7 @@ from mor.project.file.nodes import Document
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 
-@dataclass(frozen=True)
-class KrummKind:
+class KrummKind(NamedTuple):
     """How a section becomes a group of observations."""
 
     type: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from mor.arrays import FloatArray
@@ -21,8 +20,7 @@ class Projection(NamedTuple):
     """(n, 2, k) derivatives by the k interior components."""
 
 
-@dataclass(frozen=True)
-class CameraModel:
+class CameraModel(NamedTuple):
     """A camera model as a value.
 
     ``project(star, interior, constants, measured)`` takes the points in the image system (n, 3), the interior

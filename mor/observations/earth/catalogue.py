@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from mor.geometry.earth import Horizon
 from mor.observations._contract import ObservationType
 from mor.observations.angle import ANGLE_TYPE
@@ -88,5 +86,5 @@ def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
 
 
 def _as(key: str, bearing: ObservationType) -> ObservationType:
-    component = replace(bearing.components[0], name="azimuth")
-    return replace(bearing, key=key, components=(component,))
+    component = bearing.components[0]._replace(name="azimuth")
+    return bearing._replace(key=key, components=(component,))

@@ -13,7 +13,6 @@ are the positions the plain type sees, without heights. R and u are evaluated at
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -63,4 +62,4 @@ def _about_vertical(
                 jacobians[end.height] = jacobians[end.position] @ there[:, 2][:, :, None]
         return Computed(computed.values, tuple(jacobians))
 
-    return replace(type_, constants=constants, equation=equation, about_local_vertical=True)
+    return type_._replace(constants=constants, equation=equation, about_local_vertical=True)

@@ -9,7 +9,7 @@ area of the network, so that the solver knows of no library of projections:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -83,13 +83,13 @@ class InPlane:
 
 def projected_bearing(horizon: Horizon, plane: Plane) -> ObservationType:
     """t in the plane of a projection."""
-    return replace(open_projection(), equation=InPlane(horizon, plane))
+    return open_projection()._replace(equation=InPlane(horizon, plane))
 
 
 def open_projection() -> ObservationType:
     """The type before anything says which projection is meant."""
     slots = tuple(Slot("point", end, "position") for end in ("from", "to"))
-    return replace(BEARING, key=KEY, references=FROM_TO, slots=slots, equation=_open)
+    return BEARING._replace(key=KEY, references=FROM_TO, slots=slots, equation=_open)
 
 
 def _open(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:

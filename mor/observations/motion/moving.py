@@ -12,7 +12,6 @@ twin that takes these blocks besides, and its derivatives are those by the posit
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -61,8 +60,7 @@ def moving(type_: ObservationType) -> ObservationType:
         for number in positions
         for kind in MOTIONS
     )
-    return replace(
-        type_,
+    return type_._replace(
         key=MOVING + type_.key,
         written=type_.name,
         slots=(*type_.slots, *further),

@@ -7,7 +7,6 @@ follows by the chain rule. The time is known. Nothing in the solver changes: suc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -89,8 +88,7 @@ def on_trajectory(type_: ObservationType, knots: int) -> ObservationType:
         by_position, by_rotation, *others = computed.jacobians
         return Computed(computed.values, (*by_knots(pose, by_position, by_rotation), *others))
 
-    return replace(
-        type_,
+    return type_._replace(
         key=f"{ON_TRAJECTORY} {knots} {type_.key}",
         written=type_.name,
         slots=(*knot_slots(knots, "image"), *type_.slots[2:]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from mor.quality.design.requirements import chosen_names
 NO_PLACE = "no coordinates; what is seen depends on where it is"
 
 
-@dataclass(frozen=True)
-class Targets:
+class Targets(NamedTuple):
     """The points of a project."""
 
     names: tuple[str, ...]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,8 +39,7 @@ class Start:
         return np.asarray(self.values[kind][block], dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class Image:
+class Image(NamedTuple):
     """An image: X* = D (X − X0) + r, followed by X* → D* (X* − b*) in a follower."""
 
     centre: FloatArray

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -26,8 +26,7 @@ _PRIOR = frozenset(
 )
 
 
-@dataclass(frozen=True)
-class PartNetwork:
+class PartNetwork(NamedTuple):
     """A domain's network, and which of its things other domains have, too."""
 
     network: Network
@@ -106,7 +105,7 @@ def read_part(project: Project, document: Document, parts: Parts, domain: int, s
     shared = {space: frozenset(mark["shared"]) for space, mark in marks.items()}
     numbers = {section: tuple(tables) for section, tables in things.items()}
     found = PartNetwork(network, foreign, shared, domain == 0, numbers)
-    return replace(found, network=replace(network, groups=_counted(found)))
+    return found._replace(network=replace(network, groups=_counted(found)))
 
 
 def _counted(part: PartNetwork) -> tuple[ObservationGroup, ...]:

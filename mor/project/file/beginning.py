@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -30,8 +29,7 @@ _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
 
-@dataclass(frozen=True)
-class CameraSettings:
+class CameraSettings(NamedTuple):
     """What is known of the camera; ``None`` where nothing is."""
 
     name: str = "camera"

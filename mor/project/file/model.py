@@ -318,10 +318,14 @@ class Project(Strict):
     mor: Literal["1"] = Field(description="Version of the project file")
     title: str = Field(default="", description="Heads the reports")
     report: Report = Field(
-        default=Report(), description="Operator, client and remarks that stand on the reports"
+        default=Report.model_construct(), description="Operator, client and remarks that stand on the reports"
     )
-    units: Units = Field(default=Units(), description="Units of all values that carry none of their own")
-    axes: Axes = Field(default=Axes(), description="Axes of the object system, senses and zeros of angles")
+    units: Units = Field(
+        default=Units.model_construct(), description="Units of all values that carry none of their own"
+    )
+    axes: Axes = Field(
+        default=Axes.model_construct(), description="Axes of the object system, senses and zeros of angles"
+    )
     world: World | None = Field(
         default=None,
         description="Where on the earth the network is; without it its system is a plane of its own",
@@ -343,7 +347,9 @@ class Project(Strict):
     features: list[Feature] = Field(
         default_factory=list, description="Planes, lines and right angles that points lie on"
     )
-    epochs: Epochs = Field(default=Epochs(), description="Times of what is measured at several of them")
+    epochs: Epochs = Field(
+        default=Epochs.model_construct(), description="Times of what is measured at several of them"
+    )
     motions: list[Motion] = Field(default_factory=list, description="How points move between epochs")
     instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
     observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
@@ -355,15 +361,17 @@ class Project(Strict):
         default_factory=list,
         description="Observations that a plan might have besides; mor design ranks them, no adjustment has them",
     )
-    require: Require = Field(default=Require(), description="What a plan has to reach, for mor design")
+    require: Require = Field(
+        default=Require.model_construct(), description="What a plan has to reach, for mor design"
+    )
     variants: dict[Name, Variant] = Field(
         default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
     )
     visibility: Visibility = Field(
-        default=Visibility(),
+        default=Visibility.model_construct(),
         description="What stands in the way of sights, and where targets look, for plans",
     )
     datum: Literal["fixed", "free"] | Datum = Field(
         default="fixed", description="What holds the coordinates where the observations leave them free"
     )
-    settings: Settings = Field(default=Settings(), description="How to solve and to test")
+    settings: Settings = Field(default=Settings.model_construct(), description="How to solve and to test")

@@ -35,10 +35,11 @@ class Trajectory(Table):
         description="Knots (or rows) further apart than this belong to different stretches; nothing is in between",
     )
     constancy: Steadiness = Field(
-        default=Steadiness(), description="σ of velocity and rate of rotation between knots, observed as 0"
+        default=Steadiness.model_construct(),
+        description="σ of velocity and rate of rotation between knots, observed as 0",
     )
     smoothness: Steadiness = Field(
-        default=Steadiness(),
+        default=Steadiness.model_construct(),
         description="σ of acceleration and change of the rate of rotation, observed as 0",
     )
 

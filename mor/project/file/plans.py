@@ -75,7 +75,7 @@ class Without(Strict):
 class Variant(Strict):
     """What would be if: the project with something left out, with other σ, or with more observations."""
 
-    without: Without = Field(default=Without(), description="What is left out")
+    without: Without = Field(default=Without.model_construct(), description="What is left out")
     factor: dict[Name, Annotated[float, Field(gt=0.0, le=1e50)]] = Field(
         default_factory=dict, description="Factors on the σ of groups of observations, by names or patterns"
     )

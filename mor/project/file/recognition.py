@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.errors import InputError, Problem
 from mor.input_files import TABLE, read_text
@@ -62,8 +62,7 @@ _LONGEST_HEADING = 200
 _NUMBER = re.compile(r"^[-+]?[\d.]")
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """A table that was recognised."""
 
     path: Path
@@ -136,7 +135,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
             "positions of images and points"
         )
         raise InputError([Problem(words, str(table.path))])
-    return replace(table, kind="images") if of_images else table
+    return table._replace(kind="images") if of_images else table
 
 
 def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:

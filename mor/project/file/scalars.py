@@ -39,7 +39,11 @@ def one_sign(sign: str) -> str:
 
 
 class Strict(BaseModel):
-    """Unknown keys are errors, nothing changes after reading."""
+    """Unknown keys are errors, nothing changes after reading.
+
+    Validators are built by their first use, which most sections of a file never see; so a section that stands for one
+    that is missing is made by ``model_construct``, which needs none.
+    """
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True, defer_build=True

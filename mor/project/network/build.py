@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,8 +49,7 @@ from mor.project.world.free_network import check_held_on_earth
 from mor.project.world.world import World
 
 
-@dataclass(frozen=True)
-class DatumChoice:
+class DatumChoice(NamedTuple):
     """The datum as the project wants it: free or not, and over which coordinates."""
 
     name: str
@@ -199,7 +198,7 @@ def build_network(
     checks = check_groups(reading, [*plain, *others], elsewhere)
     candidates = candidate_groups(reading)
     correlated = correlations(reading, read_in) if not problems else ()
-    correlated = tuple(replace(c, groups=where[c.groups]) for c in correlated)
+    correlated = tuple(c._replace(groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
     _check_pairs(reading)
     if not problems and (plain or others or not elsewhere):

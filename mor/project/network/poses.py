@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -124,8 +124,7 @@ def inwards(edge: Edge, statuses: Statuses) -> Statuses:
     )
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """Names of one table, where they were read."""
 
     names: pl.Series

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +18,7 @@ from mor.project.observations.observation_rows import Group
 from mor.project.tables.tables import Place
 
 
-@dataclass(frozen=True)
-class Correlation:
+class Correlation(NamedTuple):
     """Entries of observation groups and their covariance matrix, internal units and axes."""
 
     groups: IntArray

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,8 +59,7 @@ class _Place(NamedTuple):
     scale: ImageScale | None
 
 
-@dataclass(frozen=True)
-class _Known:
+class _Known(NamedTuple):
     """One row: what it is about, its value and σ in internal units."""
 
     row: int

@@ -13,7 +13,7 @@ from mor.project.tables.columns import Column, Rows
 
 def without_required(columns: Sequence[Column], measured: Sequence[str]) -> list[Column]:
     """The columns of a table, those of what is ``measured`` no longer required."""
-    return [replace(column, required=column.required and column.name not in measured) for column in columns]
+    return [column._replace(required=column.required and column.name not in measured) for column in columns]
 
 
 def planned_rows(rows: Rows, measured: Sequence[str], reading: Reading, name: str) -> Rows:

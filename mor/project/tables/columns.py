@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -16,8 +17,7 @@ from mor.project.file.nodes import Document
 from mor.project.file.nodes import Path as NodePath
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A column a table may have. ``parse`` turns one text into an internal number; ``None`` for identifiers."""
 
     name: str
@@ -27,8 +27,7 @@ class Column:
     required: bool = False
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(NamedTuple):
     """Named columns as they were found, each all texts or already numbers in the unit of the column; null is empty."""
 
     names: list[str]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,8 +72,7 @@ def _refused(reading: Reading) -> bool:
     return bool(told)
 
 
-@dataclass(frozen=True)
-class _Lengths:
+class _Lengths(NamedTuple):
     """Spacing and gap of a table in seconds; NaN where there is none."""
 
     spacing: float

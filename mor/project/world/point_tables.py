@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from mor.units import ANGLE, LENGTH
 ENU = ("east", "north", "up")
 
 
-@dataclass(frozen=True)
-class PointTable:
+class PointTable(NamedTuple):
     """One table of points as it was read."""
 
     number: int

@@ -9,7 +9,7 @@ with its own 3 × 3 cofactors is then tested for every point, in the datum of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri, fdtri
@@ -22,8 +22,7 @@ from mor.quality.tests.p_values import log_p_chi2, log_p_f
 _RANK = 1e-10
 
 
-@dataclass(frozen=True)
-class MovementTest:
+class MovementTest(NamedTuple):
     """Test of one movement."""
 
     movement: FloatArray
@@ -43,8 +42,7 @@ class MovementTest:
     """(3, 3) of the movement, for σ0 = 1."""
 
 
-@dataclass(frozen=True)
-class Congruence:
+class Congruence(NamedTuple):
     """Outcome of a congruence test over n points."""
 
     global_test: MovementTest | None

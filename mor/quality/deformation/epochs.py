@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from mor.quality.precision.covariance import joint_cofactors
 from mor.quality.solved import Solved
 
 
-@dataclass(frozen=True)
-class Epochs:
+class Epochs(NamedTuple):
     """Outcome of the comparison of two epochs."""
 
     names: tuple[str, ...]
@@ -38,8 +38,7 @@ def over_points(network: Network, names: tuple[str, ...], coordinates: FloatArra
     mask[blocks] = True
     reference = network.start["point"].copy()
     reference[blocks] = coordinates
-    datum = replace(
-        network.datum,
+    datum = network.datum._replace(
         name="free, inner constraints over common points",
         free=True,
         mask=mask,

@@ -8,7 +8,7 @@ small levels that of Bonferroni).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,7 @@ _ROOM = 6
 _KINDS = tuple(kind.key for kind in MOTIONS)
 
 
-@dataclass(frozen=True)
-class Tested:
+class Tested(NamedTuple):
     """Vectors of points with their tests: n parameters, or n movements between two epochs."""
 
     names: tuple[str, ...]
@@ -48,8 +47,7 @@ class Tested:
     """(n,) ∇: from this length on the vector is found in every direction with the power β0; for σ0 = 1."""
 
 
-@dataclass(frozen=True)
-class Movements:
+class Movements(NamedTuple):
     """What moves, and how far it has moved."""
 
     parameters: Tested

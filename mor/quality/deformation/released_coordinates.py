@@ -18,7 +18,7 @@ def released(solved: Solved) -> Network:
         return network
     points = network.blocks["point"]
     free: BoolArray = points.free | fixed
-    return replace(network, blocks={**network.blocks, "point": replace(points, free=free)})
+    return replace(network, blocks={**network.blocks, "point": points._replace(free=free)})
 
 
 def strained(before: Solved, after: Solved) -> bool:

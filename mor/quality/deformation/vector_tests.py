@@ -7,7 +7,7 @@ that every direction is found of has the length √(λ q), q the largest eigenva
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri, chndtr, chndtrinc, fdtri, ncfdtr, ncfdtrinc
@@ -18,8 +18,7 @@ from mor.quality.tests.p_values import log_p_chi2, log_p_f
 _RANK = 1e-10
 
 
-@dataclass(frozen=True)
-class VectorTests:
+class VectorTests(NamedTuple):
     """Tests of n vectors of k components."""
 
     vectors: FloatArray

@@ -14,7 +14,6 @@ lemma).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -51,8 +50,7 @@ class Unit(NamedTuple):
         return len(self.rows)
 
 
-@dataclass(frozen=True)
-class Interest:
+class Interest(NamedTuple):
     """The cofactors K (m, m), and what their rows are."""
 
     cofactors: FloatArray

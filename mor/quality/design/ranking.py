@@ -6,7 +6,6 @@ Every figure is that of the plan with this one change, adjusted anew, to round-o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -174,7 +173,7 @@ def added(interest: Interest, unit: Unit) -> Interest:
     half = np.linalg.solve(np.linalg.cholesky(R), column.T)
     active = interest.active.copy()
     active[unit.rows] = True
-    return replace(interest, cofactors=K - half.T @ half, active=active)
+    return interest._replace(cofactors=K - half.T @ half, active=active)
 
 
 def spared(interest: Interest, unit: Unit) -> Interest:
@@ -184,7 +183,7 @@ def spared(interest: Interest, unit: Unit) -> Interest:
     half = np.linalg.solve(np.linalg.cholesky(R), K[:, unit.rows].T)
     active = interest.active.copy()
     active[unit.rows] = False
-    return replace(interest, cofactors=K + half.T @ half, active=active)
+    return interest._replace(cofactors=K + half.T @ half, active=active)
 
 
 def _scored(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: float) -> Iterator[Ranked]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,8 +27,7 @@ _ROUND_OFF = 1e-9
 """Part of a limit that a value may be beyond it."""
 
 
-@dataclass(frozen=True)
-class RequiredPrecision:
+class RequiredPrecision(NamedTuple):
     """A largest σ of coordinates of points, or of the longest semi-axis of their error ellipsoids."""
 
     of: str
@@ -43,8 +42,7 @@ class RequiredPrecision:
     """Length unit of the project."""
 
 
-@dataclass(frozen=True)
-class RequiredControl:
+class RequiredControl(NamedTuple):
     """A least redundancy number, or a largest external reliability, of the observations of some groups."""
 
     of: str

@@ -9,7 +9,6 @@ their own r is taken for it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
@@ -28,8 +27,7 @@ _SPARED = 1e-9
 """Smallest eigenvalue of R below which something would be undetermined without the observations."""
 
 
-@dataclass(frozen=True)
-class Wanted:
+class Wanted(NamedTuple):
     """What is required, as limits of single rows."""
 
     variance: FloatArray
@@ -44,7 +42,7 @@ class Wanted:
 
     def with_least(self, least_r: FloatArray) -> Wanted:
         """The same with other least redundancy numbers (m,)."""
-        return replace(self, least_r=least_r)
+        return self._replace(least_r=least_r)
 
     @property
     def is_empty(self) -> bool:

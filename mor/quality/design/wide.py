@@ -12,7 +12,6 @@ J_p hence
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -228,8 +227,7 @@ def _outcomes(
     after = np.diagonal(K)[None] - np.einsum("cmj,cmj->cm", W, W)
     its_r = np.einsum("ckj,ckj->cj", L, L)  # the diagonal of (I + K_jj)⁻¹
     diagonal = np.concatenate([after, 1.0 - its_r], axis=1)
-    interest = replace(
-        wide.interest,
+    interest = wide.interest._replace(
         group=np.concatenate([wide.interest.group, np.full(size, len(adjustment.problem.groups))]),
     )
     full = wanted.with_least(np.concatenate([wanted.least_r, np.full(size, least)]))

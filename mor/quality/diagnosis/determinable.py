@@ -8,8 +8,8 @@ directions; whether their rays are parallel is asked again at the solution, wher
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
 
-@dataclass(frozen=True)
-class Means:
+class Means(NamedTuple):
     """How a network becomes a problem and is solved, and the critical value of the test for parallel rays."""
 
     make: Callable[[Network, Values], Problem]
@@ -174,11 +173,11 @@ def _with_reference(network: Network, start: Values, values: Values, doubted: In
     mask = datum.mask.copy()
     mask[doubted] = False
     if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
-        datum = replace(datum, mask=mask)
+        datum = datum._replace(mask=mask)
     if datum.reference is None:
         known = np.isfinite(network.start["point"]) | np.isnan(values["point"])
         reference = np.where(known, start["point"], values["point"])
-        datum = replace(datum, reference=reference)
+        datum = datum._replace(reference=reference)
     return replace(network, datum=datum)
 
 
@@ -212,7 +211,7 @@ def _adjusted(
     adjustment = means.solve(reduced, begun)
     if loose and not leave:
         reduced = replace(reduced, undeterminable=named)
-        return reduced, replace(adjustment, outcome=Outcome.SINGULAR, reason=OPEN)
+        return reduced, adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN)
     for _ in range(ROUNDS if leave else 0):
         further = None if only_here(adjustment) else without_moved(reduced, adjustment)
         if further is None:

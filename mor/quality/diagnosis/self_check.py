@@ -37,9 +37,9 @@ def checked(quality: Quality) -> Adjustment:
     useless = beyond_use(quality)
     if useless:
         defect = replace(adjustment.defect, beyond_use=tuple(useless))
-        return replace(adjustment, outcome=Outcome.SINGULAR, reason=BEYOND_USE, defect=defect)
+        return adjustment._replace(outcome=Outcome.SINGULAR, reason=BEYOND_USE, defect=defect)
     if not is_complete(quality.redundancy_sum, quality.redundancy):
-        return replace(adjustment, outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
+        return adjustment._replace(outcome=Outcome.NOT_CONVERGED, reason=REDUNDANCY_LOST)
     return adjustment
 
 

@@ -6,7 +6,7 @@ system is singular beside them as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,7 @@ LISTED = 20
 _ROWS = 50_000
 
 
-@dataclass(frozen=True)
-class Movements:
+class Movements(NamedTuple):
     """Unknowns that do not come to rest, those that change the observations most first."""
 
     unknowns: tuple[tuple[str, str, str], ...]
@@ -80,11 +79,11 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment
     begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
     if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
-        return replace(adjustment, outcome=Outcome.DIVERGED, reason=RAN_AWAY)
+        return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
-        return replace(adjustment, reason=AT_THE_START)
+        return adjustment._replace(reason=AT_THE_START)
     if untied and not _fits(adjustment):
-        return replace(adjustment, reason=PUT_ANYWHERE)
+        return adjustment._replace(reason=PUT_ANYWHERE)
     return adjustment
 
 
@@ -99,8 +98,8 @@ def _hardly_determined(adjustment: Adjustment) -> Adjustment:
     if not turns or turns[0].sigma <= NOTHING_KNOWN:
         return adjustment
     iterations = adjustment.iterations
-    return replace(
-        here, outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+    return here._replace(
+        outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
     )
 
 

@@ -10,7 +10,7 @@ and go together, as long as both are controlled.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _LOCAL = ("point", "rotation", "base")
 Watcher = Callable[[Iteration], None]
 
 
-@dataclass(frozen=True)
-class Snooped:
+class Snooped(NamedTuple):
     """One observation that was taken out or put back, and its test value at that moment."""
 
     round: int
@@ -46,8 +45,7 @@ class Snooped:
     taken_out: bool
 
 
-@dataclass(frozen=True)
-class Snooping:
+class Snooping(NamedTuple):
     """Outcome of data snooping."""
 
     before: Quality
@@ -60,7 +58,7 @@ class Snooping:
 
     def after(self, earlier: Snooping) -> Snooping:
         """Both together, this one being the later."""
-        return replace(self, before=earlier.before, steps=(*earlier.steps, *self.steps))
+        return self._replace(before=earlier.before, steps=(*earlier.steps, *self.steps))
 
 
 def snoop(
@@ -112,8 +110,7 @@ def snoop(
 Entries = list[tuple[int, int, int]]
 
 
-@dataclass(frozen=True)
-class _State:
+class _State(NamedTuple):
     """What every round needs."""
 
     problem: Problem

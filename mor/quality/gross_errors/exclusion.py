@@ -34,7 +34,7 @@ def _without(cluster: Cluster, out: BoolArray) -> Cluster:
         return cluster
     covariance = np.where(out[:, None] ^ out[None, :], 0.0, cluster.covariance)
     covariance[np.ix_(out, out)] = np.diag(np.diagonal(cluster.covariance)[out] * OUT**2)
-    return replace(cluster, covariance=covariance)
+    return cluster._replace(covariance=covariance)
 
 
 def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
@@ -45,8 +45,7 @@ def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
     )
     flat = np.concatenate([factor.ravel() for factor in factors])
     clusters = tuple(
-        replace(
-            cluster,
+        cluster._replace(
             covariance=cluster.covariance * np.outer(flat[cluster.entries], flat[cluster.entries]),
         )
         for cluster in problem.clusters

@@ -35,7 +35,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
         return None
     scaled = reweighted(problem, factors)
     blocks = {
-        kind: replace(own, free=np.zeros_like(own.free))
+        kind: own._replace(free=np.zeros_like(own.free))
         if kind.startswith(_INTERIOR) or kind in _MOTIONS
         else own
         for kind, own in problem.index.blocks.items()

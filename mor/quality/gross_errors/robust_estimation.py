@@ -11,8 +11,7 @@ T. Krarup, J. Juhl, K. Kubik (1980): Götterdämmerung over least squares adjust
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -34,8 +33,7 @@ _LIGHT = 0.1
 """Factor on a weight below which an observation counts as rejected."""
 
 
-@dataclass(frozen=True)
-class Robust:
+class Robust(NamedTuple):
     """A robust solution."""
 
     method: Method

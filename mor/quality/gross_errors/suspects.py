@@ -267,7 +267,7 @@ def held(blocks: Mapping[str, Blocks], lost: Sequence[tuple[str, str]]) -> dict[
     result = dict(blocks)
     for kind in {kind for kind, _ in lost}:
         gone = lost_blocks(blocks[kind], kind, lost)
-        result[kind] = replace(blocks[kind], free=blocks[kind].free & ~gone[:, None])
+        result[kind] = blocks[kind]._replace(free=blocks[kind].free & ~gone[:, None])
     return result
 
 

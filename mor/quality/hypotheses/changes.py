@@ -56,8 +56,7 @@ def with_unknown(network: Network, kind: str, value: FloatArray, free: BoolArray
     blocks, number = network.blocks[kind], len(network.blocks[kind].ids)
     more = np.full((1, len(value)), number, dtype=np.int64)
     nothing = np.full((1, len(value)), np.nan)
-    longer = replace(
-        blocks,
+    longer = blocks._replace(
         ids=(*blocks.ids, "hypothesis"),
         free=np.concatenate([blocks.free, free[None]]),
         owner=np.concatenate([blocks.owner, more]),

@@ -6,7 +6,7 @@ them independent of the minimal datum the factorisation happened to take.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from mor.quality.assess import Quality
 _AT_A_TIME = 200
 
 
-@dataclass(frozen=True)
-class RelativeEllipsoid:
+class RelativeEllipsoid(NamedTuple):
     """Precision of the difference of two points (second minus first)."""
 
     difference: FloatArray

@@ -23,7 +23,7 @@ def with_poses(solved: Solved) -> Solved:
     network = solved.network
     if not network.image_times:
         return solved
-    adjustment = replace(solved.adjustment, values=with_image_poses(network, solved.adjustment.values))
+    adjustment = solved.adjustment._replace(values=with_image_poses(network, solved.adjustment.values))
     if solved.quality is None:
         return replace(solved, adjustment=adjustment)
     parts = network.things["image"].parts

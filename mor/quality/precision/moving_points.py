@@ -5,7 +5,7 @@ Every observation of such a point has all of these blocks, so the selected inver
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from mor.sparse.block_matrix import BlockMatrix
 SIZE = 3 * (1 + len(MOTIONS))
 
 
-@dataclass(frozen=True)
-class MovingCofactors:
+class MovingCofactors(NamedTuple):
     """Blocks (k, 4) of coordinates, velocity, sine and cosine of points that move, and cofactors (k, 12, 12)."""
 
     blocks: IntArray

@@ -7,7 +7,7 @@ point only where it lies before the camera and inside of what the camera has mea
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,8 +35,7 @@ class Candidates(NamedTuple):
     columns: IntArray
 
 
-@dataclass(frozen=True)
-class CandidatePlaces:
+class CandidatePlaces(NamedTuple):
     """The places of all tables from which further points can be observed."""
 
     quality: Quality
@@ -87,8 +86,7 @@ def aimed_at(group: ObservationGroup, rows: IntArray, target: int) -> Observatio
     )
 
 
-@dataclass(frozen=True)
-class _Table:
+class _Table(NamedTuple):
     """A group of observations from places to points."""
 
     number: int

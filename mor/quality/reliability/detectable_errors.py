@@ -15,7 +15,7 @@ None of them but EP depends on the datum. Without correlations w_B is the normal
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.tests.test_statistics import CONTROLLED
 
 
-@dataclass(frozen=True)
-class Reliability:
+class Reliability(NamedTuple):
     """Reliability of one observation group, (n, m) each; NaN where there is no test. For σ0 = 1."""
 
     quality: ObservationQuality

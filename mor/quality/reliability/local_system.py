@@ -5,7 +5,7 @@ As in ``local_influence.py``: only the rays of the points that are touched are l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,7 @@ _FEW = 2_000
 """Eliminated points up to which they are gathered one by one; a pass over all rays is quicker beyond."""
 
 
-@dataclass(frozen=True)
-class LocalSystem:
+class LocalSystem(NamedTuple):
     """The normal equations, for right-hand sides and solutions at chosen unknowns."""
 
     adjustment: Adjustment

@@ -9,7 +9,6 @@ than the largest δ̄0 of its observations times the longest semi-axis of its er
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +27,7 @@ _FRAMES = ("image", "station", "set")
 _OF_FRAMES = ("image", "station", "system")
 
 
-@dataclass(frozen=True)
-class Controlled:
+class Controlled(NamedTuple):
     """How well each of k things is controlled; (k,) arrays, of what no observation refers to NaN and −1."""
 
     of: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
@@ -25,8 +24,7 @@ class Systematic(NamedTuple):
     is_ppm: bool = False
 
 
-@dataclass(frozen=True)
-class Wishes:
+class Wishes(NamedTuple):
     """What is planted, besides the random errors."""
 
     gross: int = 0

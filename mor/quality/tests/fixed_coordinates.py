@@ -7,7 +7,8 @@ directions that something controls: of two points that alone fix a plane network
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,7 @@ MOST = 300
 _ENTRIES = 20_000_000
 
 
-@dataclass(frozen=True)
-class FixedPointTest:
+class FixedPointTest(NamedTuple):
     """Test of the hypothesis that a fixed point stands where it is said to stand."""
 
     point: int
@@ -60,7 +60,7 @@ def fixed_point_tests(quality: Quality) -> list[FixedPointTest]:
 def _tests(quality: Quality, points: IntArray, released: BoolArray) -> list[FixedPointTest]:
     problem = quality.adjustment.problem
     blocks = problem.index.blocks
-    free = replace(blocks["point"], free=blocks["point"].free | released)
+    free = blocks["point"]._replace(free=blocks["point"].free | released)
     extended = index_unknowns({**blocks, "point": free})
     places = np.full(released.shape, -1, dtype=np.int64)
     places[released] = np.arange(np.count_nonzero(released))

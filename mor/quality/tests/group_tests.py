@@ -65,8 +65,7 @@ class GroupTest:
         return float(self.moments.freedom[0])
 
 
-@dataclass(frozen=True)
-class GroupTests:
+class GroupTests(NamedTuple):
     """All tests of groups, those of tables first."""
 
     level: float

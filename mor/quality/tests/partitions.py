@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from mor.project.network.entities import Entities
 NOBODY = -1
 
 
-@dataclass(frozen=True)
-class Partition:
+class Partition(NamedTuple):
     """Observations by the thing they were made with."""
 
     of: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri, gammaincinv, ndtri
@@ -17,8 +17,7 @@ _DIGITS = 7
 _DECIMALS = 6
 
 
-@dataclass(frozen=True)
-class GlobalTest:
+class GlobalTest(NamedTuple):
     """Two-sided χ² test of vᵀPv against the redundancy, for σ0 a priori = 1."""
 
     statistic: float

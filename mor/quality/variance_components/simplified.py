@@ -13,7 +13,6 @@ large problems are left to the simplified one. What is told is the factor of σ,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -42,8 +41,7 @@ _SEPARABLE = 1e-6
 """Smallest eigenvalue of Helmert's system, scaled to unit diagonal, from which the groups can be told apart."""
 
 
-@dataclass(frozen=True)
-class Components:
+class Components(NamedTuple):
     """Estimated factors of the σ of each group."""
 
     factors: FloatArray

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -22,8 +21,7 @@ ROWS = 12
 """Rows of the table of distortion, at most."""
 
 
-@dataclass(frozen=True)
-class Certificate:
+class Certificate(NamedTuple):
     """A camera of an adjustment: its parameters, its distortion and what they rest on. Lengths in ``unit``."""
 
     view: View

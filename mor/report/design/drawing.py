@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -22,8 +21,7 @@ _LETTER, _LINE = 7.2, 13.0
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
-@dataclass(frozen=True)
-class Drawing:
+class Drawing(NamedTuple):
     """Points with their covariances, and where sights begin and end, in project axes."""
 
     names: Sequence[str]

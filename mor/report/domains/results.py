@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -30,8 +29,7 @@ from mor.report.results.summary import NO_STATISTICS, Ended, summary_of
 from mor.report.verdict.group_tests import rows_of_verdict
 
 
-@dataclass(frozen=True)
-class Inlined:
+class Inlined(NamedTuple):
     """Tables that are short enough to stand in ``results.json``; ``None`` where they are not."""
 
     points: pl.DataFrame | None = None

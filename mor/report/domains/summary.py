@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -21,8 +21,7 @@ SCHEMA = "mor domains 1"
 _LISTED = 20
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """What only a solution has."""
 
     sigma0: float

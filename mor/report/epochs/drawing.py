@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -24,8 +24,7 @@ _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 _MOST_LABELS = 400
 
 
-@dataclass(frozen=True)
-class Moved:
+class Moved(NamedTuple):
     """Points of both epochs: names, places, movements (n, 3) and their covariances (n, 3, 3), in project axes."""
 
     names: tuple[str, ...]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 from markupsafe import Markup
@@ -15,8 +14,7 @@ from mor.report.layout import DIGITS, fixed
 from mor.report.words.language import ENGLISH, Words
 
 
-@dataclass(frozen=True)
-class Epoch:
+class Epoch(NamedTuple):
     """What one of the epochs is: its summary and identity as ``results.json`` has them, and where it is from."""
 
     place: str

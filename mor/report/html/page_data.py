@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import polars as pl
 
@@ -19,8 +19,7 @@ from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
 
-@dataclass(frozen=True)
-class PageData:
+class PageData(NamedTuple):
     """A view with what follows from it."""
 
     view: View

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -15,8 +15,7 @@ from mor.errors import InputError, Problem, nearest
 from mor.input_files import read_bytes
 
 
-@dataclass(frozen=True)
-class Measured:
+class Measured(NamedTuple):
     """Homologous image points: identifiers and coordinates (n, images, 2), NaN where not measured."""
 
     ids: tuple[str, ...]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -27,8 +27,7 @@ LARGEST = 6000
 FORMATS = (".npz", ".csv", ".mtx")
 
 
-@dataclass(frozen=True)
-class Labelled:
+class Labelled(NamedTuple):
     """A covariance matrix (k, k) with labels ``kind id component``, units and values of the unknowns."""
 
     matrix: FloatArray

@@ -7,8 +7,7 @@ mean square of their misclosures where that exceeds one. It does not contain wha
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,8 +28,7 @@ WHAT = {"point": "position", "rotation": "attitude"}
 """What blocks of a kind are called; others are called as their kind."""
 
 
-@dataclass(frozen=True)
-class StartValue:
+class StartValue(NamedTuple):
     """One block of unknowns."""
 
     kind: str

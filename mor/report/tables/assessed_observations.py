@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ PIECE = 8_192
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
 
 
-@dataclass(frozen=True)
-class AssessedRows:
+class AssessedRows(NamedTuple):
     """Rows of a group, all arrays (k, m) in internal units; without a solution there is no quality."""
 
     group: ObservationGroup
@@ -51,8 +50,7 @@ class AssessedRows:
         return loose & ~self.group.left_out
 
 
-@dataclass(frozen=True)
-class AssessedGroups:
+class AssessedGroups(NamedTuple):
     """All groups of an adjustment, ready to be cut into pieces."""
 
     solved: Solved

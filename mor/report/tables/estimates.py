@@ -137,7 +137,7 @@ def pair_table(solved: Solved) -> pl.DataFrame:
 
 def _relative(solved: Solved, numbers: IntArray) -> Estimate:
     """Relative rotations do not refer to object axes: they are said as they are."""
-    neutral = replace(solved.network.edge, axes=Axes())
+    neutral = solved.network.edge._replace(axes=Axes())
     return rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers)
 
 

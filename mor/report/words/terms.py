@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -14,8 +13,7 @@ from mor.errors import InputError, Problem, nearest
 _UNIT = re.compile(r" \[[^\]]*\]$")
 
 
-@dataclass(frozen=True)
-class Term:
+class Term(NamedTuple):
     """A term: its names (the first is its title), the German one, what it means, what to do."""
 
     names: tuple[str, ...]

@@ -76,7 +76,7 @@ def test_the_movements_may_be_taken_at_coordinates_the_datum_names(network):
     scene, points, problem = noisy(network)
     elsewhere = {"point": problem.datum.reference["point"] * [1.1, 0.8, 1.3] + 0.3}
     adjustment = adjust(
-        replace(problem, datum=replace(problem.datum, movements=elsewhere)), scene.start(5e-3)
+        replace(problem, datum=problem.datum._replace(movements=elsewhere)), scene.start(5e-3)
     )
     assert adjustment.outcome is Outcome.CONVERGED
     numbers = [scene.number("point", name) for name in points]
@@ -109,7 +109,7 @@ def test_residuals_and_redundancy_are_the_same_in_every_datum(network):
     qualities = []
     for names in datums:
         mask = np.array([[name in names] * 3 for name in scene.truth["point"]])
-        other = replace(problem, datum=replace(problem.datum, mask={"point": mask}))
+        other = replace(problem, datum=problem.datum._replace(mask={"point": mask}))
         adjustment = adjust(other, scene.start(1e-3))
         assert adjustment.outcome is Outcome.CONVERGED, names
         qualities.append(assess(adjustment))
@@ -190,7 +190,7 @@ def test_the_datum_may_be_carried_by_chosen_components():
     assert adjustment.reason == "the datum points do not settle the datum"
     mask = {"point": problem.datum.mask["point"].copy()}
     mask["point"][:3, 2] = True
-    adjustment = adjust(replace(problem, datum=replace(problem.datum, mask=mask)), scene.start(1e-3))
+    adjustment = adjust(replace(problem, datum=problem.datum._replace(mask=mask)), scene.start(1e-3))
     assert adjustment.outcome is Outcome.CONVERGED
     heights = coordinates(adjustment, points[:3])[:, 2] - [
         scene.truth["point"][name][2] for name in points[:3]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import mor
 from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
 from mor.approximate.parts.part import empty_part
 from mor.approximate.parts.scene import scene_of
@@ -146,3 +147,24 @@ def test_too_few_observations_tie_nothing(tmp_path):
     network, scene, target, source = two_parts(observations, at, tmp_path)
     found = tie_by_observations(network, target, source, scene)
     assert found is None or found.open > 0
+
+
+def test_no_observation_that_agrees_ties_nothing(tmp_path):
+    """Directions of 1e16 as possible causes change them: at no place is there one that fits."""
+    (tmp_path / "project.yaml").write_text("""
+mor: 1
+settings: {dimensions: xy}
+points:
+  - {columns: [id, x, y], rows: [[A, 0, 0], [B, 100, 0]], fixed: [x, y]}
+  - {columns: [id], rows: [[S], [N]]}
+observations:
+  - type: directions
+    columns: [station, to, horizontal]
+    rows: [[S, A, 1e16], [S, A, 1e16], [S, A, 1e16], [S, N, 1e16], [N, S, 1e16], [N, B, 1e16]]
+    values: {sigma: 1 mgon}
+  - type: horizontal_distance
+    columns: [from, to, distance]
+    rows: [[A, S, 50], [S, N, 40], [N, B, 60]]
+    values: {sigma: 2 mm}
+""")
+    assert not mor.adjust(tmp_path / "project.yaml").accepted

@@ -1,7 +1,5 @@
 """The movement between two systems, rays of each of which go to points of the other."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -64,16 +62,16 @@ def test_a_ray_to_another_point_does_not_spoil_it():
     planes, R = scene(Turn.ANY)
     wrong = planes.point.copy()
     wrong[:2] = wrong[4]
-    found = movement_by_rays(replace(planes, point=wrong), Turn.ANY, False, 3)
+    found = movement_by_rays(planes._replace(point=wrong), Turn.ANY, False, 3)
     np.testing.assert_allclose(found.rotation, R, atol=0.02)
 
 
 def test_points_behind_their_rays_agree_with_nothing():
     planes, _ = scene(Turn.ANY)
-    assert movement_by_rays(replace(planes, ahead=-planes.ahead), Turn.ANY, False, 3) is None
+    assert movement_by_rays(planes._replace(ahead=-planes.ahead), Turn.ANY, False, 3) is None
 
 
 def test_three_rays_control_nothing():
     planes, _ = scene(Turn.ANY)
-    few = Planes(*(getattr(planes, name)[:6] for name in Planes.__dataclass_fields__))
+    few = Planes(*(array[:6] for array in planes))
     assert movement_by_rays(few, Turn.ANY, False, 0) is None

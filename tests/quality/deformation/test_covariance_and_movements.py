@@ -101,7 +101,7 @@ def test_a_minimal_datum_holds_its_coordinates_exactly():
     mask = np.zeros_like(problem.datum.mask["point"])
     mask[0] = mask[4] = True
     mask[8, 2] = True
-    minimal = replace(problem, datum=replace(problem.datum, mask={"point": mask}))
+    minimal = replace(problem, datum=problem.datum._replace(mask={"point": mask}))
     quality = assess(adjust(minimal, scene.start(1e-2)))
     held = np.flatnonzero(mask.any(axis=1))
     reference = problem.datum.reference["point"]

@@ -132,7 +132,7 @@ def test_sample_projects_in_a_datum_of_four_of_their_points(sample):
     points = np.flatnonzero(network.datum.mask.all(axis=1))
     mask = np.zeros_like(network.datum.mask)
     mask[points[[0, len(points) // 3, 2 * len(points) // 3, -1]]] = True
-    other = replace(problem, datum=replace(problem.datum, mask={"point": mask}))
+    other = replace(problem, datum=problem.datum._replace(mask={"point": mask}))
     direct, carried = adjust(other, start), adjust(other, adjust(problem, start).values)
     assert direct.outcome is carried.outcome is Outcome.CONVERGED
     np.testing.assert_allclose(carried.values["point"], direct.values["point"], atol=1e-9, rtol=0.0)

@@ -167,8 +167,7 @@ def test_excluding_is_the_same_as_never_having_measured():
     )
     gone = np.concatenate([mask.ravel() for mask in masks])
     clusters = tuple(
-        replace(
-            cluster,
+        cluster._replace(
             entries=cluster.entries[~gone[cluster.entries]],
             covariance=cluster.covariance[np.ix_(~gone[cluster.entries], ~gone[cluster.entries])],
         )

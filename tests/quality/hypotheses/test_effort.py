@@ -139,7 +139,7 @@ def test_an_exchange_at_a_station_that_is_held(tmp_path: Path) -> None:
     solved = pipeline.solve_network(_network(survey("bridge"), tmp_path))
     problem = solved.adjustment.problem
     held = {
-        kind: replace(blocks, free=np.zeros_like(blocks.free))
+        kind: blocks._replace(free=np.zeros_like(blocks.free))
         for kind, blocks in problem.index.blocks.items()
     }
     alone = _alone(replace(problem, index=index_unknowns(held)), _situation(solved), "P3")

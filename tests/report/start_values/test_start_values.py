@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -167,7 +166,7 @@ def test_replaced_values_are_said(tmp_path: Path) -> None:
     start = {kind: values.copy() for kind, values in found.start.items()}
     block_ = network.things["image"].part(network.things["image"].ids[1], "rotation")
     start["rotation"][block_] = np.eye(3)
-    changed = replace(found, start=start)
+    changed = found._replace(start=start)
     rows = start_values(network, changed, make_problem(network, start, start))
     assert [(row.kind, row.what) for row in rows if row.status == "replaced"] == [("image", "attitude")]
 

@@ -201,7 +201,7 @@ def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothes
         blocks = changed.blocks[kind]
         free = blocks.free.copy()
         free[block, held] = True
-        changed = replace(changed, blocks={**changed.blocks, kind: replace(blocks, free=free)})
+        changed = replace(changed, blocks={**changed.blocks, kind: blocks._replace(free=free)})
         for number, group in enumerate(changed.groups):
             if group.type.key == f"observed/{kind}":
                 changed = with_group(changed, number, _not_observed(group, block, held))

@@ -94,7 +94,7 @@ def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
             if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
                 free[slot.kind][blocks[own]] = True
     held = {
-        kind: replace(blocks, free=blocks.free & free[kind][:, None])
+        kind: blocks._replace(free=blocks.free & free[kind][:, None])
         for kind, blocks in problem.index.blocks.items()
     }
     alone = replace(problem, groups=tuple(groups), clusters=(), index=index_unknowns(held))

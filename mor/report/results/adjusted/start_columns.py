@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -20,8 +19,7 @@ from mor.project.world.frames import place_names
 from mor.units import ANGLE, ANGLE_UNITS
 
 
-@dataclass(frozen=True)
-class Placed:
+class Placed(NamedTuple):
     """A network and the values its blocks have got."""
 
     network: Network
