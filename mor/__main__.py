@@ -52,7 +52,7 @@ _ENVIRONMENT = {
     "OPENBLAS_THREAD_TIMEOUT": "20",
 }
 
-_OBJECTS = 50_000
+_OBJECTS = 200_000
 """New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none.
 
 With :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
@@ -62,11 +62,11 @@ With :func:`gc.freeze` at the end it saves a sixth of the time of the smallest n
 class _WhenUsed:
     """Finds what is to be loaded by its first use: SciPy's array interface asks for all that is in numpy.
 
-    These packages are for developers, nothing here uses them, and they take an eighth of the time of the smallest
+    These packages are for developers or hardly ever used here, and they take an eighth of the time of the smallest
     network.
     """
 
-    NAMES = ("numpy.f2py", "numpy.testing")
+    NAMES = ("numpy.f2py", "numpy.polynomial", "numpy.testing")
 
     @classmethod
     def find_spec(

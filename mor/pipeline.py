@@ -19,7 +19,6 @@ from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
-from mor.formats import is_foreign, read_foreign
 from mor.input_files import is_folder, read_text
 from mor.preparation import determinable_start, make_problem, start_or_nothing
 from mor.project.file.model import Settings as ProjectSettings
@@ -65,8 +64,11 @@ def read_document(path: Path, form: str = "") -> Document:
 
     ``form`` names the foreign format; else the content of the file tells it. Raises :class:`InputError`.
     """
-    if form or is_folder(path) or is_foreign(path):
-        return read_foreign(path, form)
+    if form or is_folder(path) or path.suffix.lower() not in (".yaml", ".yml"):
+        from mor.formats import is_foreign, read_foreign  # no project file waits for the formats of others
+
+        if form or is_folder(path) or is_foreign(path):
+            return read_foreign(path, form)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry.earth import Horizon
@@ -46,6 +45,8 @@ class Plane(NamedTuple):
 
         Beyond the rectangle it goes on linearly.
         """
+        from numpy.polynomial import chebyshev  # no network without a projection waits for it
+
         place = (xy - self.middle) / self.half
         inside = np.clip(place, -1.0, 1.0)
         x, y = inside.T
