@@ -99,6 +99,14 @@ class Situation:
             return None
         return None if here.outcome is Outcome.SINGULAR else redundancy_numbers(here)
 
+    @cached_property
+    def redundancy_of_solution(self) -> tuple[FloatArray, ...] | None:
+        """Redundancy numbers (n, m) of every group in the adjustment there is."""
+        if self.solution is None:
+            return None
+        self.effort.take()
+        return redundancy_numbers(self.solution)
+
     @property
     def count(self) -> int:
         """Number of observations."""
