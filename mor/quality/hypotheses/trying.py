@@ -97,11 +97,13 @@ def _beginnings(
 
 
 def _most_of_it_does_not_fit(situation: Situation, network: Network) -> bool:
-    """True where half of what is changed does not fit as it is."""
-    pairs = list(zip(changed_observations(situation.network, network), situation.misfitting, strict=False))
-    count, bad = (
-        sum(int(np.count_nonzero(m)) for m in ms) for ms in ([c for c, _ in pairs], [c & b for c, b in pairs])
-    )
+    """True where half of the rows that are changed do not fit as they are."""
+    count = bad = 0
+    changed = changed_observations(situation.network, network)
+    for mask, misfitting in zip(changed, situation.misfitting, strict=False):
+        rows = mask.any(axis=1)
+        count += int(np.count_nonzero(rows))
+        bad += int(np.count_nonzero(rows & misfitting.any(axis=1)))
     return 2 * bad > count
 
 
