@@ -87,7 +87,7 @@ def possible_causes(situation: Situation, before: Before) -> Causes:
             if situation.effort.made >= share * situation.effort.most:
                 untried += 1
                 continue
-            fit = tried(situation, hypothesis, afresh=not done)
+            fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
             if fit is None:
                 continue
             found.append(Tried(hypothesis, fit, promised))

@@ -34,14 +34,17 @@ class HopelessError(Exception):
     """An iteration that leads nowhere."""
 
 
-def tried(situation: Situation, hypothesis: Hypothesis, afresh: bool = True) -> Fit | None:
+def tried(
+    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
+) -> Fit | None:
     """How the network fits with the change; nothing where its adjustment does not converge.
 
-    ``afresh`` allows that start values are worked out for it, which takes longer than all else.
+    ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
+    that the given ones speak for it clearly.
     """
     network = hypothesis.change(situation.network)
     best: Fit | None = None
-    for begin in _beginnings(situation, network, hypothesis, afresh):
+    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
         found = _adjusted(situation, network, begin, hypothesis)
         if found is None:
             continue
@@ -60,7 +63,7 @@ def tried(situation: Situation, hypothesis: Hypothesis, afresh: bool = True) -> 
 
 
 def _beginnings(
-    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool
+    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool
 ) -> Iterator[Values]:
     """Where to begin: where most observations fit; for what is not local, at new start values, too.
 
@@ -86,7 +89,7 @@ def _beginnings(
     known = all_known(network.start)
     # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees.
     afresh &= hypothesis.afresh and (
-        situation.most_do_not_fit or _most_of_it_does_not_fit(situation, network)
+        spoken_for or situation.most_do_not_fit or _most_of_it_does_not_fit(situation, network)
     )
     if not hypothesis.rows and (afresh or known or not situation.begun):
         if not known:
