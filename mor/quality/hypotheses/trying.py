@@ -69,9 +69,9 @@ def _beginnings(
 
     Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
     """
+    missing = False
     if situation.begun:
         here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
-        missing = False
         open_ = dict(here)
         for kind, blocks in hypothesis.anew.items():
             given = network.start[kind][blocks]
@@ -87,9 +87,12 @@ def _beginnings(
             if begin is not None:
                 yield begin
     known = all_known(network.start)
-    # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees.
+    # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees. A station
+    # or an image that was placed anew needs no other ones.
     afresh &= hypothesis.afresh and (
-        spoken_for or situation.most_do_not_fit or _most_of_it_does_not_fit(situation, network)
+        spoken_for
+        or situation.most_do_not_fit
+        or (not missing and _most_of_it_does_not_fit(situation, network))
     )
     if not hypothesis.rows and (afresh or known or not situation.begun):
         if not known:
