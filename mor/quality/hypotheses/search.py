@@ -212,9 +212,9 @@ def causes(
         situation = Situation(network, start, solution.values, solution, make, begin, effort, larger=False)
         return possible_causes(situation, _before(situation, plain))
     useless = plain.outcome is Outcome.CONVERGED and ended.quality is None  # no number of it can be relied on
-    if useless or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
+    if not useless and plain.outcome is Outcome.SINGULAR and not plain.iterations:
         situation = Situation(network, start, start, None, make, begin, effort, settled=False)
-        if not useless and fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
+        if fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
             return Causes()  # something is missing, a datum say; nothing contradicts anything
         before = _before(situation, plain)
         return possible_causes(situation, before._replace(compared=situation.fit.omega))

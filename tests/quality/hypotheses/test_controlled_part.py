@@ -24,6 +24,7 @@ from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.search import Tried, _in_order
 from mor.quality.hypotheses.situation import Situation
+from mor.quality.hypotheses.trying import _beginnings
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 
@@ -96,6 +97,26 @@ def test_the_factor_of_sights_that_all_else_follows_is_told_by_their_redundancy(
     situation = replace(_situation(sound), network=wrong, values=plain.values, solution=plain)
     found = [h for h in sigma_hypotheses(situation) if h.things == ("directions to plates",)]
     assert [h.line.split()[-1] for h in found] == ["1000"]
+
+
+def test_what_start_values_speak_for_or_does_not_fit_itself_begins_from_new_ones(tmp_path: Path) -> None:
+    solved = pipeline.solve_network(_network(write(tmp_path, LEVELLING)))
+    unknown = solved.network.start["point"].copy()
+    unknown[2, 2] = np.nan  # not all start values are given: they would have to be worked out
+    network = replace(solved.network, start={**solved.network.start, "point": unknown})
+    anew = {"marked": unknown}
+    situation = replace(_situation(solved), network=network, begin=lambda changed: anew)
+    situation.__dict__["misfitting"] = (np.array([[True], [False], [False]]),)
+
+    def begins_anew(rows: slice, afresh: bool = True, spoken_for: bool = False) -> bool:
+        hypothesis = Hypothesis("sigma unit", (), _with_sigma(0, rows, 2.0), "", afresh=afresh)
+        changed = hypothesis.change(network)
+        return any(begin is anew for begin in _beginnings(situation, changed, hypothesis, True, spoken_for))
+
+    assert begins_anew(slice(0, 1)), "none of its rows fits"
+    assert not begins_anew(slice(0, 3))
+    assert begins_anew(slice(0, 3), spoken_for=True)
+    assert not begins_anew(slice(0, 3), afresh=False, spoken_for=True)
 
 
 def test_of_explanations_that_are_alike_the_start_values_choose() -> None:

@@ -40,7 +40,7 @@ CASES = [
     ("turned", 700),  # an image whose attitude is known
     ("image_unit", 702),  # a camera that everything else can be bent to fit
     ("control_unit", 2606),  # control in millimetres that images from one place hardly control
-    ("axes_exchanged", 2701),  # beside a total station, whose stations have no start values
+    ("counterclockwise", 2802),  # a station whose sights then have a solution of no use
     ("sigma_unit", 2706),  # of images, a thousand times too large
 ]
 """A few that are quick; ``python -m tests.planted_mistakes`` has all kinds."""
