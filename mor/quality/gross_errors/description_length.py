@@ -3,11 +3,12 @@
 Models that differ in their number of unknowns, in the units of their observations, and in how many others were looked
 through are compared by −2 ln of how likely the observations are (J. Rissanen 1978; G. Schwarz 1978):
 
-    L = Σ min(s², 2 ln n + 2 ln s) + 2 n ln k + q ln n + 2 ln m − 2 Σ ln |dl'/dl|
+    L = Σ min(s², 2 ln n + 2 ln s) + 2 n ln k + q ln n + 2 ln m − 2 Σ r ln |dl'/dl|
 
 with s = |v|/(k σ). An observation that does not fit at all costs what it takes to say which of n it is, and how large
 its error: a model is not judged by errors that it is not about. k is 1, or where that is shorter the robust factor of
-all σ: no model is better than another for σ that are all too small. q additional unknowns, the best of m alike.
+all σ: no model is better than another for σ that are all too small. q additional unknowns, the best of m alike; r is
+the part of the changed observations that is controlled (``hypotheses/controlled_part.py``).
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Hypothesis:
     parameters: int = 0
     """Additional unknowns."""
     stretch: float = 0.0
-    """Σ ln |dl'/dl| of changed observations, less Σ ln (σ'/σ): densities change with the unit."""
+    """Σ ln |dl'/dl| of changed observations, less Σ ln (σ'/σ): densities change with the unit, as far as controlled."""
     rows: tuple[tuple[int, int], ...] = ()
     """(group, row) of the few observations it changes; none where it changes many."""
     anew: Mapping[str, IntArray] = field(default_factory=dict)

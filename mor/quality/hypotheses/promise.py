@@ -2,7 +2,9 @@
 
 Start values are rough, so that no observation fits to its σ. But with the right change most come nearer by orders of
 magnitude: Σ ln max(s, 1) − ln |dl'/dl| tells it, s = |v|/σ, over the observations whose start values are all given.
-A change of what fits already is less likely than one of what does not. Nothing is decided but what is tried first.
+A change of what fits already is less likely than one of what does not, unless the start values are what is changed:
+coordinates that were given twice, as observed ones and as start values, fit themselves in any unit. Nothing is decided
+but what is tried first.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
     promised = []
     for hypothesis in hypotheses:
         changed = hypothesis.change(network)
-        spoiled = _FITS * _fitting(situation, changed)
-        promised.append(now - _misfit(changed) + hypothesis.stretch - spoiled)
+        own = hypothesis.stretch - _FITS * _fitting(situation, changed)
+        follow = changed.start is not network.start  # start values that were observed fit in any unit
+        promised.append(now - _misfit(changed) + (0.0 if follow else own))
     return np.array(promised)
 
 

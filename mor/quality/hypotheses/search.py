@@ -40,6 +40,8 @@ _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
+_BY_CHANCE = float(-2.0 * np.log(LEVEL))
+"""By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
 OF_ROWS: tuple[Family, ...] = (levelling_hypotheses, name_hypotheses, exchange_hypotheses, face_hypotheses)
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
@@ -63,9 +65,18 @@ class Before(NamedTuple):
     freedom: int
 
 
+class Tried(NamedTuple):
+    """A hypothesis whose adjustment has a solution."""
+
+    hypothesis: Hypothesis
+    fit: Fit
+    promised: float
+    """By how much the start values speak for it; 0 where that was not asked."""
+
+
 def possible_causes(situation: Situation, before: Before) -> Causes:
     """Hypotheses for observations of which something is rejected."""
-    found: list[tuple[Hypothesis, Fit]] = []
+    found: list[Tried] = []
     untried, explained, done = 0, -np.inf, False
     stages = _stages(situation)
     for number, stage in enumerate(stages, 1):
@@ -76,10 +87,10 @@ def possible_causes(situation: Situation, before: Before) -> Causes:
             if situation.effort.made >= share * situation.effort.most:
                 untried += 1
                 continue
-            fit = tried(situation, hypothesis, afresh=not done)
+            fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
             if fit is None:
                 continue
-            found.append((hypothesis, fit))
+            found.append(Tried(hypothesis, fit, promised))
             if nothing_is_left(fit) and stage is not OF_SIGMAS:  # with large σ nothing is ever left
                 done = True
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
@@ -114,37 +125,50 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
         return [(hypothesis, 0.0) for hypothesis in found]
     promised = promises(situation, found)
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
-    least = -np.inf if seen else -2.0 * np.log(LEVEL)
+    least = -np.inf if seen else _BY_CHANCE
     order = np.argsort(-promised, kind="stable").tolist()
     return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
 
 
-def _offered(
-    situation: Situation, before: Before, found: list[tuple[Hypothesis, Fit]]
-) -> tuple[Offered, ...]:
+def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[Offered, ...]:
     """Those that are better than none by more than chance, the best first."""
-    gains = np.array([situation.fit.length - fit.length for _, fit in found])
-    good = [k for k in np.argsort(-gains, kind="stable").tolist() if _is_good(situation, before, found[k][1])]
-    if good and nothing_is_left(found[good[0]][1]):  # then what explains much less is no rival
-        good = [k for k in good if gains[k] >= _RIVAL * gains[good[0]]]
+    good = _in_order(situation, [one for one in found if _is_good(situation, before, one.fit)])
+    if good and nothing_is_left(good[0].fit):  # then what explains much less is no rival
+        least = _RIVAL * _gain(situation, good[0].fit)
+        good = [one for one in good if _gain(situation, one.fit) >= least]
     return tuple(
         Offered(
-            found[k][0],
+            one.hypothesis,
             before.told,
             before.freedom,
-            found[k][1].omega,
-            found[k][1].freedom,
-            float(gains[k]),
-            found[k][0].amount_at(found[k][1].values),
+            one.fit.omega,
+            one.fit.freedom,
+            _gain(situation, one.fit),
+            one.hypothesis.amount_at(one.fit.values),
         )
-        for k in good[:OFFERED]
+        for one in good[:OFFERED]
     )
+
+
+def _in_order(situation: Situation, good: list[Tried]) -> list[Tried]:
+    """The shortest description first; of those that chance may put before it, what the start values speak for."""
+    by_gain = sorted(good, key=lambda one: -_gain(situation, one.fit))
+    alike = [
+        one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE
+    ]
+    told = sorted(alike, key=lambda one: -one.promised if one.promised > _BY_CHANCE else 0.0)
+    return [*told, *by_gain[len(alike) :]]
+
+
+def _gain(situation: Situation, fit: Fit) -> float:
+    return float(situation.fit.length - fit.length)
 
 
 def _is_good(situation: Situation, before: Before, fit: Fit) -> bool:
     """True where a change is better than none by more than chance."""
-    gain = situation.fit.length - fit.length
-    return gain > -2.0 * np.log(LEVEL) and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
+    return (
+        _gain(situation, fit) > _BY_CHANCE and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
+    )
 
 
 def _before(situation: Situation, plain: Adjustment) -> Before:
@@ -188,9 +212,9 @@ def causes(
         situation = Situation(network, start, solution.values, solution, make, begin, effort, larger=False)
         return possible_causes(situation, _before(situation, plain))
     useless = plain.outcome is Outcome.CONVERGED and ended.quality is None  # no number of it can be relied on
-    if useless or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
+    if not useless and plain.outcome is Outcome.SINGULAR and not plain.iterations:
         situation = Situation(network, start, start, None, make, begin, effort, settled=False)
-        if not useless and fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
+        if fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
             return Causes()  # something is missing, a datum say; nothing contradicts anything
         before = _before(situation, plain)
         return possible_causes(situation, before._replace(compared=situation.fit.omega))
@@ -228,7 +252,7 @@ def _is_an_explanation(fit: Fit, without: Fit) -> bool:
 def _nearer(fit: Fit, before: Before) -> bool:
     """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
     if fit.omega <= before.compared:
-        return bool(before.compared - fit.omega > -2.0 * np.log(LEVEL))
+        return bool(before.compared - fit.omega > _BY_CHANCE)
     ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
     after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
     return bool(after < now)

@@ -11,11 +11,13 @@ import numpy as np
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.errors import InputError
 from mor.observations import ObservationGroup
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.assess import assess
 from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
     factor_of_sigmas,
@@ -25,6 +27,7 @@ from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.gross_errors.reintersection import SUSPECT
 from mor.quality.hypotheses.effort import SMALL, Effort
 from mor.quality.hypotheses.hypothesis import Fit
+from mor.sparse.cholesky import NotFiniteError
 
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
@@ -84,6 +87,25 @@ class Situation:
         """
         with np.errstate(all="ignore"):
             return adjust(self.make(self.network, self.values, self.values), self.values, Settings(0))
+
+    @cached_property
+    def redundancy_numbers(self) -> tuple[FloatArray, ...] | None:
+        """Redundancy numbers (n, m) of every group where most observations fit; nothing where that is not known."""
+        if not self.settled:
+            return None
+        try:
+            here = self.linearised
+        except (InputError, NotFiniteError):
+            return None
+        return None if here.outcome is Outcome.SINGULAR else redundancy_numbers(here)
+
+    @cached_property
+    def redundancy_of_solution(self) -> tuple[FloatArray, ...] | None:
+        """Redundancy numbers (n, m) of every group in the adjustment there is."""
+        if self.solution is None:
+            return None
+        self.effort.take()
+        return redundancy_numbers(self.solution)
 
     @property
     def count(self) -> int:
@@ -155,6 +177,11 @@ class Situation:
     def defect(self) -> int:
         """Movements of the whole network that the observations leave free; 0 where that is not known."""
         return 0 if self.solution is None else int(self.solution.defect.datum.shape[1])
+
+
+def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
+    """Redundancy numbers (n, m) of every group, NaN where not observed or left out."""
+    return tuple(group.r for group in assess(adjustment).groups)
 
 
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:

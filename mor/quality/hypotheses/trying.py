@@ -17,6 +17,7 @@ from mor.parameters.index import Values, all_known, with_shared_components
 from mor.project.network.build import Network
 from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals
 from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.hypotheses.controlled_part import changed_observations, controlled_part
 from mor.quality.hypotheses.effort import DAMPED, START_VALUES, Effort
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
 from mor.quality.hypotheses.situation import Situation, fit_of, sizes_of
@@ -33,21 +34,26 @@ class HopelessError(Exception):
     """An iteration that leads nowhere."""
 
 
-def tried(situation: Situation, hypothesis: Hypothesis, afresh: bool = True) -> Fit | None:
+def tried(
+    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
+) -> Fit | None:
     """How the network fits with the change; nothing where its adjustment does not converge.
 
-    ``afresh`` allows that start values are worked out for it, which takes longer than all else.
+    ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
+    that the given ones speak for it clearly.
     """
     network = hypothesis.change(situation.network)
-    choice = (hypothesis.candidates, hypothesis.parameters, hypothesis.stretch)
     best: Fit | None = None
-    for begin in _beginnings(situation, network, hypothesis, afresh):
+    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
         found = _adjusted(situation, network, begin, hypothesis)
         if found is None:
             continue
-        values, defect = found
+        values, defect = found.values, found.defect.datum.shape[1]
         lost = 0 if situation.solution is None else situation.defect - defect
-        cost = cost_of_choice(situation.count, choice[0], choice[1] + lost, choice[2])
+        stretch = hypothesis.stretch
+        if stretch:
+            stretch *= controlled_part(situation, network, found)
+        cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
         fit = fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
         if best is None or fit.length < best.length:
             best = fit
@@ -57,15 +63,15 @@ def tried(situation: Situation, hypothesis: Hypothesis, afresh: bool = True) -> 
 
 
 def _beginnings(
-    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool
+    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool
 ) -> Iterator[Values]:
     """Where to begin: where most observations fit; for what is not local, at new start values, too.
 
     Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
     """
+    missing = False
     if situation.begun:
         here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
-        missing = False
         open_ = dict(here)
         for kind, blocks in hypothesis.anew.items():
             given = network.start[kind][blocks]
@@ -81,8 +87,13 @@ def _beginnings(
             if begin is not None:
                 yield begin
     known = all_known(network.start)
-    # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees.
-    afresh &= hypothesis.afresh and situation.most_do_not_fit
+    # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees. A station
+    # or an image that was placed anew needs no other ones.
+    afresh &= hypothesis.afresh and (
+        spoken_for
+        or situation.most_do_not_fit
+        or (not missing and _most_of_it_does_not_fit(situation, network))
+    )
     if not hypothesis.rows and (afresh or known or not situation.begun):
         if not known:
             situation.effort.take(START_VALUES)
@@ -91,10 +102,21 @@ def _beginnings(
             yield begin
 
 
+def _most_of_it_does_not_fit(situation: Situation, network: Network) -> bool:
+    """True where half of the rows that are changed do not fit as they are."""
+    count = bad = 0
+    changed = changed_observations(situation.network, network)
+    for mask, misfitting in zip(changed, situation.misfitting, strict=False):
+        rows = mask.any(axis=1)
+        count += int(np.count_nonzero(rows))
+        bad += int(np.count_nonzero(rows & misfitting.any(axis=1)))
+    return 2 * bad > count
+
+
 def _adjusted(
     situation: Situation, network: Network, begin: Values, hypothesis: Hypothesis
-) -> tuple[Values, int] | None:
-    """Values of the changed network, and its defect.
+) -> Adjustment | None:
+    """The adjustment of the changed network.
 
     With a change of few observations the others that do not fit are left out.
     """
@@ -111,7 +133,7 @@ def _adjusted(
         found = attempt(problem, begin, situation.effort)
     except (InputError, NotFiniteError, HopelessError):
         return None
-    return (found.values, found.defect.datum.shape[1]) if found.outcome.is_solution else None
+    return found if found.outcome.is_solution else None
 
 
 def attempt(problem: Problem, begin: Values, effort: Effort) -> Adjustment:
@@ -136,18 +158,18 @@ def without_row(situation: Situation, group: int, row: int) -> Values:
     return found.values if found.outcome.is_solution else situation.values
 
 
-def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> tuple[Values, int]:
+def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Adjustment:
     """The adjustment of all observations from there, where it converges and does not go anywhere else."""
-    there = reduced.values, reduced.defect.datum.shape[1]
     try:
         found = attempt(problem, reduced.values, situation.effort)
     except (NotFiniteError, HopelessError):
-        return there
+        return reduced
     costs = [
-        cost_of_residuals(sizes_of(problem.groups, v), situation.count) for v in (found.values, there[0])
+        cost_of_residuals(sizes_of(problem.groups, v), situation.count)
+        for v in (found.values, reduced.values)
     ]
     kept = found.outcome.is_solution and costs[0] <= costs[1] + 1.0
-    return (found.values, found.defect.datum.shape[1]) if kept else there
+    return found if kept else reduced
 
 
 def _impatient(effort: Effort) -> Watcher:

@@ -39,6 +39,9 @@ CASES = [
     ("counterclockwise", 2300),  # two stations among many images, which all fit without them
     ("turned", 700),  # an image whose attitude is known
     ("image_unit", 702),  # a camera that everything else can be bent to fit
+    ("control_unit", 2606),  # control in millimetres that images from one place hardly control
+    ("counterclockwise", 2802),  # a station whose sights then have a solution of no use
+    ("sigma_unit", 2706),  # of images, a thousand times too large
 ]
 """A few that are quick; ``python -m tests.planted_mistakes`` has all kinds."""
 

@@ -39,6 +39,7 @@ class Control(NamedTuple):
     points: IntArray
     given: FloatArray
     """(k, 3) internal axes."""
+    observed: bool
 
 
 def control_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -67,7 +68,7 @@ def control_tables(situation: Situation) -> list[Control]:
         if full.any():
             names = {network.point_groups.get(int(p), "") for p in points[full]}
             label = names.pop() if len(names) == 1 else ""
-            tables.append(Control(label or group.name, points[full], group.observed[full]))
+            tables.append(Control(label or group.name, points[full], group.observed[full], True))
     held = ~blocks.free.any(axis=1) & np.isin(np.arange(len(ids)), own.parts["position"])
     seen = np.zeros(len(ids), dtype=bool)
     for group in network.groups:
@@ -77,9 +78,8 @@ def control_tables(situation: Situation) -> list[Control]:
     fixed = np.flatnonzero(held & seen)
     if len(fixed):
         labels = {network.point_groups.get(int(p), "") for p in fixed} - {""}
-        tables.append(
-            Control(labels.pop() if len(labels) == 1 else "points", fixed, situation.start["point"][fixed])
-        )
+        label = labels.pop() if len(labels) == 1 else "points"
+        tables.append(Control(label, fixed, situation.start["point"][fixed], False))
     return tables
 
 
@@ -92,7 +92,7 @@ def _units(control: Control) -> list[Hypothesis]:
             f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
             len(_UNITS),
             afresh=True,
-            stretch=control.given.size * float(np.log(factor)),
+            stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             anew={"point": control.points},
         )
         for name, factor in _UNITS.items()

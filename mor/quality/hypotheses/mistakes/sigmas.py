@@ -34,32 +34,44 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     ]
     groups = [one for one in groups if one[2] >= _AT_LEAST]
     found = []
-    for number, group, _ in groups:
+    for number, group, count in groups:
         beyond = beyond_any_instrument(situation.network, group)
-        if beyond:  # what such a σ says of how likely residuals are counts for nothing
-            found.append(_hypothesis(number, group.name, _FACTOR_OF_UNITS**beyond, 0))
+        if beyond:  # what too small a σ says of how likely residuals are counts for nothing
+            told = count if beyond < 0 else 0
+            found.append(_hypothesis(number, group.name, _FACTOR_OF_UNITS**beyond, told))
     return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
     group = situation.network.groups[number]
     used = group.mask & ~group.left_out
-    scales = [_scale(sizes, used) for sizes in _sizes(situation, number, group)]
+    scales = list(_scales(situation, number, group, used))
     for factor in _FACTORS:
         near = _NEAR if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
         if any(1.0 / near < scale / factor < near for scale in scales):
             yield _hypothesis(number, group.name, factor, count)
 
 
-def _sizes(situation: Situation, number: int, group: ObservationGroup) -> Iterator[FloatArray]:
-    """|v|/σ where most observations fit, and of the adjustment of all of them."""
-    yield situation.sizes[number]
-    if situation.solution is not None:
-        yield np.abs(misclosures(group, situation.solution.values) / group.given_sigma)
+def _scales(situation: Situation, number: int, group: ObservationGroup, used: BoolArray) -> Iterator[float]:
+    """Factors of σ by the median where most observations fit, and in the adjustment of all of them.
+
+    Of the latter also √(Ω/Σ r), with the residuals and redundancy numbers of the group (W. Förstner 1979): the median
+    of sights so precise that all else follows them is next to nothing.
+    """
+    yield _median(situation.sizes[number][used])
+    if situation.solution is None:
+        return
+    sizes = np.abs(misclosures(group, situation.solution.values) / group.given_sigma)
+    yield _median(sizes[used])
+    if situation.redundancy_of_solution is not None:
+        numbers = situation.redundancy_of_solution[number]
+        known = used & np.isfinite(numbers)
+        freedom = float(np.sum(numbers[known]))
+        yield float(np.sqrt(np.sum(sizes[known] ** 2) / freedom)) if freedom > 0.0 else np.nan
 
 
-def _scale(sizes: FloatArray, used: BoolArray) -> float:
-    return float(np.median(sizes[used])) / 0.6745
+def _median(sizes: FloatArray) -> float:
+    return float(np.median(sizes)) / 0.6745
 
 
 def _hypothesis(number: int, name: str, factor: float, count: int) -> Hypothesis:
