@@ -2,7 +2,9 @@
 
 Graduated weights judge an observation by its residual at a place that is still on its way, and end a little elsewhere
 from other start values. What is left out is tested against the rest instead, as data snooping does (its residual has
-the variance σ² + aᵀQa), until nothing fits that is out.
+the variance σ² + aᵀQa), until nothing fits that is out. It fits unless so large a residual is none that chance brings
+among all observations: of several that are merely unlikely, which one goes out would hang on the way again. Those come
+back and are flagged, as in any adjustment.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from mor.arrays import BoolArray
 from mor.quality.assess import Quality
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.suspects import Suspects, with_suspects
-from mor.quality.tests.test_statistics import comparable
+from mor.quality.tests.levels import sidak
+from mor.quality.tests.test_statistics import comparable, critical_value
 
 _ROUNDS = 8
 """Adjustments in which suspects come back: of those that share a point only one at a time."""
@@ -53,12 +56,19 @@ def put_back(
     return quality, suspects if suspects.count else None
 
 
+def _largest_by_chance(quality: Quality, observations: int) -> float:
+    """|w| that the largest of so many observations exceeds by chance at the level of a single one."""
+    if quality.levels.familywise is not None:
+        return quality.critical
+    return critical_value(sidak(quality.levels.snooping, observations))
+
+
 def _fitting(quality: Quality, problem: Problem, masks: tuple[BoolArray, ...]) -> tuple[BoolArray, ...]:
     """Suspects that come back: rows of which every entry fits the rest, the best one of each point."""
-    candidates = []
+    candidates, largest = [], _largest_by_chance(quality, problem.observations)
     for number, mask in enumerate(masks):
         test = np.where(mask, comparable(np.abs(quality.reliability[number].test)), 0.0)
-        fits = mask.any(axis=1) & (test < quality.critical).all(axis=1)
+        fits = mask.any(axis=1) & (test < largest).all(axis=1)
         rows = np.flatnonzero(fits)
         candidates += [(float(test[row].max()), number, row) for row in rows.tolist()]
     chosen = tuple(np.zeros_like(mask) for mask in masks)
