@@ -4,6 +4,7 @@ A ray from C to a point in direction u at the inverse distance ρ from C̄ is pa
 across u this is linear in the direction and in ρ, so ρ and its σ follow from the rays in closed form, whatever the
 distance (J. M. M. Montiel, J. Civera, A. J. Davison: Unified inverse depth parametrization, 2006). A point is at
 infinity where ρ is not significantly positive: rays that meet far behind all measurements, in parallel, or nowhere.
+Rays that part by more than the angle at which nobody asks contradict each other: one of them is to another point.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ class RayPoints(NamedTuple):
     """(k,) their standard deviations; infinite where all rays come from one place."""
     centres: FloatArray
     """(k, 3)."""
+    apart: FloatArray
+    """(k,) largest difference of a ray, of length one, from the direction."""
 
     def take(self, chosen: BoolArray) -> RayPoints:
         """Some of them."""
@@ -48,11 +51,16 @@ class RayPoints(NamedTuple):
             self.inverse[chosen],
             self.sigma[chosen],
             self.centres[chosen],
+            self.apart[chosen],
         )
 
     def parallel(self, critical: float) -> BoolArray:
         """(k,) true where the rays do not meet significantly; ``critical`` is the quantile of the test."""
         return ~self.from_one_place() & (self.inverse <= critical * self.sigma)
+
+    def contradicting(self) -> BoolArray:
+        """(k,) true where the rays part by more than :data:`NARROW`: they go to no one point, however far away."""
+        return ~self.from_one_place() & (self.inverse <= 0.0) & (2.0 * self.apart > NARROW)
 
     def from_one_place(self) -> BoolArray:
         """(k,) true where all rays come from one place: the point is anywhere along them."""
@@ -64,18 +72,23 @@ class RayPoints(NamedTuple):
 
 
 def nearly_parallel(network: Network, values: Values) -> RayPoints:
-    """Points with two rays or more, nothing else, at less than :data:`NARROW` to each other, or without coordinates."""
+    """Points with two rays or more, nothing else, at less than :data:`NARROW` to each other, or without coordinates.
+
+    Where their rays contradict each other only those without coordinates are among them.
+    """
     suspects = _suspects(network, values)
     none = np.zeros(0)
     if not suspects.any():
-        return RayPoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, np.zeros((0, 3)))
+        return RayPoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, np.zeros((0, 3)), none)
     groups = tuple(
         some_rows(group, np.flatnonzero(suspects[group.blocks[target_slot(group.type)]]))
         for group in network.groups
         if can_be_at_infinity(group.type)
     )
     only = replace(network, groups=tuple(group for group in groups if group.count), start=values)
-    return _met(only, values["point"])
+    found = _met(only, values["point"])
+    placed = np.isfinite(values["point"][found.points]).all(axis=1)
+    return found.take(~(placed & found.contradicting()))
 
 
 def _suspects(network: Network, values: Values) -> BoolArray:
@@ -181,7 +194,9 @@ def _inverse_distances(
     across = seen_mean - inverse[:, None] * lever_mean
     direction = middle + np.einsum("nij,ni->nj", basis, across)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    return RayPoints(np.zeros(count, dtype=np.int64), direction, inverse, sigma, place)
+    apart = np.zeros(count)
+    np.maximum.at(apart, point, np.linalg.norm(ray - direction[point], axis=1))
+    return RayPoints(np.zeros(count, dtype=np.int64), direction, inverse, sigma, place, apart)
 
 
 def _as_given(found: RayPoints, given: FloatArray) -> RayPoints:

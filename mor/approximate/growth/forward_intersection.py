@@ -56,8 +56,9 @@ def meet(
     """Intersect ``points`` (m,) by all rays from posed frames.
 
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
-    which rays must meet. Closed form: the point of least sum of squared distances from the rays. A wrong ray may draw
-    it away from all of them: where less than half agree, those do that most pairs are for.
+    which rays must meet. Closed form: the point of least sum of squared distances from the rays, each of them lowered
+    by the height of its target. A wrong ray may draw it away from all of them: where less than half agree, those do
+    that most pairs are for.
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
@@ -80,13 +81,13 @@ def meet_plainly(
     rays, point = rays[known], point[known]
     frame = seen.frame[rays]
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
+    centre[:, 2] -= seen.height[rays]
     lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
     found = _in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
     if rounds > 1:
         begin = _likelier_pairs(lines, found, len(points), smallest)
         found = _in_rounds(lines, begin, len(points), smallest, rounds)
     X, good, use = found
-    X[:, 2] -= _mean(point, seen.height[rays], len(points))
     return Meetings(X, good & (np.bincount(point[use], minlength=len(points)) >= 2))
 
 
@@ -145,11 +146,6 @@ def _likelier_pairs(
             use[rows] = False
             use[rows[pairs[np.argmax(votes)]]] = True
     return use
-
-
-def _mean(point: IntArray, height: FloatArray, count: int) -> FloatArray:
-    total = np.bincount(point, weights=height, minlength=count)
-    return total / np.maximum(np.bincount(point, minlength=count), 1)
 
 
 def _nearest(

@@ -327,13 +327,16 @@ def _heights_by_slopes(part: Part, distances: Distances) -> bool:
 
 
 def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -> bool:
-    """Heights over known differences, one step forwards and backwards; true where any was carried."""
-    added = False
+    """Heights over known differences, one step forwards and backwards; true where any was carried.
+
+    Of several that a point gets the middle one is taken, for one of them may be of a wrong sight.
+    """
     z = part.points[:, 2]
-    for one, other, sign in ((start, end, 1.0), (end, start, -1.0)):
-        fresh = np.isfinite(z[one]) & np.isnan(z[other]) & np.isfinite(dz)
-        z[other[fresh]] = z[one[fresh]] + sign * dz[fresh]
-        for point in other[fresh].tolist():
-            part.how.setdefault(f"point {point}", rule("height transfer"))
-        added |= bool(fresh.any())
-    return added
+    to, found = np.concatenate([end, start]), np.concatenate([z[start] + dz, z[end] - dz])
+    fresh = np.isnan(z[to]) & np.isfinite(found)
+    order = np.lexsort((found[fresh], to[fresh]))
+    points, first, counts = np.unique(to[fresh][order], return_index=True, return_counts=True)
+    z[points] = found[fresh][order][first + (counts - 1) // 2]
+    for point in points.tolist():
+        part.how.setdefault(f"point {point}", rule("height transfer"))
+    return bool(len(points))

@@ -61,7 +61,8 @@ def completed(
 ) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
     """Start values with the points whose rays meet at a narrow angle, and what is still missing.
 
-    Points at infinity stay without coordinates and are not missing.
+    Points at infinity stay without coordinates and are not missing. Points whose rays contradict each other begin as
+    far away as others are: the adjustment tells which ray is wrong.
     """
     found = nearly_parallel(network, start)
     unknown: BoolArray = np.asarray(np.isnan(start["point"][found.points]).any(axis=1))
@@ -69,10 +70,19 @@ def completed(
     far = found.parallel(critical * misfit(network, start, found.points))
     points = start["point"].copy()
     points[found.points[~far]] = found.take(~far).coordinates()
+    wrong = far & found.contradicting()
+    points[found.points[wrong]] = _as_far_as_others(start["point"], found.take(wrong))
     ids = network.blocks["point"].ids
     known = {("point", ids[p]) for p in found.points.tolist()}
     left = tuple(thing for thing in missing if (thing.kind, thing.name) not in known)
     return {**start, "point": points}, left
+
+
+def _as_far_as_others(points: FloatArray, found: RayPoints) -> FloatArray:
+    """(k, 3) places between the rays of points, at the median distance of what is known."""
+    known = points[np.isfinite(points).all(axis=1)]
+    away = [float(np.median(np.linalg.norm(known - centre, axis=1))) for centre in found.centres]
+    return np.asarray(found.centres + np.array(away)[:, None] * found.directions)
 
 
 def completed_or_at_infinity(

@@ -1,7 +1,8 @@
-"""Points of which some sights do not fit, intersected anew from each two of their sights: where most of them have it.
+"""Points of which some observations do not fit, intersected anew: at the place where most of them have it.
 
 An iteration that began with a wrong sight may have left the point where that one and another agree. Of all places that
-two sights meet at, the one at which all sights of the point cost least (``description_length.py``) is taken.
+as few observations determine as can, two sights, a sight and a distance, three distances, the one at which all
+observations of the point cost least (``description_length.py``) is taken.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import cost_of_residuals
@@ -21,128 +22,148 @@ SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
 _POINTS = 20
 """Points that are looked at, the worst first."""
-_SIGHTS = 8
-"""Sights of a point that are put together in pairs."""
-_LEAST = 3
-"""Sights that are needed: two always meet."""
+_ROWS = 8
+"""Rows of a point that are put together."""
 _ITERATIONS = 8
 _SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
-"""Part of the largest singular value of two sights below which they do not tell a direction."""
+"""Part of the largest singular value of observations below which they do not tell a direction."""
+_ENDS = ("point", "to", "from")
+"""Whose a slot is that holds a point which is observed, and no place of a frame."""
+OF_THEMSELVES = ("observed/", "coordinates", "control")
+"""Types of observations that tell where a point is without seeing it."""
 
 
-class _Sights(NamedTuple):
-    """Sights of one group to a point."""
+class _Observed(NamedTuple):
+    """Rows of one group that tell of a point."""
 
     group: ObservationGroup
     rows: IntArray
     slot: int
     """Of the point."""
+    told: BoolArray
+    """(r, m) components that were observed."""
 
 
 def reintersected(problem: Problem, values: Values, sizes: tuple[FloatArray, ...]) -> dict[str, FloatArray]:
-    """Values with points moved of whose sights, |v|/σ (n, m) of each group in ``sizes``, some are suspect."""
+    """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect."""
     points = values["point"].copy()
     columns = problem.index.columns["point"]
     middle = np.nanmedian(points, axis=0)
     for point in _suspected(problem, sizes):
-        sights = _sights_to(problem, point)
-        if (columns[point] >= 0).any() and sum(len(one.rows) for one in sights) >= _LEAST:
-            found = _best(
-                sights, values, [points[point], middle], problem.observations, places=[points[point]]
-            )
+        told = _told_of(problem, point)
+        if (columns[point] >= 0).any() and len(_components(told)) > 3:
+            found = _best(told, values, [points[point], middle], problem.observations, places=[points[point]])
             points[point] = np.where(columns[point] >= 0, found, points[point])
     return {**values, "point": points}
 
 
 def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:
-    """(k, 3) places of points by their sights alone, whatever their coordinates say; NaN without two sights."""
+    """(k, 3) places of points by what sees them alone, whatever their coordinates say; NaN where that is too little."""
     places = np.full((len(points), 3), np.nan)
     middle = np.nanmedian(values["point"], axis=0)
     for k, point in enumerate(points.tolist()):
-        sights = _sights_to(problem, point)
-        if sum(len(one.rows) for one in sights) >= 2:
-            pair = [values["point"][point], middle]
-            places[k] = _best(sights, values, pair, problem.observations, places=[])
+        told = _told_of(problem, point)
+        if len(_determining(_components(told))):
+            begins = [values["point"][point], middle]
+            places[k] = _best(told, values, begins, problem.observations, places=[])
     return places
 
 
 def costs_at_places(problem: Problem, values: Values, point: int, places: FloatArray) -> FloatArray:
-    """(k,) what the sights of a point cost if it were at other places (k, 3); 0 where nothing sights it."""
-    sights = _sights_to(problem, point)
-    if not sights:
+    """(k,) what the observations of a point cost if it were at other places (k, 3); 0 where there are none."""
+    told = _told_of(problem, point)
+    if not told:
         return np.zeros(len(places))
-    return _costs(sights, values, places, problem.observations)
+    return _costs(told, values, places, problem.observations)
 
 
-def _slot_of_target(group: ObservationGroup) -> int | None:
-    """The slot of the point that is sighted, of observations with two components."""
-    if len(group.type.components) != 2:
-        return None
-    slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
-    targets = [k for k in slots if group.type.slots[k].of in ("point", "to")]
-    return targets[0] if targets else None
+def _slots_of_ends(group: ObservationGroup) -> list[int]:
+    """The slots of points that a group tells of, without seeing by itself where they are."""
+    if group.type.key.startswith(OF_THEMSELVES):
+        return []
+    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
 
 
 def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
     worst = np.zeros(len(problem.index.columns["point"]))
     for group, size in zip(problem.groups, sizes, strict=True):
-        slot = _slot_of_target(group)
-        if slot is not None:
+        for slot in _slots_of_ends(group):
             np.maximum.at(worst, group.blocks[slot], size.max(axis=1, initial=0.0))
     order = np.argsort(-worst, kind="stable")[:_POINTS]
     return [int(k) for k in order if worst[k] > SUSPECT]
 
 
-def _sights_to(problem: Problem, point: int) -> list[_Sights]:
-    found, left = [], _SIGHTS
+def _told_of(problem: Problem, point: int) -> list[_Observed]:
+    found, left = [], _ROWS
     for group in problem.groups:
-        slot = _slot_of_target(group)
-        if slot is not None:
-            rows = np.flatnonzero((group.blocks[slot] == point) & group.mask.all(axis=1))[:left]
-            found += [_Sights(group, rows, slot)] if len(rows) else []
+        used = group.mask & ~group.left_out
+        for slot in _slots_of_ends(group):
+            rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
+            found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
             left -= len(rows)
     return found
 
 
+def _components(told: list[_Observed]) -> IntArray:
+    """(e,) the row of each component that was observed, rows numbered through."""
+    counts = np.concatenate([np.zeros(0, dtype=np.int64), *(one.told.sum(axis=1) for one in told)])
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _determining(row_of: IntArray) -> IntArray:
+    """(c, w) components of each two rows that have three, and of each three rows of one; filled up with e."""
+    entries = [np.flatnonzero(row_of == row) for row in range(int(row_of.max(initial=-1)) + 1)]
+    alone = [one for one in entries if len(one) == 1]
+    found = [one for one in map(np.concatenate, combinations(entries, 2)) if len(one) >= 3]
+    found += [np.concatenate(three) for three in combinations(alone, 3)]
+    filled = np.full((len(found), max(map(len, found), default=0)), len(row_of), dtype=np.int64)
+    for row, one in zip(filled, found, strict=True):
+        row[: len(one)] = one
+    return filled
+
+
 def _best(
-    sights: list[_Sights], values: Values, begins: list[FloatArray], count: int, places: list[FloatArray]
+    told: list[_Observed], values: Values, begins: list[FloatArray], count: int, places: list[FloatArray]
 ) -> FloatArray:
     """The place (3,) among all intersections, and some further places, that costs least."""
-    pairs = np.array(list(combinations(range(sum(len(one.rows) for one in sights)), 2)), dtype=np.int64)
-    begun = np.tile(np.array(begins), (len(pairs), 1))
-    met = _intersected(sights, values, begun, np.repeat(pairs, len(begins), axis=0))
+    few = _determining(_components(told))
+    begun = np.tile(np.array(begins), (len(few), 1))
+    met = _intersected(told, values, begun, np.repeat(few, len(begins), axis=0))
     every = np.concatenate([np.array(places).reshape(-1, 3), met])
-    best: FloatArray = every[int(np.argmin(_costs(sights, values, every, count)))]
+    best: FloatArray = every[int(np.argmin(_costs(told, values, every, count)))]
     return best
 
 
-def _costs(sights: list[_Sights], values: Values, places: FloatArray, count: int) -> FloatArray:
-    """(p,) what the sights of a point cost if it were at places (p, 3); ∞ where they have no value."""
-    sizes = np.abs(_residuals(sights, values, places)[0])
+def _costs(told: list[_Observed], values: Values, places: FloatArray, count: int) -> FloatArray:
+    """(p,) what the observations of a point cost if it were at places (p, 3); ∞ where they have no value."""
+    sizes = np.abs(_residuals(told, values, places)[0])
     found: FloatArray = np.array([cost_of_residuals([size], count) for size in sizes])
-    return np.where(np.isfinite(found), found, np.inf)
+    return np.where(np.isfinite(sizes).all(axis=1) & np.isfinite(found), found, np.inf)
 
 
-def _intersected(sights: list[_Sights], values: Values, begins: FloatArray, pairs: IntArray) -> FloatArray:
-    """Least squares (Gauss–Newton) of two sights each: places (p, 3) from as many beginnings, and pairs (p, 2).
+def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few: IntArray) -> FloatArray:
+    """Least squares (Gauss–Newton) of components (p, w) each: places (p, 3) from as many beginnings.
 
-    Where an iteration comes to where a sight has no value, the place is where it began.
+    Where an iteration comes to where an observation has no value, the place is where it began.
     """
     places, goes_on = begins.copy(), np.arange(len(begins))
     for _ in range(_ITERATIONS):
-        residuals, jacobians = _residuals(sights, values, places[goes_on])
-        sound = np.isfinite(residuals).all(axis=(1, 2)) & np.isfinite(jacobians).all(axis=(1, 2, 3))
+        residuals, jacobians = _residuals(told, values, places[goes_on])
+        sound = np.isfinite(residuals).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
         places[goes_on[~sound]] = begins[goes_on[~sound]]
         goes_on, at = goes_on[sound], np.flatnonzero(sound)[:, None]
-        of_two = jacobians[at, pairs[goes_on]].reshape(-1, 4, 3), residuals[at, pairs[goes_on]].reshape(-1, 4)
-        places[goes_on] += np.einsum("pij,pj->pi", np.linalg.pinv(of_two[0], rcond=_SINGULAR), of_two[1])
+        if not len(goes_on):
+            break
+        rows = np.pad(jacobians, ((0, 0), (0, 1), (0, 0)))[at, few[goes_on]]
+        off = np.pad(residuals, ((0, 0), (0, 1)))[at, few[goes_on]]
+        places[goes_on] += np.einsum("pij,pj->pi", np.linalg.pinv(rows, rcond=_SINGULAR), off)
     return places
 
 
-def _residuals(sights: list[_Sights], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(observed − computed)/σ (p, k, 2) of sights to the point at places (p, 3), and its derivatives (p, k, 2, 3)."""
+def _residuals(told: list[_Observed], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(observed − computed)/σ (p, e) of what tells of the point at places (p, 3), and its derivatives (p, e, 3)."""
     misclosures, jacobians = [], []
-    for group, rows, slot in sights:
+    for group, rows, slot, observed in told:
         every = np.tile(rows, len(places))
         blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
         blocks[slot] = np.repeat(places, len(rows), axis=0)
@@ -151,6 +172,8 @@ def _residuals(sights: list[_Sights], values: Values, places: FloatArray) -> tup
         difference = group.observed[every] - equation.values
         difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
         sigma = group.given_sigma[every]
-        misclosures.append((difference / sigma).reshape(len(places), len(rows), 2))
-        jacobians.append((equation.jacobians[slot] / sigma[:, :, None]).reshape(len(places), len(rows), 2, 3))
+        shape = (len(places), *observed.shape)
+        misclosures.append((difference / sigma).reshape(shape)[:, observed])
+        derivatives = equation.jacobians[slot] / sigma[:, :, None]
+        jacobians.append(derivatives.reshape(*shape, 3)[:, observed])
     return np.concatenate(misclosures, axis=1), np.concatenate(jacobians, axis=1)

@@ -23,7 +23,7 @@ from mor.parameters.index import Blocks, Values, index_unknowns
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import Graduated, graduated_weights, robust_scales
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
-from mor.quality.gross_errors.reintersection import reintersected
+from mor.quality.gross_errors.reintersection import OF_THEMSELVES, reintersected
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -41,8 +41,6 @@ _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
-_OF_THEMSELVES = ("observed/", "coordinates", "control")
-"""Types of observations that tell where a point is without seeing it."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
@@ -208,7 +206,7 @@ def _given_points_contradicted(problem: Problem, suspects: Suspects, used: Seque
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).all(axis=1))
     seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
     for group, mask, own in zip(problem.groups, suspects.masks, used, strict=True):
-        itself = group.type.key.startswith(_OF_THEMSELVES)
+        itself = group.type.key.startswith(OF_THEMSELVES)
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind != "point":
                 continue

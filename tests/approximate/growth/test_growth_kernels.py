@@ -1,5 +1,7 @@
 """The compiled loops of the growth against their readable forms, and against truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,22 @@ def test_rays_meet_alike_in_both_forms(scenes, images):
         assert compiled.good[5:20].all()
         assert not compiled.good[20:].any()
         np.testing.assert_allclose(compiled.X[5:20], made.points[5:], atol=1e-10)
+
+
+@pytest.mark.parametrize("form", [meet, meet_plainly])
+def test_targets_at_several_heights_over_a_point_tell_one_place(scenes, form):
+    """The mark itself from one station, a target above it from another: the rays do not meet, the point is one."""
+    made = scenes.scene(1, n=12, images=3)
+    poses = dict(enumerate(made.cameras))
+    frames = []
+    for number, frame in enumerate(frames_of(made)):
+        heights = np.full(12, 0.25 * number)
+        away = made.points + np.outer(heights, [0.0, 0.0, 1.0]) - poses[number][0]
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        frames.append(replace(frame, rays=away @ poses[number][1].T, heights=heights))
+    found = form(np.arange(12), sightings(frames, 12), posed_frames(poses, 3), 5e-4)
+    assert found.good.all()
+    np.testing.assert_allclose(found.X, made.points, atol=1e-9)
 
 
 @pytest.mark.parametrize("form", [meet, meet_plainly])

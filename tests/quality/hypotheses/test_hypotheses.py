@@ -17,7 +17,7 @@ from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
     price_of_gross_error,
 )
-from mor.quality.gross_errors.reintersection import _slot_of_target, reintersected
+from mor.quality.gross_errors.reintersection import _slots_of_ends, reintersected
 from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
@@ -103,7 +103,7 @@ def test_a_point_is_intersected_where_most_of_its_sights_have_it(tmp_path: Path)
     solved = _solved(survey("stereo_rig").write(tmp_path))
     problem, values = solved.adjustment.problem, solved.adjustment.values
     point = solved.network.blocks["point"].ids.index("T0704")
-    slots = [_slot_of_target(group) or 0 for group in problem.groups[:2]]
+    slots = [_slots_of_ends(group)[0] for group in problem.groups[:2]]
     pairs = zip(problem.groups, slots, strict=False)
     rows = [np.flatnonzero(group.blocks[slot] == point) for group, slot in pairs]
     assert sum(map(len, rows)) >= 4, "a wrong one among four"

@@ -36,7 +36,7 @@ def meet(
     limit, use = np.empty(most), np.empty(most, dtype=np.bool_)
     for m in range(len(points)):
         p = points[m]
-        count, lift = 0, 0.0
+        count = 0
         for at in range(pointers[p], pointers[p + 1]):
             ray = order[at]
             f = frame[ray]
@@ -49,13 +49,11 @@ def meet(
                     + rays[ray, 1] * turns[f, 1, j]
                     + rays[ray, 2] * turns[f, 2, j]
                 )
+            centre[count, 2] -= height[ray]
             limit[count] = 3.0 * np.sqrt(sigma[ray] ** 2 + slack**2)
             use[count] = True
-            lift += height[ray]
             count += 1
         good[m] = _meet_in_rounds(centre, direction, limit, use, count, smallest, rounds, X[m])
-        if count > 0:
-            X[m, 2] -= lift / count
     return X, good
 
 
