@@ -38,9 +38,9 @@ def with_planes_over(network: Network, places: Mapping[str, FloatArray]) -> Netw
 
 def _over(world: World, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
     equation = group.type.equation
-    plane = equation.plane if isinstance(equation, InPlane | Attitude) else None
-    if plane is None:
+    if not isinstance(equation, InPlane | Attitude) or equation.plane is None:
         return group
+    plane = equation.plane
     ends = [
         points[blocks]
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
@@ -53,4 +53,4 @@ def _over(world: World, group: ObservationGroup, points: FloatArray) -> Observat
     both = np.concatenate([world.extent, feet])
     system = world.system if plane.crs is None else reference_system(plane.crs)
     wider = plane_of(system, world, plane.crs, np.stack([both.min(axis=0), both.max(axis=0)]))
-    return replace(group, type=replace(group.type, equation=replace(equation, plane=wider)))  # type: ignore[type-var]
+    return replace(group, type=group.type._replace(equation=replace(equation, plane=wider)))

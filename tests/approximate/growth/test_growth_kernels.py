@@ -1,7 +1,5 @@
 """The compiled loops of the growth against their readable forms, and against truth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -100,7 +98,7 @@ def test_targets_at_several_heights_over_a_point_tell_one_place(scenes, form):
         heights = np.full(12, 0.25 * number)
         away = made.points + np.outer(heights, [0.0, 0.0, 1.0]) - poses[number][0]
         away /= np.linalg.norm(away, axis=1, keepdims=True)
-        frames.append(replace(frame, rays=away @ poses[number][1].T, heights=heights))
+        frames.append(frame._replace(rays=away @ poses[number][1].T, heights=heights))
     found = form(np.arange(12), sightings(frames, 12), posed_frames(poses, 3), 5e-4)
     assert found.good.all()
     np.testing.assert_allclose(found.X, made.points, atol=1e-9)

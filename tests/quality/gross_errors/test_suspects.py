@@ -173,7 +173,7 @@ def test_what_chance_brings_among_so_many_is_no_suspect_but_flagged(size, stays_
     observed[row, 0] += v - size * v / w  # v is adjusted less observed
     group = replace(scene.problem.groups[0], observed=observed)
     problem = replace(scene.problem, groups=(group, *scene.problem.groups[1:]))
-    wrong = replace(suspects, plain=replace(suspects.plain, problem=problem))
+    wrong = replace(suspects, plain=suspects.plain._replace(problem=problem))
     again = rest_of(problem)
     assert abs(again.reliability[0].test[row, 0]) == pytest.approx(size, rel=1e-3)
     ended, left = put_back(again, wrong, lambda one: assess(one, levels))
@@ -203,7 +203,7 @@ def test_a_pair_of_coordinates_is_judged_by_what_it_is_when_it_is_back(towards, 
     observed[row] += v - np.array(towards) * v / w
     group = replace(scene.problem.groups[0], observed=observed)
     problem = replace(scene.problem, groups=(group, *scene.problem.groups[1:]))
-    wrong = replace(with_row, plain=replace(suspects.plain, problem=problem))
+    wrong = replace(with_row, plain=suspects.plain._replace(problem=problem))
     inside = np.abs(rest_of(problem, suspects).reliability[0].test[row]).max()
     assert (inside > 4.84) == stays_out
     assert (np.abs(towards).max() < 4.84) == stays_out
