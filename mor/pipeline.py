@@ -15,6 +15,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
+from mor.allowance import LEAST, Allowance, SpentError, allowed, counted_in, within
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
@@ -36,6 +37,7 @@ from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import (
+    ADJUSTMENTS,
     SUSPECT,
     Rescued,
     Suspects,
@@ -112,7 +114,8 @@ def _solved(
         with one_thread():
             network, start = _started(network, looking)
         whole = network
-        network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued))
+        further = _further(network)
+        network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued, further))
     rescue = next((one for one in rescued if one.adjustment is adjustment), None)
     suspects = rescue.suspects if rescue is not None else None
     led = rescue.led if rescue is not None else None
@@ -130,7 +133,7 @@ def _solved(
             causes,
         )  # loaded where it is needed, which takes its time
 
-        ended = Ended(plain, solution, quality, told, led)
+        ended = Ended(plain, solution, quality, told, led, further.spent)
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
             return causes(whole, start, ended, make_problem, start_or_nothing, looking)
 
@@ -179,15 +182,31 @@ def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, 
         raise NoStartValuesError(error.things, error.remarks, said, found.offered) from None
 
 
-def _without_gross_errors(network: Network, adjustment: Adjustment, watch: Watcher | None) -> Rescued | None:
-    """A solution without gross errors, where all observations together have none; nothing where they have one."""
+def _further(network: Network) -> Allowance:
+    """What all ways to a solution may take together once the plain adjustment has failed."""
+    rows = sum(group.count for group in network.groups)
+    times = sum(group.count * group.type.work for group in network.groups) / max(rows, 1)
+    return Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 3, times))
+
+
+def _without_gross_errors(
+    network: Network, adjustment: Adjustment, watch: Watcher | None, further: Allowance
+) -> Rescued | None:
+    """A solution without gross errors, where all observations together have none; nothing where they have one.
+
+    Nor where that takes more than is left of what is allowed further.
+    """
     plain = adjustment.outcome
     if plain is Outcome.SINGULAR and not adjustment.iterations:
         return None
     if plain in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(adjustment):
         return None
     settings = Settings(network.project.settings.max_iterations)
-    found = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
+    try:
+        with within(further):
+            found = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
+    except SpentError:
+        return None
     settled = _with_settled_sigma(network, found.adjustment, watch, found.suspects)
     return found._replace(adjustment=settled)
 
@@ -249,20 +268,26 @@ def check_minimal(network: Network, adjustment: Adjustment) -> None:
         raise InputError([Mistake(f"{words} ({movements})")])
 
 
-def _means(settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescued]) -> Means:
+def _means(
+    settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescued], further: Allowance
+) -> Means:
     """How networks with these settings become problems and are solved.
 
     To ``rescued`` come the solutions that graduated weights were asked for, and the suspects among the observations.
+    What else is tried once an adjustment has failed takes what ``further`` allows.
     """
 
     def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
         problem = make_problem(network, start, start)
-        try:
-            adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
-        except NotFiniteError:
-            raise InputError(_undefined(problem, start)) from None
-        adjustment = _with_settled_sigma(network, adjustment, watch)
-        found = _without_gross_errors(network, adjustment, watch)
+        with counted_in(
+            further if further.spent else Allowance()
+        ):  # the first adjustment is what was asked for
+            try:
+                adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
+            except NotFiniteError:
+                raise InputError(_undefined(problem, start)) from None
+            adjustment = _with_settled_sigma(network, adjustment, watch)
+        found = _without_gross_errors(network, adjustment, watch, further)
         if found is None:
             return adjustment
         rescued.append(found)
@@ -278,6 +303,7 @@ def _means(settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescu
         solve,
         critical_value(settings.snooping_level),
         complete,
+        lambda: further.is_left,
     )
 
 

@@ -16,6 +16,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     ("escapes", "kernel_cache"),
     ("errors", "units", "compilation", "counting", "arrays"),
+    ("allowance",),
     ("sparse",),
     ("geometry", "input_files", "machine"),
     ("parameters",),

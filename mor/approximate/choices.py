@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from mor.allowance import Allowance, SpentError, within
 from mor.arrays import FloatArray
 from mor.observations import ObservationGroup, some_rows, wrap
 
@@ -104,17 +105,25 @@ class Judgement(NamedTuple):
 
 
 def likeliest(
-    attempt: Callable[[Choices], Found], judged: Callable[[Found], Judgement], most: Callable[[], int]
+    attempt: Callable[[Choices], Found],
+    judged: Callable[[Found], Judgement],
+    most: Callable[[], int],
+    further: Allowance,
 ) -> tuple[Found, Choices]:
     """What the choices lead to that agree best: one answer after another is changed, as long as that helps.
 
-    ``most``: attempts beside the first one, at the most; asked only where that one does not agree.
+    ``most``: attempts beside the first one, at the most; asked only where that one does not agree. All of them together
+    take what ``further`` allows.
     """
     choices = Choices()
     best = attempt(choices)
     if not choices.asked:
         return best, choices
-    judgement = judged(best)
+    try:
+        with within(further):
+            judgement = judged(best)
+    except SpentError:
+        return best, choices
     tried, left = {choices.wanted}, _tries(choices, judgement, most)
     while left > 0:
         wanted = _next(choices, tried, judgement.agrees)
@@ -122,8 +131,12 @@ def likeliest(
             break
         tried.add(wanted)
         other = Choices(wanted)
-        found = attempt(other)
-        of_it = judged(found)
+        try:
+            with within(further):
+                found = attempt(other)
+                of_it = judged(found)
+        except SpentError:
+            break
         left -= 1
         if of_it.beats(judgement):
             left = min(left, SECOND_TRIES) if of_it.agrees else left

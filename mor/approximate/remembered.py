@@ -12,6 +12,8 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
+from mor.allowance import answer
+
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
@@ -23,17 +25,18 @@ def remembered(most: int) -> Callable[[Callable[Given, Found]], Callable[Given, 
     """
 
     def decorate(function: Callable[Given, Found]) -> Callable[Given, Found]:
-        known: OrderedDict[Hashable, Found] = OrderedDict()
+        known: OrderedDict[Hashable, tuple[Found, int]] = OrderedDict()
 
         @wraps(function)
         def asked(*args: Given.args, **kwargs: Given.kwargs) -> Found:
             key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
+            found = answer((function, key), known.get(key), lambda: function(*args, **kwargs))
             if key not in known:
-                known[key] = function(*args, **kwargs)
+                known[key] = found
                 if len(known) > most:
                     known.popitem(last=False)
             known.move_to_end(key)
-            return known[key]
+            return found[0]
 
         return asked
 

@@ -123,6 +123,7 @@ def solve_plan(network: Network) -> Solved:
         solve,
         critical_value(settings.snooping_level),
         lambda adjustment: adjustment.outcome.is_solution,
+        lambda: True,
     )
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
         network, adjustment = adjust_determinable(network, network.start, means)

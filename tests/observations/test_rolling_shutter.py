@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.geometry.cameras import CAMERA_MODELS, Projection
 from mor.geometry.motion import right_jacobian
 from mor.geometry.rotations import exponential
 from mor.observations import IMAGE_TYPES, MOVING_TYPES
+from mor.observations.time.rolling_shutter import meet
 
 ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:
@@ -107,3 +108,28 @@ def test_right_jacobian_against_differences() -> None:
             change = exponential(vector)[0].T @ (moved[0] - moved[1]) / (2.0 * step)
             numeric = np.array([change[2, 1], change[0, 2], change[1, 0]])
             np.testing.assert_allclose(found[:, k], numeric, atol=1e-9)
+
+
+def test_nobody_waits_for_a_point_that_never_meets_the_shutter():
+    asked = []
+
+    def at(phase):
+        """Points that drift steadily; a third one flees from the shutter, faster than it says."""
+        n = len(phase)
+        asked.append(n)
+        y = np.where(np.arange(n) < 2, 1.0 + 0.01 * phase, 1.0 - 20.0 * phase)
+        drift = np.where(np.arange(n) < 2, 0.01, 0.0)
+        by_star = np.zeros((n, 2, 3))
+        by_star[:, 1, 1] = 1.0
+        by_time = np.zeros((n, 3))
+        by_time[:, 1] = drift
+        return None, Projection(np.stack([0.0 * y, y], axis=1), by_star, np.zeros((n, 2, 0))), by_time
+
+    def met(n):
+        clock = np.tile([0.0, 0.1, 0.0], (n, 1))
+        return meet(at, np.tile([0.0, 0.9], (n, 1)), clock, np.ones((n, 1))).values
+
+    alone = met(2)
+    needed = len(asked)
+    assert met(3)[:2] == pytest.approx(alone, rel=1e-15)
+    assert len(asked) - needed <= needed + 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow, grow_until_tied
 from mor.approximate.assembly.seeds import next_seed
@@ -23,11 +24,15 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
 from mor.project.network.build import Network
 
+ADJUSTMENTS = 3
+"""Adjustments of a large network that beginnings in doubt may take."""
+
 
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
+    in_doubt = Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 3))
+    assembly = Assembly(network, scene, parts, in_doubt=in_doubt, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
     for fewest in (ENOUGH, FEWEST):

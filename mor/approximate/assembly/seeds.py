@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mor.allowance import SpentError, within
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow
 from mor.approximate.choices import ROWS
@@ -52,7 +53,11 @@ def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
         return None
     assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
     among = np.flatnonzero(open_[pairs.first] & open_[pairs.second])
-    part = seed_doubtful(scene, among, pairs, lambda part, most: grow(part, scene, FEWEST, most))
+    try:
+        with within(assembly.in_doubt):
+            part = seed_doubtful(scene, among, pairs, lambda part, most: grow(part, scene, FEWEST, most))
+    except SpentError:
+        part = None
     assembly.given_up[2] |= open_ if part is None else np.isin(np.arange(len(open_)), list(part.poses))
     return part
 

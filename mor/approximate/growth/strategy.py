@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.along_trajectories import seen_along_trajectories, without_trajectories
 from mor.approximate.approximation import Approximation, untied
 from mor.approximate.assembly.assembly import Assembly
@@ -42,6 +43,8 @@ from mor.project.network.build import Network
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
+ADJUSTMENTS = 3
+"""Adjustments of a large network that other answers may take."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree."""
 SMALL = 5_000
@@ -86,7 +89,10 @@ def _likeliest(
         return _judged(assembly, _approximation(assembly), moving, settle)
 
     assembly, choices = likeliest(
-        attempt, judged, lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1))
+        attempt,
+        judged,
+        lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1)),
+        Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 3)),
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

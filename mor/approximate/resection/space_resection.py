@@ -13,6 +13,8 @@ from math import comb
 
 import numpy as np
 
+from mor.allowance import spend
+from mor.approximate import work
 from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import misfits
 from mor.approximate.resection.outcome import Resection, ResectionOutcome, failed_resection, judged
@@ -73,6 +75,7 @@ def _triples(count: int, generator: np.random.Generator) -> IntArray:
 
 
 def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -> list[Pose]:
+    spend(work.SAMPLES)
     triples = _triples(len(points), generator)
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)

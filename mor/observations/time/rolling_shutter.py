@@ -94,6 +94,7 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
         slots=(*FRAME_SLOTS, *MOTION_SLOTS, Slot(interior_key(model.key), "image", "interior"), POINT_SLOT),
         equation=equation,
         constants=(*MEASURED, *model.constants, *PHASE),
+        work=3,
     )
 
 
@@ -158,11 +159,14 @@ def meet(
         return Meeting(phase, found, projection, drift, clock, readout, slip, xy)
 
     found = seen(measured)
-    for _ in range(_ROUNDS):
+    before = np.full(len(measured), np.inf)
+    for number in range(_ROUNDS):
         step = found.changed(found.projection.xy - found.xy)
-        if not np.abs(step).max(initial=0.0) > _STILL * np.abs(found.xy).max(initial=0.0):
+        size = np.abs(step).max(axis=1, initial=0.0)
+        nears = size < 0.5 * before if number >= _DOUBTFUL else np.ones(len(size), dtype=bool)
+        if not size[nears].max(initial=0.0) > _STILL * np.abs(found.xy).max(initial=0.0):
             break
-        found = seen(found.xy + step)
+        found, before = seen(found.xy + step), size
     return found
 
 
@@ -184,6 +188,8 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
 
 
 _ROUNDS = 20
+_DOUBTFUL = 4
+"""Rounds after which a point whose step does not halve will never meet the shutter, and others do not wait for it."""
 _STILL = 1e-13
 """Part of the image coordinates by which a point may still move when it has met the shutter."""
 MOVING = "moving"

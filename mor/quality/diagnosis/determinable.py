@@ -54,6 +54,8 @@ class Means(NamedTuple):
     critical: float
     complete: Callable[[Adjustment], bool]
     """Whether it is a solution, of all observations."""
+    goes_on: Callable[[], bool]
+    """Whether more may be tried after an adjustment has failed."""
 
 
 def completed(
@@ -119,7 +121,7 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     """
     found = nearly_parallel(network, start)
     first = _with_far_points(network, start, start, found, means)
-    if found.from_one_place().all() or means.complete(first[1]):
+    if found.from_one_place().all() or means.complete(first[1]) or not means.goes_on():
         return first
     others = without_points(network, found.points, NARROW_ANGLE)
     if not any(group.count for group in others.groups):
@@ -154,7 +156,7 @@ def _with_far_points(
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             failures += 1
-            if failures == FAILURES or np.isin(now.points, failed).all():
+            if failures == FAILURES or np.isin(now.points, failed).all() or not means.goes_on():
                 break
             values = first
             now = found.take(np.isin(found.points, np.union1d(now.points, failed)))

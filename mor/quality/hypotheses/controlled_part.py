@@ -19,7 +19,6 @@ from mor.quality.hypotheses.situation import Situation, redundancy_numbers
 def controlled_part(situation: Situation, changed: Network, after: Adjustment) -> float:
     """Mean redundancy number of the changed observations, where most fit without the change and with it; 1 of none."""
     masks = changed_observations(situation.network, changed)
-    situation.effort.take()  # cofactors take about as long as an iteration
     parts = [_mean(situation.redundancy_numbers, masks), _mean(redundancy_numbers(after), masks)]
     known = [part for part in parts if np.isfinite(part)]
     return float(np.mean(known)) if known else 1.0

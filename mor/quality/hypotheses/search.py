@@ -8,18 +8,22 @@ with the number of candidates counted in), is offered, the shortest first. Nothi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
+from mor import allowance
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
+from mor.allowance import Allowance, SpentError, counted_in, within
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.reintersection import reintersected
+from mor.quality.gross_errors.suspects import ADJUSTMENTS
 from mor.quality.hypotheses.effort import SMALL, allowed
 from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Looking, Offered, ignore_looking
 from mor.quality.hypotheses.mistakes.circles import circle_hypotheses, face_hypotheses
@@ -76,6 +80,11 @@ class Tried(NamedTuple):
 
 def possible_causes(situation: Situation, before: Before) -> Causes:
     """Hypotheses for observations of which something is rejected."""
+    with counted_in(situation.effort):
+        return _possible_causes(situation, before)
+
+
+def _possible_causes(situation: Situation, before: Before) -> Causes:
     found: list[Tried] = []
     untried, explained, done = 0, -np.inf, False
     stages = _stages(situation)
@@ -84,10 +93,12 @@ def possible_causes(situation: Situation, before: Before) -> Causes:
         for hypothesis, promised in _of_stage(situation, stage):
             if promised < _RIVAL * explained:
                 continue
-            if situation.effort.made >= share * situation.effort.most:
+            try:
+                with within(situation.effort, share * situation.effort.most):
+                    fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
+            except SpentError:
                 untried += 1
                 continue
-            fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
             if fit is None:
                 continue
             found.append(Tried(hypothesis, fit, promised))
@@ -190,6 +201,8 @@ class Ended(NamedTuple):
     rejected: Rejection = Rejection.LARGER
     led: Values | None = None
     """Where graduated weights lead from the start values of the plain one, where that is known."""
+    spent: int = 0
+    """Units of work that were spent on a solution after the plain adjustment had none."""
 
 
 def causes(
@@ -207,7 +220,7 @@ def causes(
     plain, solution = ended.plain, ended.solution
     if not plain.problem.index.count:
         return Causes()
-    effort = allowed(network.observations, looking)
+    effort = allowed(network.observations, looking, ended.spent)
     if ended.rejected is Rejection.SMALLER and solution is not None:
         situation = Situation(network, start, solution.values, solution, make, begin, effort, larger=False)
         return possible_causes(situation, _before(situation, plain))
@@ -259,8 +272,10 @@ def _nearer(fit: Fit, before: Before) -> bool:
 
 
 def _graduated(problem: Problem, begin: Values) -> Values:
-    with np.errstate(all="ignore"):
+    further = Allowance(allowance.allowed(problem.observations, ADJUSTMENTS))
+    with np.errstate(all="ignore"), suppress(SpentError), within(further):
         return graduated_weights(problem, begin).values
+    return begin
 
 
 def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values | None) -> Values:

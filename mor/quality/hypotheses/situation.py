@@ -12,6 +12,7 @@ from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
+from mor.allowance import Allowance, spend
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import InputError
 from mor.observations import ObservationGroup
@@ -25,7 +26,7 @@ from mor.quality.gross_errors.description_length import (
 )
 from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.gross_errors.reintersection import SUSPECT
-from mor.quality.hypotheses.effort import SMALL, Effort
+from mor.quality.hypotheses.effort import SMALL
 from mor.quality.hypotheses.hypothesis import Fit
 from mor.sparse.cholesky import NotFiniteError
 
@@ -49,7 +50,7 @@ class Situation:
     """The adjustment, where there is one; suspects may be left out of it."""
     make: Make
     begin: Begin
-    effort: Effort
+    effort: Allowance
     """What looking for causes may take."""
     unstarted: frozenset[str] = frozenset()
     """Names of things without start values: what refers to them does not fit, and there is no place where most fit."""
@@ -104,7 +105,6 @@ class Situation:
         """Redundancy numbers (n, m) of every group in the adjustment there is."""
         if self.solution is None:
             return None
-        self.effort.take()
         return redundancy_numbers(self.solution)
 
     @property
@@ -181,6 +181,7 @@ class Situation:
 
 def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
     """Redundancy numbers (n, m) of every group, NaN where not observed or left out."""
+    spend(adjustment.plan.work)  # cofactors take about as long as an iteration
     return tuple(group.r for group in assess(adjustment).groups)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Iteration, Watcher
+from mor.allowance import SpentError
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import InputError
 from mor.parameters.index import Values, all_known, with_shared_components
@@ -18,7 +19,6 @@ from mor.project.network.build import Network
 from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.hypotheses.controlled_part import changed_observations, controlled_part
-from mor.quality.hypotheses.effort import DAMPED, START_VALUES, Effort
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
 from mor.quality.hypotheses.situation import Situation, fit_of, sizes_of
 from mor.sparse.cholesky import NotFiniteError
@@ -39,27 +39,38 @@ def tried(
 ) -> Fit | None:
     """How the network fits with the change; nothing where its adjustment does not converge.
 
+    Of several beginnings those that may still be tried count; :class:`SpentError` where that is not even the first one.
+
     ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
     that the given ones speak for it clearly.
     """
     network = hypothesis.change(situation.network)
     best: Fit | None = None
-    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
-        found = _adjusted(situation, network, begin, hypothesis)
-        if found is None:
-            continue
-        values, defect = found.values, found.defect.datum.shape[1]
-        lost = 0 if situation.solution is None else situation.defect - defect
-        stretch = hypothesis.stretch
-        if stretch:
-            stretch *= controlled_part(situation, network, found)
-        cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
-        fit = fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
-        if best is None or fit.length < best.length:
-            best = fit
-        if best.omega <= _AS_EXPECTED * best.freedom or not situation.effort.is_left:
-            break
+    try:
+        for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
+            found = _adjusted(situation, network, begin, hypothesis)
+            if found is None:
+                continue
+            fit = _fit(situation, network, hypothesis, found)
+            if best is None or fit.length < best.length:
+                best = fit
+            if best.omega <= _AS_EXPECTED * best.freedom:
+                break
+    except SpentError:
+        if best is None:
+            raise
     return best
+
+
+def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> Fit:
+    """How an adjustment of the changed network fits, the choice of the change counted in."""
+    values, defect = found.values, found.defect.datum.shape[1]
+    lost = 0 if situation.solution is None else situation.defect - defect
+    stretch = hypothesis.stretch
+    if stretch:
+        stretch *= controlled_part(situation, network, found)
+    cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
+    return fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
 
 
 def _beginnings(
@@ -82,7 +93,6 @@ def _beginnings(
             missing |= not told.all()
         yield with_shared_components(network.blocks, here)
         if missing:  # worked out from all else, which is known
-            situation.effort.take(DAMPED)
             begin = situation.begin(replace(network, start=open_))
             if begin is not None:
                 yield begin
@@ -95,8 +105,6 @@ def _beginnings(
         or (not missing and _most_of_it_does_not_fit(situation, network))
     )
     if not hypothesis.rows and (afresh or known or not situation.begun):
-        if not known:
-            situation.effort.take(START_VALUES)
         begin = situation.begin(network)
         if begin is not None:
             yield begin
@@ -127,23 +135,23 @@ def _adjusted(
             for group, row in hypothesis.rows:
                 out[group][row] = False
             masks = [o | g.left_out for o, g in zip(out, problem.groups, strict=True)]
-            found = attempt(exclude(problem, masks), begin, situation.effort)
+            found = attempt(exclude(problem, masks), begin)
             if found.outcome.is_solution:
                 return _with_all(situation, problem, found)
-        found = attempt(problem, begin, situation.effort)
+        found = attempt(problem, begin)
     except (InputError, NotFiniteError, HopelessError):
         return None
     return found if found.outcome.is_solution else None
 
 
-def attempt(problem: Problem, begin: Values, effort: Effort) -> Adjustment:
+def attempt(problem: Problem, begin: Values) -> Adjustment:
     """An adjustment that ends early where it leads nowhere.
 
     Raises:
         HopelessError: it does not come near to a solution as quickly as one that will.
     """
     with np.errstate(all="ignore"):
-        return adjust(problem, begin, Settings(_ITERATIONS), _impatient(effort))
+        return adjust(problem, begin, Settings(_ITERATIONS), _impatient())
 
 
 def without_row(situation: Situation, group: int, row: int) -> Values:
@@ -152,7 +160,7 @@ def without_row(situation: Situation, group: int, row: int) -> Values:
     masks = [own.left_out.copy() for own in problem.groups]
     masks[group][row] = True
     try:
-        found = attempt(exclude(problem, masks), situation.values, situation.effort)
+        found = attempt(exclude(problem, masks), situation.values)
     except (InputError, NotFiniteError, HopelessError):
         return situation.values
     return found.values if found.outcome.is_solution else situation.values
@@ -161,7 +169,7 @@ def without_row(situation: Situation, group: int, row: int) -> Values:
 def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Adjustment:
     """The adjustment of all observations from there, where it converges and does not go anywhere else."""
     try:
-        found = attempt(problem, reduced.values, situation.effort)
+        found = attempt(problem, reduced.values)
     except (NotFiniteError, HopelessError):
         return reduced
     costs = [
@@ -172,12 +180,11 @@ def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Ad
     return found if kept else reduced
 
 
-def _impatient(effort: Effort) -> Watcher:
+def _impatient() -> Watcher:
     """A watcher that ends an iteration which does not come near to a solution as quickly as one that will."""
     seen: list[float] = []
 
     def watch(iteration: Iteration) -> None:
-        effort.take(DAMPED if iteration.damping > 0.0 else 1)
         seen.append(iteration.objective)
         last = seen[-1 - _PATIENCE :]
         slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))

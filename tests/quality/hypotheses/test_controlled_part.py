@@ -13,11 +13,11 @@ from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
+from mor.allowance import Allowance
 from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.hypotheses.changes import with_group
 from mor.quality.hypotheses.controlled_part import controlled_part
-from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
 from mor.quality.hypotheses.mistakes.control import control_hypotheses, control_tables
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
@@ -34,7 +34,7 @@ def _network(path: Path) -> Network:
 
 
 def _situation(solved: Solved) -> Situation:
-    begin, effort = (lambda changed: changed.start), Effort(100, lambda _: None)
+    begin, effort = (lambda changed: changed.start), Allowance()
     plain, network = solved.adjustment, solved.network
     return Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
 
@@ -130,7 +130,7 @@ def test_of_explanations_that_are_alike_the_start_values_choose() -> None:
         Tried(hypothesis("axes exchanged"), fits[2], 900.0),
     ]
     situation = partial(Situation, make=make_problem, begin=lambda changed: None)
-    empty = situation(None, {}, {}, None, effort=Effort(1, lambda _: None))  # type: ignore[arg-type]
+    empty = situation(None, {}, {}, None, effort=Allowance())  # type: ignore[arg-type]
     empty.__dict__["fit"] = Fit({}, 1e3, 1, 1000.0, 1.0)
     order = [one.hypothesis.cause for one in _in_order(empty, tried)]
     assert order == ["control unit", "sigma unit", "axes exchanged"]

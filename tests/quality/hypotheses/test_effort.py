@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from small_projects import mor
 
-from mor import pipeline
+from mor import allowance, pipeline
 from mor.adjustment.solve import adjust
+from mor.allowance import Allowance
 from mor.errors import ExitCode
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import index_unknowns
@@ -18,7 +19,7 @@ from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.hypotheses import effort
 from mor.quality.hypotheses.changes import with_observed
-from mor.quality.hypotheses.effort import Effort, allowed, times
+from mor.quality.hypotheses.effort import allowed, times
 from mor.quality.hypotheses.mistakes.circles import circle_hypotheses
 from mor.quality.hypotheses.mistakes.levelling import _reductions
 from mor.quality.hypotheses.mistakes.station_alone import _alone, _cost, _exchanged
@@ -36,7 +37,7 @@ def _network(of: Survey, folder: Path) -> Network:
 
 def _situation(solved: Solved) -> Situation:
     """That of a solved network, whatever fits or not."""
-    plain, effort = solved.adjustment, Effort(1000, lambda _: None)
+    plain, effort = solved.adjustment, Allowance()
     make = make_problem
     return Situation(solved.network, plain.start, plain.values, plain, make, lambda n: n.start, effort)
 
@@ -58,19 +59,24 @@ def _report(folder: Path) -> str:
 def test_an_effort_is_that_of_some_adjustments_and_told_as_it_is_made() -> None:
     told: list[int] = []
     made = allowed(1000, lambda most: told.append(most) or told.append)  # type: ignore[func-returns-value]
-    assert made.most == told[0] == effort.TIMES * effort.ITERATIONS
-    made.take(made.most - 1)
-    assert made.is_left
-    made.take()
+    assert made.most == told[0] == allowance.LEAST
+    assert times(1000) == allowance.LEAST // (allowance.ITERATIONS * allowance.of_iteration(1000))
+    with allowance.within(made):
+        allowance.spend(allowance.LEAST - 1)
+        assert made.is_left
+        with pytest.raises(allowance.SpentError):
+            allowance.spend(2)
     assert not made.is_left
     assert sum(told[1:]) == made.most
-    assert times(10 * effort.SMALL) == effort.TIMES // 10
     assert times(10_000_000) == 3
+    of_solution = allowance.LEAST // 3
+    assert allowed(1000, lambda _: told.append, of_solution).most == allowance.LEAST - of_solution
 
 
 def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(effort, "TIMES", 0)
-    monkeypatch.setattr(effort, "ITERATIONS", 1)
+    monkeypatch.setattr(effort, "LEAST", 0)
+    monkeypatch.setattr(allowance, "of_iteration", lambda *_: 200)
+    monkeypatch.setattr(effort, "of_iteration", lambda *_: 200)
     bridge = survey("bridge")
     for row in bridge.tables["distances.csv"]:
         row["distance"] = f"{float(row['distance']) + 0.03:.4f}"

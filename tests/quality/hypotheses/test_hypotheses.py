@@ -11,6 +11,7 @@ from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import Settings, adjust
+from mor.allowance import Allowance
 from mor.preparation import make_problem
 from mor.quality.gross_errors.description_length import (
     cost_of_choice,
@@ -18,7 +19,6 @@ from mor.quality.gross_errors.description_length import (
     price_of_gross_error,
 )
 from mor.quality.gross_errors.reintersection import _slots_of_ends, reintersected
-from mor.quality.hypotheses.effort import Effort
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
 from mor.quality.hypotheses.rejection import Rejection, rejection
@@ -79,7 +79,7 @@ def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Pa
     solved = _solved(survey("bridge").write(tmp_path))
     network, plain = solved.network, solved.adjustment
     sights = [one for one in _sights(network) if one.things[0] in ("P4", "NE1")]
-    begin, effort = (lambda changed: changed.start), Effort(100, lambda _: None)
+    begin, effort = (lambda changed: changed.start), Allowance()
     situation = Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
     promised = _reductions(adjust(plain.problem, plain.values, Settings(0)), sights)
     off = np.random.default_rng(1).normal(0.0, 1e-3, plain.values["point"].shape)

@@ -17,6 +17,7 @@ import numpy as np
 
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
+from mor.allowance import spend
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.parameters.index import Values, index_unknowns, move
@@ -30,8 +31,8 @@ _BAD = 2
 """Sights that do not fit: an exchange makes two."""
 _STATIONS = 2
 _ITERATIONS, _HALVED, _SETTLED = 12, 6, 1e-3
-_PAIRS_AN_ITERATION = 10
-"""Pairs that take as long as an iteration of a network."""
+_PAIR = 400
+"""Units of work of a pair (:mod:`mor.allowance`)."""
 
 
 class Exchange(NamedTuple):
@@ -103,7 +104,7 @@ def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
 
 def _best(situation: Situation, alone: _Alone) -> Exchange | None:
     pairs = [(k, pair) for k, rows in enumerate(alone.rows) for pair in combinations(range(len(rows)), 2)]
-    situation.effort.take(len(pairs) // _PAIRS_AN_ITERATION + 1)
+    spend(len(pairs) * _PAIR)
     costs = [_cost(situation, _exchanged(alone.problem, k, pair)) for k, pair in pairs]
     best = int(np.argmin(costs))
     if not costs[best] < _cost(situation, alone.problem):

@@ -1,0 +1,12 @@
+"""Units of work (:mod:`mor.allowance`) of the questions that start values are made of, as measured in plain numpy."""
+
+BATCH = 2_000
+"""Samples of five pairs of rays, a batch of them, and what all rays say to them."""
+COPLANARITY = 850
+"""An adjustment of a relative orientation."""
+SAMPLES = 1_200
+"""Poses of samples of three points, and what all points say to them."""
+POSE = 450
+"""An adjustment of a pose."""
+TURN = 1_000
+"""A turn of growth of every kind, besides the questions of others."""
