@@ -127,11 +127,10 @@ pairs:
     assert exact["sigma0"]["aposteriori"] == pytest.approx(followers["sigma0"]["aposteriori"], rel=1e-9)
     for one, other in ((numbers(d, "points", "x y z sx sy sz") for d in (exact, followers)),):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
-    first = (
-        numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa")[0]
-        for d in (exact, followers)
+    poses = (
+        numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa") for d in (exact, followers)
     )
-    np.testing.assert_allclose(*first, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(*poses, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("component", ["omega", "phi", "kappa"])
