@@ -80,8 +80,10 @@ def _measured(adjustment: Adjustment) -> IntArray:
     for group in adjustment.problem.groups:
         parts = [slot.part if slot.of == "image" else "" for slot in group.type.slots]
         if set(PARTS) <= set(parts):
-            own = np.stack([group.blocks[parts.index(part)] for part in PARTS], axis=1)
-            found.append(np.unique(own.astype(np.int64), axis=0))
+            own = [group.blocks[parts.index(part)] for part in PARTS]
+            leader, pair = own[PARTS.index("rotation")].astype(np.int64), own[PARTS.index("base")]
+            _, first = np.unique(leader * (1 + int(pair.max(initial=0))) + pair, return_index=True)
+            found.append(np.stack([blocks[first] for blocks in own], axis=1))
     return np.unique(np.concatenate(found), axis=0)
 
 
