@@ -137,11 +137,15 @@ def _with_row(
     here = said.rows(np.array([row]))
     if before is None:
         return tuple(here)
-    name = rows.text(shared_column(kind))[row]
-    for what, one, other in zip(("value", "σ", "start value"), before, here, strict=False):
+    column, at, name = shared_column(kind), np.arange(rows.count) == row, rows.text(shared_column(kind))[row]
+    contradictions = (
+        f"{column}: {name!r} has another value in a row above",
+        f"{column}: {name!r} has another σ in a row above",
+        f"{column}: {name!r} has another start value in a row above",
+    )
+    for words, one, other in zip(contradictions, before, here, strict=False):
         if (np.isfinite(one) & np.isfinite(other) & (one != other)).any():
-            words = f"{shared_column(kind)}: {name!r} has another {what} in a row above"
-            tell_rows(reading.problems, np.arange(rows.count) == row, rows, words)
+            tell_rows(reading.problems, at, rows, words)
     merged = _Said(*(np.where(np.isnan(one), other, one) for one, other in zip(before, here, strict=True)))
     if (np.isfinite(merged.sigma) & np.isfinite(merged.free)).any():
         words = (
