@@ -308,3 +308,28 @@ def test_rows_that_contradict_each_other_in_what_they_share(tmp_path: Path) -> N
     assert "'h' has another σ in a row above" in refused(heights(tmp_path, first + other_sigma))
     loose = stations("shared_height", "[S2, '', B, h]", "free")
     assert "'h' is free in one row and has a σ in another" in refused(heights(tmp_path, first + loose))
+
+
+STAND = "stand, 1.21, 0.8, 7.55, 0.01, 0.01, 0.01"
+SOMEWHERE = "stand, '', '', '', '', '', ''"
+PLACE = "position, x, y, z, sigma_x, sigma_y, sigma_z"
+
+
+@pytest.mark.parametrize("which", ["first", "second"])
+def test_any_row_may_observe_the_position_that_several_share(which: str, tmp_path: Path) -> None:
+    """In one row, or in all of them: it is observed once."""
+    ends = [STAND, *[SOMEWHERE] * 4] if which == "first" else [SOMEWHERE, STAND, *[SOMEWHERE] * 3]
+    one = adjusted(project(tmp_path / "one", CAMERA, rows(PLACE, ends), 0.002, False))
+    every = adjusted(project(tmp_path / "all", CAMERA, rows(PLACE, [STAND] * 5), 0.002, False))
+    assert one["observations"] == every["observations"] == 2 * len(POINTS) * len(NAMES) + 3
+    for key in ("x", "sx", "z"):
+        assert one["images"][3][key] == pytest.approx(every["images"][3][key], rel=1e-9)
+
+
+def test_rows_that_contradict_the_position_they_share(tmp_path: Path) -> None:
+    another = "'stand' has another value or σ where it stands first"
+    for other_row in (STAND.replace("1.21", "1.22"), STAND.replace("0.8, 7.55, 0.01", "0.8, 7.55, 0.02")):
+        text = rows(PLACE, [STAND, *[SOMEWHERE] * 3, other_row])
+        assert another in refused(project(tmp_path, CAMERA, text))
+    text = rows(PLACE, [STAND.replace("stand", "T")] * 5)
+    assert "'T' has another value or σ where it stands first" in refused(project(tmp_path, CAMERA, text))
