@@ -21,6 +21,7 @@ from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.input_files import is_folder, read_text
+from mor.parameters.kinds import ROTATION
 from mor.preparation import determinable_start, make_problem, start_or_nothing
 from mor.project.file.model import Settings as ProjectSettings
 from mor.project.file.nodes import Document, read_yaml
@@ -230,9 +231,15 @@ def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistak
                 f"{reference.name} {names[row]!r}"
                 for reference, names in zip(group.type.references, group.references, strict=True)
             )
-            words = f"{group.type.key}, {names}: no value or no derivative where the adjustment starts"
+            words = f"{group.type.name}, {names}: no value or no derivative where the adjustment starts"
             line = int(group.lines[row]) if len(group.lines) > row else 0
-            mistakes.append(Mistake(f"{words}; do two of its places coincide there?", group.file, line))
+            angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
+            asked = (
+                f"{words}; is phi ±100 gon there?"
+                if angles
+                else f"{words}; do two of its places coincide there?"
+            )
+            mistakes.append(Mistake(asked, group.file, line))
     return mistakes or [Mistake("observations have no value or no derivative where the iteration has got to")]
 
 

@@ -21,20 +21,20 @@ from mor.observations._contract import (
     without,
     wrap,
 )
-from mor.observations.angle import ANGLE_TYPE
-from mor.observations.bearing import BEARING
 from mor.observations.coordinates import COORDINATES
-from mor.observations.difference import HEIGHT_DIFFERENCE, VECTOR
-from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
-from mor.observations.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
 from mor.observations.image import FOLLOWER_TYPES, IMAGE_TYPES, is_image_point
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
 from mor.observations.parameter import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.observations.projection_centre import takes_positions, to_projection_centres
-from mor.observations.spatial_angle import SPATIAL_ANGLE
+from mor.observations.terrestrial.angle import ANGLE_TYPE
+from mor.observations.terrestrial.bearing import BEARING
+from mor.observations.terrestrial.difference import HEIGHT_DIFFERENCE, VECTOR
+from mor.observations.terrestrial.directions import DIRECTIONS, ZENITH_DIRECTIONS
+from mor.observations.terrestrial.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
+from mor.observations.terrestrial.spatial_angle import SPATIAL_ANGLE
+from mor.observations.terrestrial.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 from mor.observations.time.rolling_shutter import MOVING_TYPES, read_out_at_once
-from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 PLAIN_TYPES = {
     kind.key: kind

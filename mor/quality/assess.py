@@ -15,6 +15,7 @@ from mor.arrays import BoolArray, FloatArray
 from mor.quality.effort import Done, of_operations
 from mor.quality.in_chunks import in_pieces
 from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
+from mor.quality.precision.follower_poses import FollowerCofactors, follower_cofactors
 from mor.quality.precision.moving_points import MovingCofactors, moving_cofactors
 from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import ObservationQuality, redundancy_of
@@ -62,6 +63,8 @@ class Quality:
     datum: STransformation
     moving: MovingCofactors
     """Joint cofactors of the coordinates of points and of what moves them."""
+    followers: FollowerCofactors
+    """Of the poses of stereo followers, which are no blocks of their own."""
 
     @cached_property
     def flagged(self) -> tuple[BoolArray, ...]:
@@ -147,6 +150,7 @@ def assessed(
         cofactors=blocks,
         datum=datum,
         moving=moving_cofactors(adjustment, cofactors, datum),
+        followers=follower_cofactors(adjustment, cofactors, datum),
     )
 
 

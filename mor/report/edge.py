@@ -49,29 +49,40 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
     """Coordinates of points in project axes, with their covariances in the datum of the adjustment."""
     if len(numbers) == 0:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
+    values = solved.adjustment.values["point"][numbers]
+    estimate = said_places(solved, values, _covariance(solved, "point", numbers))
+    return _present(solved, "point", numbers, estimate)
+
+
+def said_places(solved: Solved, values: FloatArray, covariance: FloatArray | None) -> Estimate:
+    """Places (n, 3) with covariances (n, 3, 3) in project axes."""
     M = solved.network.edge.matrix
-    values = solved.adjustment.values["point"][numbers] @ M
-    covariance = _covariance(solved, "point", numbers)
     if covariance is not None:
         covariance = M.T @ covariance @ M
-    return _present(solved, "point", numbers, Estimate(values, _sigma(covariance, values.shape), covariance))
+    return Estimate(values @ M, _sigma(covariance, values.shape), covariance)
 
 
 def rotations(solved: Solved, numbers: IntArray) -> Estimate:
     """ω, φ, κ against project axes, in the project's angle unit, with their rigorous covariances."""
     if len(numbers) == 0:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
-    edge = solved.network.edge
     D = solved.adjustment.values["rotation"][numbers]
     by_angles = moves_by_angles(solved.network.blocks["rotation"])[numbers]
+    estimate = said_attitudes(solved, D, _covariance(solved, "rotation", numbers), by_angles)
+    return _present(solved, "rotation", numbers, estimate)
+
+
+def said_attitudes(
+    solved: Solved, D: FloatArray, covariance: FloatArray | None, by_angles: BoolArray
+) -> Estimate:
+    """ω, φ, κ of attitudes (n, 3, 3), covariances (n, 3, 3) of small rotations, or of angles where ``by_angles``."""
+    edge = solved.network.edge
     turned = D @ edge.matrix if edge.right_handed else D
     per_unit = ANGLE_UNITS[angle_unit(solved)]
-    covariance = _covariance(solved, "rotation", numbers)
     if covariance is not None:
         covariance = angle_cofactors(covariance, turned, by_angles) / per_unit**2
     values = angles_from_rotation(turned) / per_unit
-    estimate = Estimate(values, _sigma(covariance, values.shape), covariance)
-    return _present(solved, "rotation", numbers, estimate)
+    return Estimate(values, _sigma(covariance, values.shape), covariance)
 
 
 def _present(solved: Solved, kind: str, numbers: IntArray, estimate: Estimate) -> Estimate:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,19 @@ def test_keys_and_columns_of_results(tmp_path: Path) -> None:
     missing += [key for key in data["images"][0] if f"`{key}`" not in page and not key.startswith("s")]
     missing += [key for key in data["sigma0"] if f"`{key}`" not in page]
     assert missing == []
+
+
+def test_rooms_and_functions_of_the_architecture_exist() -> None:
+    page = text("architecture.md")
+    tree = [f"/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "mor").rglob("*")]
+    tree += [f"/{name}/{path.name}" for name in ("docs", "tests") for path in (ROOT / name).iterdir()]
+    rooms = re.findall(r"`([\w/]+(?:/|\.py|\.js|\.css))`", page)
+    assert len(rooms) > 100
+    assert [room for room in rooms if not any(path.endswith(f"/{room.rstrip('/')}") for path in tree)] == []
+    arrows = re.findall(r"`(\w+(?:\.\w+)+)`", page.split("## The floors")[0])
+    functions = [name.rsplit(".", 1) for name in arrows if not name.endswith((".py", ".json"))]
+    assert len(functions) >= 8
+    assert [f for module, f in functions if not hasattr(import_module(f"mor.{module}"), f)] == []
 
 
 def test_new_type_of_the_page_is_right(tmp_path: Path) -> None:

@@ -127,11 +127,20 @@ pairs:
     assert exact["sigma0"]["aposteriori"] == pytest.approx(followers["sigma0"]["aposteriori"], rel=1e-9)
     for one, other in ((numbers(d, "points", "x y z sx sy sz") for d in (exact, followers)),):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
-    first = (
-        numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa")[0]
-        for d in (exact, followers)
+    poses = (
+        numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa") for d in (exact, followers)
     )
-    np.testing.assert_allclose(*first, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(*poses, rtol=0, atol=1e-8)
+
+
+def turned_until_phi_is_a_quarter(monkeypatch) -> np.ndarray:
+    """Turn the scene until φ is 100 gon; X is then M X."""
+    turned = ANGLES + np.array([0.0, 107.0, 0.0])
+    M = rotation_from_angles(turned[0] * GON).T @ rotation_from_angles(ANGLES[0] * GON)
+    here = sys.modules[__name__]
+    for name, value in {"ANGLES": turned, "CENTRES": CENTRES @ M.T, "POINTS": POINTS @ M.T}.items():
+        monkeypatch.setattr(here, name, value)
+    return M
 
 
 @pytest.mark.parametrize("component", ["omega", "phi", "kappa"])
@@ -139,15 +148,34 @@ def test_no_angle_differs_exactly_by_itself_where_two_are_the_same_turn(
     component, tmp_path, monkeypatch
 ) -> None:
     """The scene turned about Y until φ is 100 gon: equal attitudes are still well said, single angles are not."""
-    turned = ANGLES + np.array([0.0, 107.0, 0.0])
-    M = rotation_from_angles(turned[0] * GON).T @ rotation_from_angles(ANGLES[0] * GON)
-    here = sys.modules[__name__]
-    for name, value in {"ANGLES": turned, "CENTRES": CENTRES @ M.T, "POINTS": POINTS @ M.T}.items():
-        monkeypatch.setattr(here, name, value)
+    turned_until_phi_is_a_quarter(monkeypatch)
     attitude = "".join(difference(*row, 0.0) for row in CASES["attitude"])
     assert solved(tmp_path / "whole", attitude)["unknowns"] == 39
     with pytest.raises(AssertionError, match="phi of image A is ±100 gon: omega and kappa are the same turn"):
         solved(tmp_path / "single", difference("AB", component, 0.0, 0.0))
+
+
+def test_where_two_angles_are_the_same_turn_a_pair_says_the_difference(tmp_path, monkeypatch) -> None:
+    """The same scene: C differs from A by 30 gon, and nothing depends on where the cameras look."""
+    pairs = """\
+pairs:
+  - columns: [id, bx, by, bz, omega, phi, kappa]
+    rows: [[AB, 2.8, -0.9, 0.1, 0, 0, 0], [AC, 2.1, 1.7, 0.1, 0, 0, 30]]
+    fixed: [omega, phi, kappa]
+"""
+    before = solved(tmp_path / "before", pairs=pairs, followers=True)
+    M = turned_until_phi_is_a_quarter(monkeypatch)
+    after = solved(tmp_path / "after", pairs=pairs, followers=True)
+    assert before["redundancy"] == after["redundancy"]
+    assert before["sigma0"]["aposteriori"] == pytest.approx(after["sigma0"]["aposteriori"], rel=1e-8)
+    one, other = (numbers(data, "images", "x y z") for data in (before, after))
+    np.testing.assert_allclose(one @ M.T, other, atol=1e-8)
+    attitudes = [
+        rotation_from_angles(numbers(data, "images", "omega phi kappa") * GON) for data in (before, after)
+    ]
+    np.testing.assert_allclose(attitudes[0] @ M.T, attitudes[1], atol=1e-8)
+    with pytest.raises(AssertionError, match=r"difference, from 'image A'.*is phi ±100 gon there"):
+        solved(tmp_path / "observed", difference("AB", "kappa", 0.0, 0.001))
 
 
 def test_contradictions_are_told_with_the_row_that_contradicts(tmp_path: Path) -> None:

@@ -115,8 +115,13 @@ def test_coordinates_of_an_image_are_those_of_its_position(tmp_path: Path) -> No
             .replace("fixed: [x, y, z, omega,", "fixed: [omega,")
             .replace("10, 20, 100,", "9, 9, 99,")
         )
-        (image, _) = adjusted(tmp_path / name.replace(":", ""), loose)["images"]
+        (image, follower) = adjusted(tmp_path / name.replace(":", ""), loose)["images"]
         np.testing.assert_allclose([image[axis] for axis in "xyz"], X0, atol=1e-9)
+        np.testing.assert_allclose([follower[axis] for axis in "xyz"], CENTRES["centre:R"], atol=1e-9)
+        attitude = rotation_from_angles(
+            np.array([follower[name] for name in ("omega", "phi", "kappa")]) * GON
+        )
+        np.testing.assert_allclose(attitude, rotation_from_angles(np.array([1, 2, 3]) * GON) @ D, atol=1e-9)
 
 
 def test_a_follower_is_no_position(tmp_path: Path) -> None:

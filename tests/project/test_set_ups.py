@@ -232,3 +232,104 @@ observations:
     assert found["unknowns"] == 3
     (station,) = found["stations"]
     assert [station["x"], station["y"]] == pytest.approx(here, abs=1e-6)
+
+
+HEIGHTS = """\
+mor: 1
+points:
+  - {columns: [id, x, y, z], rows: CONTROL, fixed: [x, y, z]}
+stations:
+STATIONS
+observations:
+  - type: zenith_directions
+    columns: [station, set, to, horizontal, zenith]
+    rows: ROWS
+    values: {sigma: 1 mgon}
+"""
+STANDS = {"S1": ("A", 1.55, ""), "S1 again": ("A", 1.55, "2"), "S2": ("B", 1.55, ""), "S3": ("C", 1.62, "")}
+
+
+def heights(folder: Path, stations: str) -> Path:
+    """Levelled stations over known points, one with a second set; noise of the size of σ."""
+    control = {"A": (0, 0, 10), "B": (40, 5, 11), "C": (20, 35, 9), "D": (-15, 30, 14), "E": (55, 40, 13)}
+    rows: list[list[Any]] = []
+    random = np.random.default_rng(8)
+    for k, (station, (stand, height, set_)) in enumerate(STANDS.items()):
+        for target in sorted(set(control) - {stand}):
+            x, y, z = np.subtract(control[target], control[stand]) - [0, 0, height]
+            angles = np.array([np.arctan2(x, y) + k, np.arctan2(np.hypot(x, y), z)]) / GON
+            angles += 0.001 * random.standard_normal(2)
+            rows.append([station[:2], set_, target, *map(float, angles)])
+    text = HEIGHTS.replace("STATIONS", stations).replace("ROWS", json.dumps(rows))
+    return write(folder, text.replace("CONTROL", json.dumps([[name, *xyz] for name, xyz in control.items()])))
+
+
+def stations(columns: str, rows: str, free: str = "") -> str:
+    return (
+        f"  - {{columns: [id, set, point, {columns}], rows: [{rows}]{', free: [height]' if free else ''}}}\n"
+    )
+
+
+SETS = "[S1, '', A, h, ''], [S1, '2', '', '', '']"
+
+
+def test_the_adjusted_project_keeps_what_is_shared_and_what_is_not(tmp_path: Path) -> None:
+    """S2 shares its height with a table of free ones; S3 beside it has one that is known, and a set has none."""
+    free = stations("shared_height, height", SETS, "free")
+    mixed = stations("shared_height, height", "[S2, '', B, h, ''], [S3, '', C, '', 1.62]")
+    path = heights(tmp_path, free + mixed)
+    assert mor("adjust", path, "-o", tmp_path / "out", "--quiet", "--no-html").code == 0
+    before = json.loads((tmp_path / "out" / "results.json").read_text())
+    again = adjusted(tmp_path / "out" / "adjusted.yaml")
+    assert before["unknowns"] == again["unknowns"] == 4 + 1
+    found, expected = (other(data, "height h")["height"] for data in (again, before))
+    assert [found["value"], found["sigma"]] == pytest.approx([expected["value"], expected["sigma"]], rel=1e-7)
+    assert again["sigma0"]["aposteriori"] == pytest.approx(before["sigma0"]["aposteriori"], rel=1e-9)
+
+
+@pytest.mark.parametrize("said", ["11", "10", "01"])
+def test_any_row_may_say_what_several_share(said: str, tmp_path: Path) -> None:
+    """Value and σ in both rows, in the first or in the second: the same."""
+    one, two = ("1.5512, 0.001" if here == "1" else "'', ''" for here in said)
+    columns = "shared_height, height, sigma_height"
+    first = stations(columns, f"[S1, '', A, h, {one}], [S1, '2', '', '', '', '']")
+    second = stations(columns, f"[S2, '', B, h, {two}], [S3, '', C, '', 1.62, '']")
+    data = adjusted(heights(tmp_path, first + second))
+    assert data["unknowns"] == 4 + 1
+    assert data["observations"] == 2 * 16 + 1
+    assert other(data, "height h")["height"]["value"] == pytest.approx(1.55, abs=2e-3)
+
+
+def test_rows_that_contradict_each_other_in_what_they_share(tmp_path: Path) -> None:
+    columns = "shared_height, height, sigma_height"
+    third = stations("height", "[S3, '', C, 1.62]")
+    first = stations(columns, "[S1, '', A, h, 1.55, 0.001], [S1, '2', '', '', '', '']") + third
+    other_sigma = stations(columns, "[S2, '', B, h, 1.55, 0.002]")
+    assert "'h' has another σ in a row above" in refused(heights(tmp_path, first + other_sigma))
+    loose = stations("shared_height", "[S2, '', B, h]", "free")
+    assert "'h' is free in one row and has a σ in another" in refused(heights(tmp_path, first + loose))
+
+
+STAND = "stand, 1.21, 0.8, 7.55, 0.01, 0.01, 0.01"
+SOMEWHERE = "stand, '', '', '', '', '', ''"
+PLACE = "position, x, y, z, sigma_x, sigma_y, sigma_z"
+
+
+@pytest.mark.parametrize("which", ["first", "second"])
+def test_any_row_may_observe_the_position_that_several_share(which: str, tmp_path: Path) -> None:
+    """In one row, or in all of them: it is observed once."""
+    ends = [STAND, *[SOMEWHERE] * 4] if which == "first" else [SOMEWHERE, STAND, *[SOMEWHERE] * 3]
+    one = adjusted(project(tmp_path / "one", CAMERA, rows(PLACE, ends), 0.002, False))
+    every = adjusted(project(tmp_path / "all", CAMERA, rows(PLACE, [STAND] * 5), 0.002, False))
+    assert one["observations"] == every["observations"] == 2 * len(POINTS) * len(NAMES) + 3
+    for key in ("x", "sx", "z"):
+        assert one["images"][3][key] == pytest.approx(every["images"][3][key], rel=1e-9)
+
+
+def test_rows_that_contradict_the_position_they_share(tmp_path: Path) -> None:
+    another = "'stand' has another value or σ where it stands first"
+    for other_row in (STAND.replace("1.21", "1.22"), STAND.replace("0.8, 7.55, 0.01", "0.8, 7.55, 0.02")):
+        text = rows(PLACE, [STAND, *[SOMEWHERE] * 3, other_row])
+        assert another in refused(project(tmp_path, CAMERA, text))
+    text = rows(PLACE, [STAND.replace("stand", "T")] * 5)
+    assert "'T' has another value or σ where it stands first" in refused(project(tmp_path, CAMERA, text))

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from mor.geometry.earth import Horizon
 from mor.observations._contract import ObservationType
-from mor.observations.angle import ANGLE_TYPE
-from mor.observations.bearing import BEARING
-from mor.observations.directions import DIRECTIONS, ZENITH_DIRECTIONS
-from mor.observations.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
 from mor.observations.earth.arcs import (
     ellipsoid_arc,
     ellipsoid_chord,
@@ -26,8 +22,12 @@ from mor.observations.earth.plumb_line import about_normal, about_plumb_line
 from mor.observations.earth.projected_bearing import KEY, open_projection
 from mor.observations.level import LEVEL
 from mor.observations.local import LOCAL
-from mor.observations.spatial_angle import SPATIAL_ANGLE
-from mor.observations.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
+from mor.observations.terrestrial.angle import ANGLE_TYPE
+from mor.observations.terrestrial.bearing import BEARING
+from mor.observations.terrestrial.directions import DIRECTIONS, ZENITH_DIRECTIONS
+from mor.observations.terrestrial.distance import DISTANCE, DISTANCE_RATIO, HORIZONTAL_DISTANCE
+from mor.observations.terrestrial.spatial_angle import SPATIAL_ANGLE
+from mor.observations.terrestrial.vertical import VERTICAL_DIRECTION, ZENITH_ANGLE
 
 _ABOUT_PLUMB_LINE = (
     DISTANCE,

@@ -18,8 +18,8 @@ from mor.arrays import BoolArray, FloatArray
 from mor.geometry.earth import Horizon
 from mor.observations._between import FROM_TO
 from mor.observations._contract import Computed, ObservationType, Slot
-from mor.observations.bearing import BEARING
 from mor.observations.earth.arcs import foot_with_derivatives
+from mor.observations.terrestrial.bearing import BEARING
 
 KEY = "projected_bearing"
 

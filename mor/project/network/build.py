@@ -21,7 +21,7 @@ from mor.project.file.model import Datum, Project
 from mor.project.file.nodes import Document
 from mor.project.motion.declared import read_motions
 from mor.project.motion.model import Motion
-from mor.project.network.cameras import read_cameras
+from mor.project.network.cameras import hold_what_images_have, read_cameras
 from mor.project.network.candidates import candidate_groups
 from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
@@ -192,6 +192,7 @@ def build_network(
         *reading.motion_groups,
         *steadiness_groups(reading),
     ]
+    hold_what_images_have(reading, [*plain, *others])
     refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
     check_undeclared(reading, [*plain, *others])

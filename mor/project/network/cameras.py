@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mor.arrays import IntArray
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
 from mor.parameters.kinds import ECCENTRICITY, INTERIORS, READOUT
 from mor.project.edge import ImageScale, UnitError, image_scale, split
 from mor.project.file.model import Camera
@@ -239,3 +242,22 @@ def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
                     store.shared[int(block), component] = shared
         result[mine] = added
     return result
+
+
+def hold_what_images_have(reading: Reading, groups: Sequence[ObservationGroup]) -> None:
+    """A component that every image has of its own is none of the camera: its value is where those of the images start.
+
+    Unless something says how they differ: a σ of the variation, or an observed or exact difference.
+    """
+    for name, variant in reading.variants.items():
+        kind = INTERIORS[reading.project.cameras[name].model]
+        store, block = reading.shop.store(kind.key), reading.shop.things["camera"].part(name, "interior")
+        told = [k for other, k in store.shared if other == block]
+        told += [k for (_, k), owner in store.shared.items() if owner == block]
+        for group in groups:
+            if group.type in (OBSERVED_PARAMETERS[kind.key], OBSERVED_DIFFERENCES[kind.key]):
+                rows = np.any([blocks == block for blocks in group.blocks], axis=0)
+                told += np.flatnonzero(group.mask[rows].any(axis=0)).tolist()
+        for component in variant:
+            if store.all_free()[block, component] and component not in told:
+                store.hold(block, component, float(store.all_values()[block, component]))

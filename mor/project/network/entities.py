@@ -63,6 +63,11 @@ class BlockStore:
         table.free[block, component] = False
         table.sigma[block, component] = table.start[block, component] = np.nan
 
+    def put(self, block: int, statuses: Statuses) -> None:
+        """Replace what one block is by statuses (1, size)."""
+        for column, row in zip(self.merged(), statuses, strict=True):
+            column[block] = row[0]
+
     def merged(self) -> Statuses:
         """Values, free flags, σ and start values of all blocks, (n, size) each, to be changed in place."""
         table = Statuses(self.all_values(), self.all_free(), self.all_sigma(), self.all_start())

@@ -28,32 +28,81 @@ def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[s
         from mor.project.world.frames import start_places  # most projects need nothing of it
 
         statuses = start_places(reading, rows, statuses)
-    named = rows.text("position") if "position" in rows.texts else rows.text("point")
+    column = "position" if "position" in rows.texts else "point"
+    named = rows.text(column)
     points = shop.things["point"]
     shared = shop.things.setdefault("position", entities((), {"position": np.zeros(0, dtype=np.int64)}))
     known = {name: shared.part(name, "position") for name in shared.ids}
     result = np.full(len(labels), -1, dtype=np.int64)
-    new: dict[str, int] = {}
+    new: dict[str, list[int]] = {}
     for i, name in enumerate(named):
         if name in points.numbers:
             result[i] = points.part(name, "position")
         elif name in known:
             result[i] = known[name]
         elif name:
-            new.setdefault(name, i)
-    own = np.array([not name for name in named])
-    first = np.array(sorted(new.values()), dtype=np.int64)
-    chosen = np.concatenate([np.flatnonzero(own), first])
-    block_ids = [labels[i] if own[i] else f"position {named[i]}" for i in chosen]
-    added = shop.store("point").add(block_ids, *inwards(reading.edge, statuses.rows(chosen)))
-    result[chosen] = added
-    for i in first:
-        known[named[i]] = int(result[i])
-    for i, name in enumerate(named):
-        if name and result[i] < 0:
-            result[i] = known[name]
+            new.setdefault(name, []).append(i)
+    own = np.flatnonzero([not name for name in named])
+    inner = inwards(reading.edge, statuses)
+    told = _told(reading, inner)
+    block_ids = [*(labels[i] for i in own), *(f"position {name}" for name in new)]
+    together = [_of_rows(inner, told, np.array(same)) for same in new.values()]
+    added = shop.store("point").add(block_ids, *_stacked([inner.rows(own), *together]))
+    result[own] = added[: len(own)]
+    for name, block in zip(new, added[len(own) :].tolist(), strict=True):
+        known[name] = block
+        result[new[name]] = block
+    shared_rows = np.flatnonzero([bool(name) for name in named])
+    _check_shared(reading, rows, column, inner, told, shared_rows, result[shared_rows])
     shop.things["position"] = entities(known, {"position": np.array(list(known.values()), dtype=np.int64)})
     return result
+
+
+def _told(reading: Reading, statuses: Statuses) -> BoolArray:
+    """(n, 3) coordinates that rows fix or observe, and do not only let start somewhere."""
+    if reading.project.world is not None:
+        return np.zeros(statuses.free.shape, dtype=bool)  # start values are all that places on the earth have
+    absent = [c not in reading.project.settings.dimensions for c in "xyz"]
+    told: BoolArray = (~statuses.free | np.isfinite(statuses.sigma)) & ~np.array(absent)
+    return told
+
+
+def _of_rows(statuses: Statuses, told: BoolArray, rows: IntArray) -> Statuses:
+    """What rows (k,) say of one position: each coordinate by the first that fixes or observes it, or has a value."""
+    weight = 2 * told[rows] + np.isfinite(statuses.values[rows])
+    chosen = rows[np.argmax(weight, axis=0)]
+    return Statuses(*(column[chosen, np.arange(3)][None] for column in statuses))
+
+
+def _stacked(parts: Sequence[Statuses]) -> Statuses:
+    return Statuses(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _check_shared(
+    reading: Reading,
+    rows: Rows,
+    column: str,
+    statuses: Statuses,
+    told: BoolArray,
+    chosen: IntArray,
+    blocks: IntArray,
+) -> None:
+    """Tell rows (k,) that fix or observe a coordinate of their position (k,) otherwise than it is."""
+    if not told[chosen].any():
+        return
+    whole = reading.shop.store("point").merged()
+    other = (statuses.values[chosen] != whole.values[blocks]) | (statuses.free[chosen] != whole.free[blocks])
+    sigma, given = statuses.sigma[chosen], whole.sigma[blocks]
+    other |= (sigma != given) & ~(np.isnan(sigma) & np.isnan(given))
+    wrong = np.zeros(rows.count, dtype=bool)
+    wrong[chosen] = (told[chosen] & other).any(axis=1)
+    names = rows.text(column)
+    tell_rows(
+        reading.problems,
+        wrong,
+        rows,
+        lambda row: f"{column}: {names[row]!r} has another value or σ where it stands first",
+    )
 
 
 def position_columns(reading: Reading) -> list[Column]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from mor.arrays import FloatArray
 from mor.errors import Problem
 from mor.observations import PLAIN_TYPES, ObservationGroup, ObservationType
 from mor.project.edge import Edge, ImageScale
@@ -20,6 +21,8 @@ from mor.project.world.world import World
 
 TableWatcher: TypeAlias = Callable[[str | None], None]
 """Told the file of a table when it has been read."""
+SetUp: TypeAlias = tuple[FloatArray, ...]
+"""Value, σ, start and freedom of a shared constant, (1, size) each, as far as rows have said them."""
 
 
 def ignore_table(file: str | None) -> None:
@@ -51,6 +54,8 @@ class Reading:
     notes: list[Problem] = field(default_factory=list)
     """What was assumed, to be said to the user."""
     scales: dict[str, ImageScale] = field(default_factory=dict)
+    shared_set_ups: dict[str, dict[str, SetUp]] = field(default_factory=dict)
+    """What was said of constants that are shared by name, by kind."""
     groups: dict[str, list[int]] = field(default_factory=dict)
     """Point groups by name: block numbers."""
     table_ids: dict[tuple[str, int], list[str]] = field(default_factory=dict)

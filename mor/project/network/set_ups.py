@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.kinds import ECCENTRICITY, HEIGHT, IMAGE_VELOCITY, ROTATION_RATE, BlockKind
 from mor.project.network.entities import entities
-from mor.project.network.reading import Reading
+from mor.project.network.reading import Reading, SetUp
 from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import Statuses, component_columns
 from mor.project.tables.tables import Column, Rows
@@ -76,61 +77,106 @@ def _set_ups(
     free: Collection[str],
     otherwise: IntArray,
 ) -> IntArray:
-    statuses, said = _statuses(reading, kind, rows, fixed, free)
+    said = _said(reading, kind, rows, fixed, free)
     result, store = otherwise.copy(), reading.shop.store(kind.key)
     named = rows.text(shared_column(kind))
-    own = np.flatnonzero(said & np.array([not name for name in named], dtype=bool))
-    result[own] = store.add([labels[i] for i in own], *statuses.rows(own))
+    unnamed = np.array([not name for name in named], dtype=bool)
+    own = np.flatnonzero(unnamed & said.anything())
+    result[own] = store.add([labels[i] for i in own], *said.rows(own).statuses())
     shared = reading.shop.things.get(shared_column(kind))
     known = {name: shared.part(name, kind.key) for name in shared.ids} if shared else {}
-    for i, name in enumerate(named):
-        if not name:
-            continue
-        row = statuses.rows(np.array([i]))
-        if name not in known:
-            known[name] = int(store.add([f"{kind.key} {name}"], *row)[0])
-        elif _differs(rows, i, kind, store.all_values()[known[name]]):
-            words = f"{shared_column(kind)}: {name!r} has another value in a row above"
-            tell_rows(reading.problems, np.arange(rows.count) == i, rows, words)
-        result[i] = known[name]
+    together = reading.shared_set_ups.setdefault(kind.key, {})
+    for i in np.flatnonzero(~unnamed).tolist():
+        together[named[i]] = _with_row(reading, kind, rows, i, said, together.get(named[i]))
+    for name in dict.fromkeys(name for name in named if name):
+        statuses = _Said(*together[name]).statuses()
+        if name in known:
+            store.put(known[name], statuses)
+        else:
+            known[name] = int(store.add([f"{kind.key} {name}"], *statuses)[0])
+    for i in np.flatnonzero(~unnamed).tolist():
+        result[i] = known[named[i]]
     numbers = {kind.key: np.array(list(known.values()), dtype=np.int64)}
     reading.shop.things[shared_column(kind)] = entities(known, numbers)
     return result
 
 
-def _differs(rows: Rows, row: int, kind: BlockKind, values: FloatArray) -> bool:
-    """True where a row gives a component that is not the one of the shared block."""
-    given = np.array([rows.number(component.name)[row] for component in kind.components])
-    return bool((np.isfinite(given) & (given != values)).any())
+class _Said(NamedTuple):
+    """What n rows say of the components of a constant, (n, size) each; NaN where they say nothing."""
+
+    given: FloatArray
+    sigma: FloatArray
+    start: FloatArray
+    free: FloatArray
+    """1 where the component is an unknown without a σ."""
+
+    def rows(self, chosen: IntArray) -> _Said:
+        """Some of the rows."""
+        return _Said(*(column[chosen] for column in self))
+
+    def anything(self) -> BoolArray:
+        """(n,) rows that say anything."""
+        return np.asarray((np.isfinite(self.given) | np.isfinite(self.free)).any(axis=1))
+
+    def statuses(self) -> Statuses:
+        """Observed with a σ, free where the table says so, else fixed."""
+        observed = self.sigma > 0.0
+        unknown = observed | np.isfinite(self.free)
+        return Statuses(
+            np.nan_to_num(self.given),
+            unknown,
+            np.where(observed, self.sigma, np.nan),
+            np.where(unknown, self.start, np.nan),
+        )
 
 
-def _statuses(
+def _with_row(
+    reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None
+) -> SetUp:
+    """What all rows so far say of one shared constant: each component once, or several times the same."""
+    here = said.rows(np.array([row]))
+    if before is None:
+        return tuple(here)
+    column, at, name = shared_column(kind), np.arange(rows.count) == row, rows.text(shared_column(kind))[row]
+    contradictions = (
+        f"{column}: {name!r} has another value in a row above",
+        f"{column}: {name!r} has another σ in a row above",
+        f"{column}: {name!r} has another start value in a row above",
+    )
+    for words, one, other in zip(contradictions, before, here, strict=False):
+        if (np.isfinite(one) & np.isfinite(other) & (one != other)).any():
+            tell_rows(reading.problems, at, rows, words)
+    merged = _Said(*(np.where(np.isnan(one), other, one) for one, other in zip(before, here, strict=True)))
+    if (np.isfinite(merged.sigma) & np.isfinite(merged.free)).any():
+        words = (
+            f"{shared_column(kind)}: {name!r} is free in one row and has a σ in another; expected one of them"
+        )
+        tell_rows(reading.problems, np.arange(rows.count) == row, rows, words)
+    return tuple(merged)
+
+
+def _said(
     reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]
-) -> tuple[Statuses, BoolArray]:
-    """Statuses of the rows: observed with a σ, free where the table says so, else fixed; and where anything is said."""
+) -> _Said:
+    """What the rows say; σ = 0 is fixed, in a table of free ones, too."""
     names, problems = kind.names, reading.problems
     given = np.stack([rows.number(name) for name in names], axis=1)
     sigma = np.stack([rows.number(f"sigma_{name}") for name in names], axis=1)
     start = np.stack([rows.number(f"start_{name}") for name in names], axis=1)
-    loose = np.array([name in free for name in names])
+    loose = np.full(given.shape, np.nan)
     for k, name in enumerate(names):
         own = f"sigma_{name}"
         tell_rows(problems, sigma[:, k] < 0.0, rows, f"{own}: found a negative σ, expected a σ ≥ 0")
         missing = np.isfinite(sigma[:, k]) & np.isnan(given[:, k])
         tell_rows(problems, missing, rows, f"{name} has a σ but no value")
-        if loose[k]:
-            wrong = np.isfinite(sigma[:, k])
+        if name in free:
+            wrong = sigma[:, k] > 0.0
             tell_rows(
                 problems, wrong, rows, f"{name} is free in this table, and has a σ; expected one of them"
             )
             held = np.full(rows.count, name in fixed)
             tell_rows(problems, held, rows, f"{name} is free and fixed in this table; expected one of them")
-    observed = (sigma > 0.0) & ~np.array([name in fixed for name in names])
-    unknown = observed | loose
-    statuses = Statuses(
-        np.nan_to_num(given),
-        unknown,
-        np.where(observed, sigma, np.nan),
-        np.where(unknown, start, np.nan),
-    )
-    return statuses, np.asarray(np.isfinite(given).any(axis=1) | loose.any())
+            loose[sigma[:, k] != 0.0, k] = 1.0
+        elif name in fixed:
+            sigma[np.isfinite(given[:, k]), k] = 0.0
+    return _Said(given, sigma, start, loose)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -9,7 +10,14 @@ import numpy as np
 
 from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup, ObservationType
+from mor.observations import (
+    FOLLOWER_TYPES,
+    IMAGE_TYPES,
+    MOVING_TYPES,
+    ObservationGroup,
+    ObservationType,
+    Slot,
+)
 from mor.observations.names import Names
 from mor.observations.time.line_scanner import line_scanner
 from mor.observations.time.rolling_shutter import PHASE, phases
@@ -96,7 +104,7 @@ def _image_group(
     point: Names,
     chosen: IntArray,
 ) -> Group | None:
-    images, points = reading.shop.things["image"], reading.shop.things["point"]
+    images = reading.shop.things["image"]
     first = image.numbers[0]
     camera_name = reading.shop.things["camera"].ids[images.parts["camera"][first]]
     camera, scale = reading.project.cameras[camera_name], reading.scales[camera_name]
@@ -129,16 +137,10 @@ def _image_group(
         if found is None:
             return None
         type_, knots, constants = _along(type_, camera, scanner, observed, constants, found)
-    blocks = tuple(
-        _blocks_of(points.parts["position"], point)
-        if slot.of == "point"
-        else _once(_blocks_of(images.parts[slot.part], image))
-        for slot in type_.slots[len(knots) :]
-    )
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
-        blocks=(*knots, *blocks),
+        blocks=(*knots, *_blocks_beside(reading, type_.slots[len(knots) :], image, point)),
         observed=observed,
         sigma=_once(sigma * entry.factor),
         constants=constants,
@@ -151,6 +153,19 @@ def _image_group(
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
     return Group(group, number, chosen, np.eye(2), factors)
+
+
+def _blocks_beside(
+    reading: Reading, slots: Sequence[Slot], image: Names, point: Names
+) -> tuple[SmallIntArray, ...]:
+    """Blocks (n,) of the slots that are no knots: those of the image and of the point of every row."""
+    images, points = reading.shop.things["image"], reading.shop.things["point"]
+    return tuple(
+        _blocks_of(points.parts["position"], point)
+        if slot.of == "point"
+        else _once(_blocks_of(images.parts[slot.part], image))
+        for slot in slots
+    )
 
 
 def _r0(reading: Reading, camera: Camera, scale: ImageScale) -> float:

@@ -243,11 +243,6 @@ def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
             reading.problems.append(row.problem(f"σ = 0: {error}"))
 
 
-def _equality(known: _Known) -> Equality:
-    first, second = known.blocks
-    return Equality(known.component, first, second, known.value)
-
-
 def _refuse_constant(reading: Reading, row: _Row) -> None:
     """Tell a row in which nothing that is observed is an unknown."""
     free, known = reading.shop.store(row.kind).all_free(), row.known

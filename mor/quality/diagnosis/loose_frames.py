@@ -37,7 +37,8 @@ def _locked(solved: Solved, space: str, name: str, rotation: int, say: Say) -> l
     return [
         say(
             "phi of {names} is ±100 gon: omega and kappa are the same turn there, so that no angle can be fixed, or "
-            "differ exactly from another one, by itself; turn the object system, or observe it with a σ.",
+            "differ exactly from another one, by itself; turn the object system, or say the relative rotation of "
+            "images by a pair.",
             names=f"{say(space)} {name}",
         )
     ]

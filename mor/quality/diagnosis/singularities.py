@@ -193,10 +193,26 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
             lines += _together(direction, blocks, say)
     told = [
         _one_block(kind, block, directions, say)
+        if _is_observed(solved, kind, block)
+        else say(
+            "No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say)
+        )
         for (kind, block), directions in single.items()
         if thing_of(kind, block) not in alone
     ]
     return [*told, *lines, *_geometry(solved, alone, say)]
+
+
+def _is_observed(solved: Solved, kind: str, block: str) -> bool:
+    """True where some observation depends on a block, or on one that has a component of it."""
+    blocks = solved.network.blocks[kind]
+    number = blocks.ids.index(block)
+    return any(
+        bool((blocks.owner[numbers] == number).any())
+        for group in solved.adjustment.problem.groups
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == kind
+    )
 
 
 def _unexplained(solved: Solved) -> list[Undetermined]:

@@ -16,10 +16,19 @@ from mor.parameters.kinds import INTERIORS
 from mor.project.edge import split
 from mor.project.file.model import Axes
 from mor.quality.in_chunks import ROWS_AT_A_TIME, in_pieces
+from mor.quality.precision.follower_poses import follower_blocks, follower_poses, of_images
 from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.observation_quality import omega_of, redundancy_of
 from mor.quality.solved import Solved
-from mor.report.edge import Estimate, angle_unit, plain, points, rotations
+from mor.report.edge import (
+    Estimate,
+    angle_unit,
+    plain,
+    points,
+    rotations,
+    said_attitudes,
+    said_places,
+)
 from mor.report.parameters import component_rows, motion_columns, number_or_none
 from mor.report.tables.control import control_of_images, control_of_points
 from mor.report.tables.ellipses import ellipse_columns
@@ -78,7 +87,7 @@ def image_table(solved: Solved) -> pl.DataFrame:
         {
             "id": list(things.ids),
             "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
-            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_image_poses(solved),
             **_image_residuals(solved),
             **control_of_images(solved),
             **motion_columns(solved),
@@ -253,6 +262,28 @@ def _largest(tests: Reliability, inside: BoolArray) -> float | None:
 
     largest = float(in_pieces(inside.shape, of_rows).max(initial=-1.0))
     return largest if largest >= 0.0 else None
+
+
+def _image_poses(solved: Solved) -> dict[str, FloatArray]:
+    """Poses of images, those of stereo followers worked out from leader and pair."""
+    images = solved.network.things["image"]
+    columns = _pose(solved, images.parts["position"], images.parts["rotation"])
+    follows = np.flatnonzero(images.parts["base"] >= 0)
+    if not len(follows):
+        return columns
+    place, D = follower_poses(solved.adjustment.values, follower_blocks(images, follows))
+    q = None
+    if solved.quality is not None:
+        q = of_images(solved.quality.followers, images, follows) * solved.quality.sigma_factor**2
+    parts = (None, None) if q is None else (q[:, :3, :3], q[:, 3:, 3:])
+    own = _with_sigma(said_places(solved, place, parts[0]), XYZ)
+    by_angles = np.zeros(len(follows), dtype=bool)
+    own |= _with_sigma(said_attitudes(solved, D, parts[1], by_angles), ANGLES)
+    absent = np.isnan(columns["x"][follows])
+    for name, column in own.items():
+        columns[name] = columns[name].copy()
+        columns[name][follows] = np.where(absent, np.nan, column)
+    return columns
 
 
 def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:

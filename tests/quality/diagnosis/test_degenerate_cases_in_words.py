@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 from scenes import CAMERA_STATIONS, OBJECT_POINTS, Scene, add_image, add_object_points, photo_block
-from small_projects import mor, table, write
+from small_projects import LEVELLING, mor, table, write
 
 from mor.geometry.rotations import angles_from_rotation
 
@@ -201,3 +201,17 @@ def test_a_plane_object_and_parallel_images_do_not_give_c_and_principal_point(tm
         assert f"the interior orientation of camera K {component}" in run.err
     assert "the position of image I0" in run.err
     assert "measure rolled images and points in depth" in run.err
+
+
+def test_what_no_observation_refers_to_is_said_to_be_idle(tmp_path):
+    """A camera without images, an instrument that nothing was measured with: no word of rolled images."""
+    levels = LEVELLING.replace(
+        "points:",
+        "cameras: {Z: {interior: {c: {free: 10}}}}\ninstruments: {edm: {scale: {free: 1}}}\npoints:",
+    )
+    run = mor("adjust", write(tmp_path, levels), "-o", tmp_path / "out", "--quiet")
+    assert run.code == 4
+    said = " ".join((tmp_path / "out" / "report.txt").read_text().split())
+    assert "No observation refers to the interior orientation of camera Z;" in said
+    assert "No observation refers to distance meter edm;" in said
+    assert "rolled images" not in said

@@ -137,13 +137,35 @@ def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: Bo
     return columns
 
 
+class Unknown(NamedTuple):
+    """Which components of the constants of n frames are unknowns without a σ, (n, size) each."""
+
+    names: tuple[str, ...]
+    free: BoolArray
+    barred: BoolArray
+    """Components that a table which has them free would change: observed ones, and those that say nothing."""
+
+    def beside(self, other: Unknown) -> Unknown:
+        """The components of both."""
+        return Unknown(
+            self.names + other.names,
+            np.hstack([self.free, other.free]),
+            np.hstack([self.barred, other.barred]),
+        )
+
+    def of_table(self, rows: IntArray | slice) -> list[str]:
+        """Names that are free in a table of these rows."""
+        named = np.asarray(self.free[rows].any(axis=0) & ~self.barred[rows].any(axis=0))
+        return [name for name, free in zip(self.names, named, strict=True) if free]
+
+
 def unknown_constants(
-    placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray
-) -> list[tuple[str, ...]]:
-    """Of each frame (n,) the components that are unknowns without a σ."""
+    placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray, any_: BoolArray
+) -> Unknown:
+    """Unknowns among the constants of the frames (n,) that have ``own`` ones; ``any_`` are those that may have any."""
     free = placed.network.blocks[kind.key].free[numbers]
-    loose = free & np.isnan(placed.network.sigma[kind.key][numbers]) & own[:, None]
-    return [tuple(name for name, there in zip(kind.names, row, strict=True) if there) for row in loose]
+    observed = np.isfinite(placed.network.sigma[kind.key][numbers])
+    return Unknown(kind.names, free & ~observed & own[:, None], (observed | ~own[:, None]) & any_[:, None])
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.parameters.kinds import (
     BASE,
     ECCENTRICITY,
@@ -19,10 +18,12 @@ from mor.parameters.kinds import (
     ROTATION,
     ROTATION_RATE,
     SCALE,
+    BlockKind,
 )
 from mor.project.network.set_ups import shared_column
 from mor.report.results.adjusted.start_columns import (
     Placed,
+    Unknown,
     angle_columns,
     constant_columns,
     coordinate_columns,
@@ -51,7 +52,7 @@ def _by_table(
     placed: Placed,
     space: str,
     columns: dict[str, Any],
-    unknown: Sequence[tuple[str, ...]] | None = None,
+    unknown: Unknown | None = None,
 ) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """A table for each one the things of a namespace came from, by its name, with its ``unknown`` constants free."""
     ids = placed.network.things[space].ids
@@ -59,16 +60,14 @@ def _by_table(
     for name, count in placed.network.tables.get(space, ()):
         rows = slice(first, first + count)
         frame = start_frame(ids[rows], {key: column[rows] for key, column in columns.items()})
-        result.append(
-            (frame, {**({"name": name} if name else {}), **_free(unknown[rows] if unknown else ())})
-        )
+        result.append((frame, {**({"name": name} if name else {}), **_free(unknown, rows)}))
         first += count
     return result
 
 
-def _free(unknown: Iterable[tuple[str, ...]]) -> dict[str, Any]:
-    """The key for constants that are unknowns in a table."""
-    names = list(dict.fromkeys(name for row in unknown for name in row))
+def _free(unknown: Unknown | None, rows: slice | IntArray) -> dict[str, Any]:
+    """The key for constants that are unknowns in a table of these rows."""
+    names = unknown.of_table(rows) if unknown is not None else []
     return {"free": names} if names else {}
 
 
@@ -113,17 +112,14 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
             column[follows] = np.nan
         elif key not in ("camera", "epoch", "leader", "pair"):
             columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
-    heights = unknown_constants(placed, HEIGHT, parts["height"], raised & ~follows)
-    eccentricities = unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows)
-    moving = [
-        unknown_constants(placed, kind, parts[kind.key], parts[kind.key] >= 0)
-        for kind in (IMAGE_VELOCITY, ROTATION_RATE)
-        if kind.key in placed.network.blocks
-    ]
-    unknown = [
-        tuple(name for part in own for name in part)
-        for own in zip(heights, eccentricities, *moving, strict=True)
-    ]
+    unknown = unknown_constants(placed, HEIGHT, parts["height"], raised & ~follows, ~follows)
+    unknown = unknown.beside(
+        unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows, ~follows)
+    )
+    for kind in (IMAGE_VELOCITY, ROTATION_RATE):
+        if kind.key in placed.network.blocks:
+            own, moving = _moving(placed, kind), parts[kind.key] >= 0
+            unknown = unknown.beside(unknown_constants(placed, kind, parts[kind.key], own, moving))
     columns = on_trajectories(placed, columns, pose)
     return _by_table(placed, "image", columns | _image_variant(placed), unknown)
 
@@ -132,12 +128,17 @@ def _motions(placed: Placed) -> dict[str, Any]:
     """Velocities and rates of rotation of the images that have one, and the names they share."""
     columns: dict[str, Any] = {}
     for kind in (IMAGE_VELOCITY, ROTATION_RATE):
-        numbers = placed.network.things["image"].parts[kind.key]
         if kind.key in placed.network.blocks:
-            ids = placed.network.blocks[kind.key].ids
-            own = np.array([number >= 0 and ids[number] != "none" for number in numbers])
-            columns |= constant_columns(placed, kind, numbers, own)
+            numbers = placed.network.things["image"].parts[kind.key]
+            columns |= constant_columns(placed, kind, numbers, _moving(placed, kind))
     return columns
+
+
+def _moving(placed: Placed, kind: BlockKind) -> BoolArray:
+    """(n,) images that have a motion of a kind."""
+    ids = placed.network.blocks[kind.key].ids
+    numbers = placed.network.things["image"].parts[kind.key]
+    return np.array([number >= 0 and ids[number] != "none" for number in numbers], dtype=bool)
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
@@ -191,21 +192,23 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
                 column[idle] = np.nan  # no direction was observed there
         if level == "fixed":
             columns = {key: c for key, c in columns.items() if key.split("_")[-1] not in ("omega", "phi")}
-        of_own = (parts["height"] != 0) & np.array([not set_ for _, set_ in names], dtype=bool)
-        unknown = unknown_constants(placed, HEIGHT, parts["height"], of_own)
+        first = np.array([not set_ for _, set_ in names], dtype=bool)
+        unknown = unknown_constants(placed, HEIGHT, parts["height"], first & (parts["height"] != 0), first)
         frame = start_frame([station for station, _ in names], columns)
-        result.append((frame, {**({"name": name} if name else {}), "level": level, **_free(unknown)}))
+        result.append(
+            (frame, {**({"name": name} if name else {}), "level": level, **_free(unknown, slice(None))})
+        )
     return result
 
 
 def _empty_places_of_sets(columns: dict[str, Any]) -> None:
     """A further set stands where its station stands: it has no position and height of its own."""
     is_set = np.array([bool(name) for name in columns["set"]])
-    for key in ("point", shared_column(HEIGHT)):
-        if key in columns:
-            columns[key] = ["" if s else name for s, name in zip(is_set, columns[key], strict=True)]
+    names = ("point", shared_column(HEIGHT))
     for key, column in columns.items():
-        if key.split("_")[-1] in (*POINT.names, *HEIGHT.names):
+        if key in names:
+            columns[key] = ["" if s else name for s, name in zip(is_set, column, strict=True)]
+        elif key.split("_")[-1] in (*POINT.names, *HEIGHT.names):
             column[is_set] = np.nan
 
 
@@ -218,7 +221,6 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         **plain_columns(placed, "scale", things.parts["scale"], SCALE.names),
     }
     offsets = things.parts["offset"]
-    columns |= constant_columns(placed, ECCENTRICITY, offsets, offsets != 0)
-    return _by_table(
-        placed, "system", columns, unknown_constants(placed, ECCENTRICITY, offsets, offsets != 0)
-    )
+    own, all_ = offsets != 0, np.ones(len(offsets), dtype=bool)
+    columns |= constant_columns(placed, ECCENTRICITY, offsets, own)
+    return _by_table(placed, "system", columns, unknown_constants(placed, ECCENTRICITY, offsets, own, all_))

@@ -10,7 +10,13 @@ from mor.arrays import FloatArray
 from mor.geometry.frames import by_point, by_rotation, into_frame
 from mor.observations._between import POSITIONS, bearing
 from mor.observations._contract import Computed, ObservationType, Reference, Slot
-from mor.observations.vertical import FACE, RADIUS, REFRACTION_SLOT, bent_elevation, face_of_zenith
+from mor.observations.terrestrial.vertical import (
+    FACE,
+    RADIUS,
+    REFRACTION_SLOT,
+    bent_elevation,
+    face_of_zenith,
+)
 from mor.units import ANGLE, Component
 
 SLOTS = (

@@ -1,0 +1,1 @@
+"""What terrestrial instruments observe between positions: distances, directions, angles, differences of coordinates."""
