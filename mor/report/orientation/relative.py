@@ -56,15 +56,21 @@ def relative(measured: Measured, constants: FloatArray, sigma: float) -> Oriente
 def _joined(
     images: list[Bundle], pairs: list[RobustOrientation], used: BoolArray
 ) -> tuple[Chain | None, Model | None]:
-    if not all(is_known(pair) for pair in pairs):
+    known = [is_known(pair) for pair in pairs]
+    if not any(known) or not all(one or _is_turned(pair) for one, pair in zip(known, pairs, strict=True)):
         return None, None
     linked = chain([pair.orientation for pair in pairs], images, used)
-    return linked, adjust_model(images, used, linked) if np.all(linked.common > 0) else None
+    return linked, adjust_model(images, used, linked) if np.all(linked.common != 0) else None
 
 
 def is_known(pair: RobustOrientation) -> bool:
     """True where the outcome names a solution, unambiguous or not."""
     return pair.orientation.outcome.usable
+
+
+def _is_turned(pair: RobustOrientation) -> bool:
+    """True where both images are from one centre, and it is known how the second one is turned."""
+    return bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
 
 
 def solved(found: Oriented) -> bool:
@@ -179,7 +185,7 @@ def _model(ids: Any, found: Oriented, unit: str, attitude: FloatArray | None) ->
         "system": "image" if attitude is None else "object",
         "sigma0": number(model.sigma0),
         "redundancy": model.redundancy,
-        "scale_points": found.chain.common.tolist(),
+        "scale_points": [None if count < 0 else count for count in found.chain.common.tolist()],
         "images": [
             {
                 "image": k + 1,
