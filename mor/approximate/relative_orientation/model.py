@@ -21,6 +21,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import cross_matrix, rotate
 
 ITERATIONS = 30
+ROUND_OFF = 1e-15
 
 
 class Chain(NamedTuple):
@@ -208,10 +209,17 @@ def _normals(
         frames += np.einsum("nki,nkj->ij", by_unknown, by_unknown)
         side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
         objective += float(np.sum(computed.residuals**2))
+    own += _hold(own)
     inverse = np.linalg.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
     return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)
+
+
+def _hold(own: FloatArray) -> FloatArray:
+    """What makes (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused."""
+    trace = np.einsum("nii->n", own)
+    return np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
 
 
 def _model(

@@ -164,6 +164,8 @@ def _model(data: dict[str, Any], words: Words) -> str:
             redundancy=model["redundancy"],
         )
     )
+    if len(data["pairs"]) > 1 and any(pair["alternatives"] for pair in data["pairs"]):
+        lines.append(_decided(model["rivals"], words))
     headers = ["image", *_headed(("X0", "Y0", "Z0"), "1"), *_headed(("omega", "phi", "kappa"), unit)]
     keys = ("x", "y", "z", "omega", "phi", "kappa")
     rows = [[str(one["image"]), *_valued(one, keys)] for one in model["images"]]
@@ -171,6 +173,16 @@ def _model(data: dict[str, Any], words: Words) -> str:
     rows = [[one["id"], *_valued(one, keys[:3]), _remark(one, words)] for one in model["points"]]
     lines.append(table(["point", *_headed(("X", "Y", "Z"), "1"), "remark"], rows, words=words))
     return "\n".join(lines)
+
+
+def _decided(rivals: int, words: Words) -> str:
+    if rivals:
+        return words(
+            "With other orientations of the ambiguous pairs all images fit together as well: "
+            "{count:further model|further models}.",
+            count=rivals,
+        )
+    return words("Of the orientations of ambiguous pairs only those told first fit the other images.")
 
 
 def _remark(point: dict[str, Any], words: Words) -> str:
