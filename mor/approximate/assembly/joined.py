@@ -60,10 +60,9 @@ def _system_waits(assembly: Assembly) -> bool:
     What grows from few control points is hung on each of them: one wrong name, and all that follows is wrong.
     """
     given = assembly.parts[0]
-    asks = not given.poses and np.count_nonzero(np.isfinite(given.points).any(axis=1)) >= CONTROL
-    return (
-        asks and assembly.network.observations <= ROWS and bool(assembly.scene.choices.take(2, alike=False))
-    )
+    control = int(np.count_nonzero(np.isfinite(given.points).any(axis=1)))
+    asks = not given.poses and control >= CONTROL and assembly.network.observations <= ROWS
+    return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
 def _assemble(assembly: Assembly) -> None:
