@@ -88,6 +88,8 @@ class Judgement(NamedTuple):
     """The largest of a group."""
     squares: float = np.inf
     """v'Pv, where they were adjusted and that came to an end."""
+    before: float = np.inf
+    """``fit`` before they were adjusted."""
 
     @property
     def agrees(self) -> bool:
@@ -95,9 +97,15 @@ class Judgement(NamedTuple):
         return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
 
     def beats(self, other: Judgement) -> bool:
-        """True where these are clearly better, or end at a smaller v'Pv."""
+        """True where these are clearly better, or end at a smaller v'Pv.
+
+        Gross errors can draw good ones and bad ones to one end, from where nothing tells what is wrong: the good ones
+        fit most observations as they stand.
+        """
         if np.isfinite(self.squares) and np.isfinite(other.squares):
-            return self.squares < (1.0 - SMALLER) * other.squares
+            if abs(self.squares - other.squares) <= SMALLER * other.squares:
+                return self.before + BETTER < other.before
+            return self.squares < other.squares
         return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (
             other.missing,
             other.fit,

@@ -58,6 +58,15 @@ def test_nothing_else_is_tried_where_start_values_agree():
     assert tried == [0, 0, 1]
 
 
+def test_of_start_values_that_come_to_one_end_those_are_better_that_fit_as_they_stand():
+    """Gross errors can draw good start values and bad ones to one absurd end."""
+    bad, good = (Judgement(0, 7.7, 9.7, 1.2e9, before) for before in (5.0, 1.0))
+    assert good.beats(bad)
+    assert not bad.beats(good)
+    assert not good.beats(good)
+    assert Judgement(0, 7.7, 9.7, 1.1e9, 5.0).beats(good)
+
+
 def test_start_values_are_judged_by_logarithms_of_their_misclosures(tmp_path):
     (tmp_path / "project.yaml").write_text(LEVELS, encoding="utf-8")
     network = read_network(read_document(tmp_path / "project.yaml"), tmp_path)

@@ -281,3 +281,39 @@ def test_three_images_give_one_shape_once(tmp_path: Path, capsys: pytest.Capture
     data = json.loads(capsys.readouterr().out)
     assert data["outcome"] == "unique"
     assert len(data["solutions"]) == 1
+
+
+def test_images_of_a_chain_from_one_centre_are_turned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two from the first centre, two from the third; without a base at all there is the turn, and no model."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform([-4, -3, -12], [4, 3, -7], (30, 3))
+    places = [np.zeros(3), np.zeros(3), np.array([1.2, 0.1, -0.1])] + [np.array([2.3, -0.1, 0.2])] * 2
+    turns = [np.zeros(3), np.array([0.1, -0.05, 0.3]), np.full(3, 0.04), np.zeros(3), np.array([0, 0.1, 0.2])]
+    images = [
+        image_of(points, place, rotation(*turn), 28.8) + 0.001 * rng.normal(size=(30, 2))
+        for place, turn in zip(places, turns, strict=True)
+    ]
+    ids = [f"P{k}" for k in range(30)]
+    table = write(tmp_path / "chain.csv", ids, *images)
+    assert run(["orient", "relative", str(table), "-c", "28.8", "--json", "--angles", "rad"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert [pair["outcome"] for pair in data["pairs"]] == ["no_base", "determined", "determined", "no_base"]
+    assert data["model"]["scale_points"] == [None, 30, None]
+    assert 0.6 < data["model"]["sigma0"] < 1.4
+    unit = np.linalg.norm(places[2])
+    for one, place, turn in zip(data["model"]["images"][1:], places[1:], turns[1:], strict=True):
+        for key, truth in zip(
+            ["x", "y", "z", "omega", "phi", "kappa"], [*(place / unit), *turn], strict=True
+        ):
+            assert abs(one[key] - truth) < 4.5 * one[f"s{key}"]
+    turned = data["pairs"][0]["angles"]
+    for key, truth in zip(("omega", "phi", "kappa"), turns[1], strict=True):
+        assert 0.0 < turned[f"s{key}"] < 1e-4
+        assert abs(turned[key] - truth) < 4.5 * turned[f"s{key}"]
+    table = write(tmp_path / "turned.csv", ids, images[0], images[1], images[1])
+    assert run(["orient", "relative", str(table), "-c", "28.8"]) == 4
+    said = capsys.readouterr().out
+    assert "kappa*" in said
+    assert "No model of all images: not every pair of neighbouring images is oriented." in said

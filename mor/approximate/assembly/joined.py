@@ -8,6 +8,7 @@ from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow, grow_until_tied
 from mor.approximate.assembly.seeds import next_seed
+from mor.approximate.choices import ROWS
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, intersect_the_rest, pose_the_rest
 from mor.approximate.growth.grow_levelled import begin_heights, place_as_if_level
 from mor.approximate.growth.mixed_intersection import grow_mixed
@@ -26,6 +27,8 @@ from mor.project.network.build import Network
 
 ADJUSTMENTS = 3
 """Adjustments of a large network that beginnings in doubt may take."""
+CONTROL = 3
+"""Points that the object system must know to grow by itself."""
 
 
 def assembled(network: Network, scene: Scene) -> Assembly:
@@ -35,11 +38,12 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     assembly = Assembly(network, scene, parts, in_doubt=in_doubt, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
+    waits = _system_waits(assembly)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
         assembly.tried_frames = set()
-        for part in parts:
+        for part in parts[1:] if waits and fewest == ENOUGH else parts:
             grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
@@ -52,6 +56,17 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
     return assembly
+
+
+def _system_waits(assembly: Assembly) -> bool:
+    """Does the object system wait until parts that know nothing of the control are laid upon all of it?
+
+    What grows from few control points is hung on each of them: one wrong name, and all that follows is wrong.
+    """
+    given = assembly.parts[0]
+    control = int(np.count_nonzero(np.isfinite(given.points).any(axis=1)))
+    asks = not given.poses and control >= CONTROL and assembly.network.observations <= ROWS
+    return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
 def _assemble(assembly: Assembly) -> None:

@@ -165,7 +165,7 @@ def _judged(assembly: Assembly, found: Approximation, moving: Network, settle: S
     values, squares = settled
     if np.isinf(squares):  # other start values seldom help, and none of them may take the place of given ones
         return judgement._replace(fit=np.inf, worst=np.inf)
-    return Judgement(0, *disagreement(moving.groups, values), squares)
+    return Judgement(0, *disagreement(moving.groups, values), squares, judgement.fit)
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:

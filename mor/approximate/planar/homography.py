@@ -133,21 +133,26 @@ class Turn(NamedTuple):
     """(3, 3) D*."""
     objective: float
     """Σ (v/σ)² of the same conditions as those of the collineation, which has five more unknowns."""
+    covariance: FloatArray
+    """(3, 3) of a small rotation δ of D*, for the a-priori σ of the rays."""
 
 
 def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
     """Adjust H = D*, a pure rotation, to n ≥ 2 homologous rays: what is left when there is no base."""
     rotation = nearest_rotation(b.directions.T @ a.directions)
     corrections = np.zeros((len(a), 4))
+    normal = np.eye(3)
     for _ in range(iterations):
         design, residuals, corrections = _conditions(a, b, rotation, corrections)
-        turns = -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
-        step = np.linalg.lstsq(design @ turns, -residuals, rcond=None)[0]
+        rows = design @ -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
+        normal = rows.T @ rows
+        step = np.linalg.lstsq(rows, -residuals, rcond=None)[0]
         rotation = rotate(rotation, np.asarray(step, dtype=np.float64))
         if float(np.max(np.abs(step))) < 1e-13:
             break
     residuals = _conditions(a, b, rotation, corrections)[1]
-    return Turn(rotation, float(residuals @ residuals))
+    covariance = np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
+    return Turn(rotation, float(residuals @ residuals), covariance)
 
 
 def significance_of_gaps(homography: Homography) -> float:

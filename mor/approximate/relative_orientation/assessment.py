@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
+from mor.approximate.planar.homography import Turn
 from mor.approximate.relative_orientation.coplanarity import Coplanarity, in_front
 from mor.approximate.relative_orientation.nonlinearity import sigma_hold
 from mor.approximate.relative_orientation.outcome import (
@@ -51,21 +52,24 @@ class Judged(NamedTuple):
     """(b, D*) of the orientations that carry a plane over; empty where the points are in none."""
 
 
-def failed(outcome: RelativeOutcome, points: int, rotation: FloatArray | None = None) -> RelativeOrientation:
-    """Return a result without an orientation; of a pure rotation the attitude is known."""
-    nothing = np.full(3, np.nan)
-    attitude = np.full((3, 3), np.nan) if rotation is None else rotation
+def failed(outcome: RelativeOutcome, points: int, turn: Turn | None = None) -> RelativeOrientation:
+    """Return a result without an orientation; of a pure rotation ``turn`` is known."""
+    nothing, covariance = np.full(3, np.nan), np.full((6, 6), np.nan)
+    attitude = np.full((3, 3), np.nan) if turn is None else turn.rotation
+    angles = nothing if turn is None else angles_from_rotation(turn.rotation)
+    if turn is not None:
+        covariance[3:, 3:] = turn.covariance
     return RelativeOrientation(
         outcome=outcome,
         geometry=SceneGeometry.UNKNOWN,
         points=points,
         base=nothing,
         rotation=attitude,
-        angles=nothing if rotation is None else angles_from_rotation(rotation),
-        covariance=np.full((6, 6), np.nan),
+        angles=angles,
+        covariance=covariance,
         sigma_base=nothing,
-        sigma_angles=nothing,
-        sigma0=float("nan"),
+        sigma_angles=nothing if turn is None else _sigma_angles(angles, turn.covariance),
+        sigma0=float("nan") if turn is None else float(np.sqrt(turn.objective / (2 * points - 3))),
         residuals=np.full(points, np.nan),
         front=np.zeros((points, 2), dtype=bool),
         candidates=(),
@@ -85,7 +89,7 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     outcome = _outcome(a, b, chosen, rivals, covariance)
-    covariance = _along_base(covariance, chosen.base)
+    covariance = _covering(_along_base(covariance, chosen.base), covariance, chosen.base)
     return RelativeOrientation(
         outcome=outcome,
         geometry=_geometry(judged.geometry, outcome, len(a)),
@@ -205,6 +209,20 @@ def _along_base(covariance: FloatArray, base: FloatArray) -> FloatArray:
     result = covariance.copy()
     result[:3, :3] += 0.25 * fourth * np.outer(base, base)
     return result
+
+
+def _covering(covariance: FloatArray, linear: FloatArray, base: FloatArray) -> FloatArray:
+    """The covariance (6, 6) with σ of b in which what they call five is four at least, as the base is curved, too.
+
+    Turned by four σ of the ``linear`` terms towards one of its axes a component of b changes by 4 σ of its own, and by
+    the square of the turn over two, |b| 8 λ, along the base.
+    """
+    turn = float(np.linalg.eigvalsh(linear[:3, :3])[2])
+    change = 4.0 * np.sqrt(np.diag(linear)[:3]) + 8.0 * turn * np.abs(base)
+    told = np.sqrt(np.diag(covariance))
+    factors = np.ones(6)
+    factors[:3] = np.maximum(1.0, 0.2 * change / np.maximum(told[:3], 1e-300))
+    return np.asarray(covariance * np.outer(factors, factors))
 
 
 def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import cross_matrix, rotate
 
 ITERATIONS = 30
+ROUND_OFF = 1e-15
 
 
 class Chain(NamedTuple):
@@ -31,7 +32,12 @@ class Chain(NamedTuple):
     rotations: FloatArray
     """(m, 3, 3)"""
     common: IntArray
-    """(m − 2,) points that carried the scale from each pair to the next; 0 ends the chain there."""
+    """(m − 2,) points that carried the scale from each pair to the next; 0 ends the chain there.
+
+    −1 where images stand in one place: there is no scale to carry yet, or it is carried past them.
+    """
+    unit: int
+    """The image whose distance from the first one is the unit of length."""
 
 
 class Model(NamedTuple):
@@ -68,21 +74,35 @@ class _Normals(NamedTuple):
 
 
 def chain(pairs: Sequence[RelativeOrientation], bundles: Sequence[Bundle], seen: BoolArray) -> Chain:
-    """Chain of m − 1 oriented pairs of neighbouring images; ``seen`` (m, n) the rays that count."""
+    """Chain of m − 1 oriented pairs of neighbouring images; ``seen`` (m, n) the rays that count.
+
+    Images of a pair without a base stand in one place, turned; one pair at least has a base.
+    """
     positions, rotations, common = [np.zeros(3)], [np.eye(3)], []
     length = 1.0
+    based = [k for k, pair in enumerate(pairs) if np.all(np.isfinite(pair.base))]
     for k, pair in enumerate(pairs):
-        if k > 0:
-            shared = np.flatnonzero(seen[k - 1] & seen[k] & seen[k + 1])
-            before = _ranges(pairs[k - 1], bundles[k - 1].take(shared), bundles[k].take(shared))[1]
-            after = _ranges(pair, bundles[k].take(shared), bundles[k + 1].take(shared))[0]
-            ratios = before / after
-            ratios = ratios[np.isfinite(ratios) & (ratios > 0.0)]
-            common.append(len(ratios))
-            length *= float(np.median(ratios)) if len(ratios) else float("nan")
-        positions.append(positions[k] + length * rotations[k].T @ pair.base)
+        passed = -1
+        if k in based[1:]:
+            ratios = _ratios(pairs, bundles, seen, (based[based.index(k) - 1], k))
+            passed = len(ratios)
+            length *= float(np.median(ratios)) if passed else float("nan")
+        common.append(passed)
+        positions.append(positions[k] + length * rotations[k].T @ np.nan_to_num(pair.base))
         rotations.append(pair.rotation @ rotations[k])
-    return Chain(np.stack(positions), np.stack(rotations), np.array(common, dtype=np.int64))
+    return Chain(np.stack(positions), np.stack(rotations), np.array(common[1:], dtype=np.int64), based[0] + 1)
+
+
+def _ratios(
+    pairs: Sequence[RelativeOrientation], bundles: Sequence[Bundle], seen: BoolArray, which: tuple[int, int]
+) -> FloatArray:
+    """Distances of common points from the place that two pairs share: in the unit of the one, by those of the other."""
+    one, other = which
+    shared = np.flatnonzero(seen[one] & seen[one + 1] & seen[other] & seen[other + 1])
+    before = _ranges(pairs[one], bundles[one].take(shared), bundles[one + 1].take(shared))[1]
+    after = _ranges(pairs[other], bundles[other].take(shared), bundles[other + 1].take(shared))[0]
+    ratios = before / after
+    return np.asarray(ratios[np.isfinite(ratios) & (ratios > 0.0)])
 
 
 def _ranges(pair: RelativeOrientation, a: Bundle, b: Bundle) -> tuple[FloatArray, FloatArray]:
@@ -103,14 +123,14 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Mo
     index = np.flatnonzero(np.any(used, axis=0))
     positions, rotations, chosen = start.positions, start.rotations, points[index]
     there, rays = used[:, index], [bundle.take(index) for bundle in bundles]
-    damping, normals = 0.0, _normals(rays, there, positions, rotations, chosen)
+    damping, normals = 0.0, _normals(rays, there, (positions, rotations, chosen), start.unit)
     for _ in range(ITERATIONS):
         scale = np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
         scaled = normals.frames / np.outer(scale, scale) + damping * np.eye(len(scale))
         step = -np.linalg.solve(scaled, normals.side / scale) / scale
-        moved = _moved(positions, rotations, step)
+        moved = _moved(positions, rotations, step, start.unit)
         shifted = chosen - normals.offset - normals.reach @ step
-        tried = _normals(rays, there, *moved, shifted)
+        tried = _normals(rays, there, (*moved, shifted), start.unit)
         gain = normals.objective - tried.objective
         if gain >= 0.0:
             positions, rotations, chosen, normals = *moved, shifted, tried
@@ -120,7 +140,9 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Mo
         if abs(gain) <= 1e-13 * normals.objective or float(np.max(np.abs(step))) < 1e-13 or damping > 1e6:
             break
     points[index] = chosen
-    return _model(positions, rotations, points, index, normals, used, reasons)
+    return _model(
+        start._replace(positions=positions, rotations=rotations), points, index, normals, used, reasons
+    )
 
 
 def _intersected(
@@ -146,29 +168,31 @@ def _parts(bundle: Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArr
     return bundle.rays, bundle.normals, bundle.axes, bundle.sigma
 
 
-def _basis(positions: FloatArray) -> FloatArray:
-    """(6m, f) how the unknowns move the frames: not the first, the second not along its base."""
-    frames = 6 * len(positions)
-    basis = np.eye(frames)[:, 7:]
-    basis[6:9, :2] = tangent_axes(positions[1] / np.linalg.norm(positions[1]))
+def _basis(positions: FloatArray, unit: int) -> FloatArray:
+    """(6m, f) how the unknowns move the frames: not the first, the one in unit distance not along its base."""
+    basis = np.delete(np.eye(6 * len(positions))[:, 6:], 6 * unit - 6, axis=1)
+    axes = tangent_axes(positions[unit] / np.linalg.norm(positions[unit]))
+    basis[6 * unit : 6 * unit + 3, 6 * unit - 6 : 6 * unit - 4] = axes
     return basis
 
 
-def _moved(positions: FloatArray, rotations: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    change = (_basis(positions) @ step).reshape(-1, 6)
+def _moved(
+    positions: FloatArray, rotations: FloatArray, step: FloatArray, unit: int
+) -> tuple[FloatArray, FloatArray]:
+    change = (_basis(positions, unit) @ step).reshape(-1, 6)
     moved = positions + change[:, :3]
-    moved[1] /= np.linalg.norm(moved[1])
+    moved[unit] /= np.linalg.norm(moved[unit])
     return moved, rotate(rotations, change[:, 3:])
 
 
 def _normals(
     bundles: Sequence[Bundle],
     used: BoolArray,
-    positions: FloatArray,
-    rotations: FloatArray,
-    points: FloatArray,
+    state: tuple[FloatArray, FloatArray, FloatArray],
+    unit: int,
 ) -> _Normals:
-    basis, count = _basis(positions), len(points)
+    positions, rotations, points = state
+    basis, count = _basis(positions, unit), len(points)
     unknowns = basis.shape[1]
     own, mixed, own_side = np.zeros((count, 3, 3)), np.zeros((count, 3, unknowns)), np.zeros((count, 3))
     frames, side, objective = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0.0
@@ -185,15 +209,21 @@ def _normals(
         frames += np.einsum("nki,nkj->ij", by_unknown, by_unknown)
         side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
         objective += float(np.sum(computed.residuals**2))
+    own += _hold(own)
     inverse = np.linalg.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
     return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)
 
 
+def _hold(own: FloatArray) -> FloatArray:
+    """What makes (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused."""
+    trace = np.einsum("nii->n", own)
+    return np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
+
+
 def _model(
-    positions: FloatArray,
-    rotations: FloatArray,
+    adjusted: Chain,
     points: FloatArray,
     index: IntArray,
     normals: _Normals,
@@ -202,11 +232,12 @@ def _model(
 ) -> Model:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
     unknowns = np.linalg.inv(normals.frames * np.outer(scale, scale)) * np.outer(scale, scale)
-    basis = _basis(positions)
+    basis = _basis(adjusted.positions, adjusted.unit)
     frames = basis @ unknowns @ basis.T
-    blocks = np.stack([frames[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(len(positions))])
+    blocks = np.stack([frames[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(len(adjusted.positions))])
     covariance = np.full((len(points), 3, 3), np.nan)
     covariance[index] = normals.inverse + normals.reach @ unknowns @ np.swapaxes(normals.reach, 1, 2)
     redundancy = 2 * int(np.sum(used)) - 3 * len(index) - len(scale)
     sigma0 = float(np.sqrt(normals.objective / redundancy)) if redundancy > 0 else float("nan")
+    positions, rotations = adjusted.positions, adjusted.rotations
     return Model(positions, rotations, points, blocks, covariance, reasons, sigma0, redundancy)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mor.approximate.bundle import Bundle
-from mor.approximate.planar.homography import fit_homography
+from mor.approximate.planar.homography import fit_homography, fit_turn
 from mor.approximate.planar.two_images import COLLINEAR, solutions_of_homography, thickness
 from mor.approximate.relative_orientation.assessment import Judged, failed, result
 from mor.approximate.relative_orientation.base_directions import minima_over_directions
@@ -76,7 +76,7 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
             a.noise, b.noise
         )
         outcome = RelativeOutcome.IDENTICAL if identical else RelativeOutcome.NO_BASE
-        return failed(outcome, len(a), turned.rotation)
+        return failed(outcome, len(a), fit_turn(a, b))
     linear = linear_system(a, b)
     geometry, seeds = _seeds(a, b, linear)
     adjusted = adjust_seeds(a, b, seeds)

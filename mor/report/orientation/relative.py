@@ -8,7 +8,8 @@ import numpy as np
 
 from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.auxiliary import CONDITIONS, Auxiliary, auxiliary_of
-from mor.approximate.relative_orientation.model import Chain, Model, adjust_model, chain
+from mor.approximate.relative_orientation.deciding import Joined, joined
+from mor.approximate.relative_orientation.model import Chain, Model
 from mor.approximate.relative_orientation.outcome import Candidate, RelativeOrientation
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
 from mor.arrays import BoolArray, FloatArray
@@ -33,38 +34,50 @@ class Oriented(NamedTuple):
     chain: Chain | None
     model: Model | None
     """Nothing where a pair is not oriented, or no scale passes from one pair to the next."""
+    rivals: int
+    """Other combinations of the orientations of ambiguous pairs with which all images fit together as well."""
 
 
 def relative(measured: Measured, constants: FloatArray, sigma: float) -> Oriented:
     """Orient every pair of neighbouring images, chain the models and adjust them."""
     images = bundles(measured, constants, sigma)
     seen: BoolArray = np.asarray(np.isfinite(measured.coordinates).all(axis=2)).T
-    used, pairs, common, auxiliary = seen.copy(), [], [], []
+    used, pairs, common = seen.copy(), [], []
     for k in range(len(images) - 1):
         both = seen[k] & seen[k + 1]
         a, b = images[k].take(both), images[k + 1].take(both)
         found = robust_relative_orientation(a, b)
         pairs.append(found)
         common.append(both)
-        agreeing = a.take(found.agreeing), b.take(found.agreeing)
-        auxiliary.append(auxiliary_of(*agreeing, found.orientation) if is_known(found) else None)
         used[:, np.flatnonzero(both)[~found.agreeing]] = False
-    linked, model = _joined(images, pairs, used)
-    return Oriented(pairs, auxiliary, common, used, linked, model)
+    known = [is_known(pair) for pair in pairs]
+    hang_together = any(known) and all(
+        one or _is_turned(pair) for one, pair in zip(known, pairs, strict=True)
+    )
+    all_of_them = joined(pairs, images, used) if hang_together else Joined(pairs, None, None, 0)
+    auxiliary = [
+        _auxiliary(pair, images[k].take(both), images[k + 1].take(both))
+        for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True))
+    ]
+    return Oriented(
+        all_of_them.pairs, auxiliary, common, used, all_of_them.chain, all_of_them.model, all_of_them.rivals
+    )
 
 
-def _joined(
-    images: list[Bundle], pairs: list[RobustOrientation], used: BoolArray
-) -> tuple[Chain | None, Model | None]:
-    if not all(is_known(pair) for pair in pairs):
-        return None, None
-    linked = chain([pair.orientation for pair in pairs], images, used)
-    return linked, adjust_model(images, used, linked) if np.all(linked.common > 0) else None
+def _auxiliary(pair: RobustOrientation, a: Bundle, b: Bundle) -> Auxiliary | None:
+    if not is_known(pair):
+        return None
+    return auxiliary_of(a.take(pair.agreeing), b.take(pair.agreeing), pair.orientation)
 
 
 def is_known(pair: RobustOrientation) -> bool:
     """True where the outcome names a solution, unambiguous or not."""
     return pair.orientation.outcome.usable
+
+
+def _is_turned(pair: RobustOrientation) -> bool:
+    """True where both images are from one centre, and it is known how the second one is turned."""
+    return bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
 
 
 def solved(found: Oriented) -> bool:
@@ -179,7 +192,8 @@ def _model(ids: Any, found: Oriented, unit: str, attitude: FloatArray | None) ->
         "system": "image" if attitude is None else "object",
         "sigma0": number(model.sigma0),
         "redundancy": model.redundancy,
-        "scale_points": found.chain.common.tolist(),
+        "rivals": found.rivals,
+        "scale_points": [None if count < 0 else count for count in found.chain.common.tolist()],
         "images": [
             {
                 "image": k + 1,

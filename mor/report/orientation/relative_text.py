@@ -43,6 +43,8 @@ def _pair(pair: dict[str, Any], many: bool, words: Words) -> str:
     if pair["usable"]:
         lines += ["", _parameters(pair, words), _convention(words), "", _correlations(pair, words)]
         lines += ["", *_rinner(pair, words), "", _residuals(pair, words)]
+    elif pair["angles"]["omega"] is not None:
+        lines += ["", _parameters(pair, words)]
     if pair["alternatives"]:
         lines.append(
             words(
@@ -139,18 +141,20 @@ def _model(data: dict[str, Any], words: Words) -> str:
         no_scale = words(
             "No model of all images: two neighbouring pairs have no points in common that give the scale."
         )
-        return no_scale if known else ""
+        apart = words("No model of all images: not every pair of neighbouring images is oriented.")
+        return no_scale if known else apart if len(data["pairs"]) > 1 else ""
     unit = data["angles"]["unit"]
     system = "object system" if model["system"] == "object" else "axes of the first image"
     lines = [
         heading(words("Model")),
         words("{system}, unit of length: the first base", system=words.listed(system)),
     ]
-    if len(model["images"]) > 2:
+    counts = [str(count) for count in model["scale_points"] if count is not None]
+    if counts:
         lines.append(
             words(
                 "points that carried the scale from pair to pair: {counts}; all images adjusted together",
-                counts=", ".join(str(count) for count in model["scale_points"]),
+                counts=", ".join(counts),
             )
         )
     lines.append(
@@ -160,6 +164,8 @@ def _model(data: dict[str, Any], words: Words) -> str:
             redundancy=model["redundancy"],
         )
     )
+    if len(data["pairs"]) > 1 and any(pair["alternatives"] for pair in data["pairs"]):
+        lines.append(_decided(model["rivals"], words))
     headers = ["image", *_headed(("X0", "Y0", "Z0"), "1"), *_headed(("omega", "phi", "kappa"), unit)]
     keys = ("x", "y", "z", "omega", "phi", "kappa")
     rows = [[str(one["image"]), *_valued(one, keys)] for one in model["images"]]
@@ -167,6 +173,16 @@ def _model(data: dict[str, Any], words: Words) -> str:
     rows = [[one["id"], *_valued(one, keys[:3]), _remark(one, words)] for one in model["points"]]
     lines.append(table(["point", *_headed(("X", "Y", "Z"), "1"), "remark"], rows, words=words))
     return "\n".join(lines)
+
+
+def _decided(rivals: int, words: Words) -> str:
+    if rivals:
+        return words(
+            "With other orientations of the ambiguous pairs all images fit together as well: "
+            "{count:further model|further models}.",
+            count=rivals,
+        )
+    return words("Of the orientations of ambiguous pairs only those told first fit the other images.")
 
 
 def _remark(point: dict[str, Any], words: Words) -> str:

@@ -63,6 +63,19 @@ def test_a_point_off_is_found_and_none_of_the_plane_with_it(scenes):
         assert kept.tolist() == [True] * 20 + [False] * 2
 
 
+def test_points_near_the_plane_that_hide_each_other_are_found(scenes):
+    """Two of twenty, side by side: with both in the fit one fits. σ that are three times too small tell none."""
+    made = scenes.plane_scene(4, 0.0, n=20)
+    rng = np.random.default_rng(4)
+    rays = [scenes.image(made.points, *camera, NOISE, rng) for camera in made.cameras]
+    beside = np.argsort(rays[1][:, 0])[-2:]
+    rays[1][beside, 1] += 7.0 * NOISE * np.sqrt(2.0)
+    kept = carried_over(*(image_bundle(one, NOISE) for one in rays))
+    assert np.flatnonzero(~kept).tolist() == sorted(beside.tolist())
+    plain = [scenes.image(made.points, *camera, NOISE, rng) for camera in made.cameras]
+    assert np.all(carried_over(*(image_bundle(one, NOISE / 3.0) for one in plain)))
+
+
 def test_what_a_collineation_carries_nowhere_does_not_stop_the_fit():
     """Six rays, all but one of them to one direction in one image, to one direction in the other."""
     generator = np.random.default_rng(3)
