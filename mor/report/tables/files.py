@@ -13,7 +13,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from mor.machine import processors
-from mor.project.tables.guarded import any_unsafe, csv_lines
+from mor.project.tables.guarded import any_unsafe, csv_lines, write_csv
 from mor.quality.solved import Solved
 from mor.report.results.folder import Writer
 from mor.report.tables.assessed_observations import AssessedGroups, AssessedRows
@@ -48,7 +48,8 @@ def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
         elif kind == "parquet":
             frame.write_parquet(path, compression_level=_LEVEL, row_group_size=_ROWS_TOGETHER)
         else:
-            path.write_bytes(csv_lines(frame))
+            with path.open("wb") as file:
+                write_csv(frame, file)
 
     return write
 
@@ -100,8 +101,8 @@ def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
 
 
 def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
-    """What is made of each piece, in their order; as many as there are processors are worked on at a time."""
-    workers = processors()
+    """What is made of each piece, in their order; so many are worked on at a time that no processor has to wait."""
+    workers = processors() + 1
     waiting: deque[Future[Made]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         for piece in pieces:
