@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import reduce
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ AnyIntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 """Numbers that are only looked up: of ten million rows they are kept as small as they go."""
 SmallestIntArray: TypeAlias = NDArray[np.int8]
 """Numbers of components of a row."""
-Numbers = TypeVar("Numbers", bound=NDArray[Any])
 LARGEST = 1e50
 """Numbers that are read and computed with. (v/σ)² of the worst of them is 1e200, and leaves room for sums and products
 of derivatives; nothing that is measured, in whatever unit, comes near."""
@@ -30,6 +28,7 @@ def ranges(starts: IntArray, lengths: IntArray) -> IntArray:
     return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)
 
 
-def across(combine: Callable[[Numbers, Numbers], Numbers], rows: Numbers) -> Numbers:
+def across(combine: np.ufunc, rows: NDArray[Any]) -> NDArray[Any]:
     """(n,) what a ufunc makes of the columns of (n, m): for a small m its ``reduce`` takes ten times as long."""
-    return reduce(combine, rows.T)
+    whole: NDArray[Any] = reduce(combine, rows.T)
+    return whole

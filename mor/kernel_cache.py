@@ -23,11 +23,11 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from llvmlite.binding import parse_bitcode
+from llvmlite import binding
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.environment import Environment, _rebuild_env, lookup_environment
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
@@ -109,7 +109,7 @@ def _library(generator: Any, kept: tuple[str, str, tuple[bytes, bytes]]) -> Any:
     library = generator.create_library(name)
     library.enable_object_caching()
     library._set_compiled_object(machine_code)
-    library._get_module_for_linking = cache(partial(parse_bitcode, source))
+    library._get_module_for_linking = cache(partial(binding.parse_bitcode, source))
     library._finalize_final_module()
     return library
 

@@ -126,10 +126,7 @@ def _solved(
             told = rejection(quality, network, tests)
         if told is Rejection.NOTHING:
             return Causes()
-        from mor.quality.hypotheses.search import (
-            Ended,
-            causes,
-        )  # loaded where it is needed, which takes its time
+        from mor.quality.hypotheses.search import Ended, causes  # loading it takes its time
 
         ended = Ended(plain, solution, quality, told, led)
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
@@ -159,8 +156,8 @@ def _solved(
     found = possible_causes(quality, tests)
     treated, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = treated.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-    known = tests if treated is quality else None
-    return Solved(network, last, replace(treated, adjustment=last), treatment, suspects, found, known)
+    still = tests if treated is quality else None
+    return Solved(network, last, replace(treated, adjustment=last), treatment, suspects, found, still)
 
 
 def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, FloatArray]]:
