@@ -15,21 +15,27 @@ import platform
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import llvmlite
 import numba
 import numpy as np
+from llvmlite import binding
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.environment import Environment, _rebuild_env, lookup_environment
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
 _DIGEST = hashlib.sha256().digest_size
 _ABANDONED = 86_400.0
 """Age (s) of a file that is still being written, and that nobody writes any more."""
+_FORMAT = 2
+"""What is in a file."""
 _NO_MATTER = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE")
 
 not_kept: list[str] = []
@@ -44,8 +50,12 @@ class KernelCache(NullCache):
         self._options = [(k, sorted(v) if isinstance(v, set) else v) for k, v in sorted(options.items())]
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The compiled kernel for a signature, or None where there is no whole file of it."""
-        target.refresh()
+        """The compiled kernel for a signature, or None where there is no whole file of it.
+
+        What numba compiles with is not loaded for that, which would take longer than all kernels do: only what machine
+        code calls. The compiler loads the rest by itself.
+        """
+        rtsys.initialize(target)
         try:
             content = self._path(signature, target).read_bytes()
         except OSError:
@@ -53,11 +63,15 @@ class KernelCache(NullCache):
         digest, payload = content[:_DIGEST], content[_DIGEST:]
         if hashlib.sha256(payload).digest() != digest:
             return None
-        return CompileResult._rebuild(target, *pickle.loads(payload))
+        symbols, kept = _Reader(BytesIO(payload)).load()
+        generator = target.codegen()
+        generator._engine._defined_symbols |= symbols
+        generator.unserialize_library = partial(_library, generator)
+        return CompileResult._rebuild(target, *kept)
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep a compiled kernel; where that fails, say why in ``not_kept``."""
-        payload = dumps(result._reduce())
+        payload = dumps((_symbols(result.library), result._reduce()))
         path = self._path(signature, result.target_context)
         beside = path.with_name(f"{path.name}.{os.getpid()}.part")
         try:
@@ -82,6 +96,45 @@ class KernelCache(NullCache):
         return _folder() / f"{name}-{hashlib.sha256(repr(what).encode()).hexdigest()[:32]}"
 
 
+def _symbols(library: Any) -> set[str]:
+    """What is defined in the code of a kernel."""
+    module = library._get_module_for_linking()
+    both = module.functions, module.global_variables
+    return {one.name for some in both for one in some if not one.is_declaration}
+
+
+def _library(generator: Any, kept: tuple[str, str, tuple[bytes, bytes]]) -> Any:
+    """Code as numba reads it, but for the form that other kernels are compiled with: that is read if one is."""
+    name, _, (machine_code, source) = kept
+    library = generator.create_library(name)
+    library.enable_object_caching()
+    library._set_compiled_object(machine_code)
+    library._get_module_for_linking = cache(partial(binding.parse_bitcode, source))
+    library._finalize_final_module()
+    return library
+
+
+class _Reader(pickle.Unpickler):
+    """Reads kernels without the modules of numba that parts of them were compiled from."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """What a name in the file stands for."""
+        found = super().find_class(module, name)
+        return _environment if found is _rebuild_env else found
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Environment:
+    """As numba makes it, but for the variables of the module, which only what is not machine code looks at."""
+    known: Environment | None = lookup_environment(name)
+    if known is not None:
+        return known
+    environment = Environment({"__name__": module})
+    environment.consts[:] = constants
+    environment.env_name = name
+    Environment._memo[name] = environment
+    return environment
+
+
 @cache
 def _folder() -> Path:
     return Path(os.environ.get("NUMBA_CACHE_DIR") or AppDirs("mor", appauthor=False).user_cache_dir)
@@ -92,7 +145,7 @@ def _versions() -> tuple[object, ...]:
     """What else machine code depends on: versions, and the settings of numba."""
     settings = {k: v for k, v in os.environ.items() if k.startswith("NUMBA_") and k not in _NO_MATTER}
     versions = platform.python_version(), numba.__version__, llvmlite.__version__, np.__version__
-    return *versions, numba.config.SLP_VECTORIZE, sorted(settings.items())  # type: ignore[attr-defined]
+    return _FORMAT, *versions, numba.config.SLP_VECTORIZE, sorted(settings.items())  # type: ignore[attr-defined]
 
 
 def _sources(function: Callable[..., Any]) -> list[bytes]:

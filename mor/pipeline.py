@@ -52,6 +52,7 @@ from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.plausibility.looking import implausible
 from mor.quality.precision.image_poses import with_poses
 from mor.quality.solved import Solved
+from mor.quality.tests.group_tests import GroupTests, group_tests
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
 from mor.sparse.blas_threads import one_thread
@@ -122,17 +123,14 @@ def _solved(
     led = rescue.led if rescue is not None else None
     plain = suspects.plain if suspects is not None else adjustment
 
-    def possible_causes(quality: Quality | None) -> Causes:
+    def possible_causes(quality: Quality | None, tests: GroupTests | None = None) -> Causes:
         solution = adjustment if adjustment.outcome.is_solution else None
         told = Rejection.LARGER  # where there is no solution, or none of all observations
         if solution is plain and quality is not None:
-            told = rejection(quality, network)
+            told = rejection(quality, network, tests)
         if told is Rejection.NOTHING:
             return Causes()
-        from mor.quality.hypotheses.search import (
-            Ended,
-            causes,
-        )  # loaded where it is needed, which takes its time
+        from mor.quality.hypotheses.search import Ended, causes  # loading it takes its time
 
         ended = Ended(plain, solution, quality, told, led, further.spent)
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
@@ -158,10 +156,12 @@ def _solved(
         )
         adjustment = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
         plain = adjustment if suspects is None else plain
-    found = possible_causes(quality)
-    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
-    last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found)
+    tests = group_tests(quality, network)
+    found = possible_causes(quality, tests)
+    treated, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
+    last = treated.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
+    still = tests if treated is quality else None
+    return Solved(network, last, replace(treated, adjustment=last), treatment, suspects, found, still)
 
 
 def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, FloatArray]]:

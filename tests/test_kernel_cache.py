@@ -90,6 +90,15 @@ def test_what_a_kernel_calls_is_part_of_it(folder: Path, run: Callable[..., tupl
     assert run() == (5.0, 0)
 
 
+def test_a_kernel_is_compiled_with_one_that_was_kept(
+    folder: Path, run: Callable[..., tuple[float, int]]
+) -> None:
+    run()
+    (outer,) = folder.glob("outer*")
+    outer.unlink()
+    assert run() == (5.0, 1)
+
+
 @pytest.mark.parametrize("damage", [lambda code: b"", lambda code: code[:100], lambda code: code[:-1] + b"?"])
 def test_a_damaged_file_is_no_file(
     folder: Path, run: Callable[..., tuple[float, int]], damage: Callable[[bytes], bytes]
@@ -130,7 +139,11 @@ def test_where_nothing_can_be_kept_the_run_goes_on(
 
 
 FIRST_AND_LATER = """
+import atexit
+import sys
+
 import mor.compilation
+atexit.register(lambda: print("numba.np.arrayobj" in sys.modules))
 mor.compilation.WORTH_COMPILING = 0.0
 from mor.__main__ import main
 main()
@@ -138,9 +151,9 @@ main()
 
 
 def test_the_compiling_run_gives_the_bytes_of_later_ones(tmp_path: Path) -> None:
-    """And says once that it compiles, the later ones nothing."""
+    """And says once that it compiles, the later ones nothing: they load nothing of what it compiles with."""
     project = Path(__file__).parents[1] / "sample_projects" / "facade" / "project.yaml"
-    said, written = [], []
+    said, loaded, written = [], [], []
     for number in range(2):
         out = tmp_path / str(number)
         done = subprocess.run(
@@ -155,8 +168,10 @@ def test_the_compiling_run_gives_the_bytes_of_later_ones(tmp_path: Path) -> None
         )
         assert done.returncode == 0, done.stderr
         said.append(done.stderr)
+        loaded.append(done.stdout.strip())
         written.append(
             {path.name: path.read_bytes() for path in out.iterdir() if path.name != "adjusted.yaml"}
         )
     assert [words.count("first run on this machine") for words in said] == [1, 0]
+    assert loaded == ["True", "False"]
     assert written[0] == written[1]

@@ -60,7 +60,9 @@ class Inverse(NamedTuple):
             reduced, alone = reduce_right_hand_side(self.plan, self.values, columns)
             x = full_directions(self.plan, self.values, self._reduced(reduced))
             x[self.plan.rays.columns] += alone
-        return (x + self.weak @ (self.weak.T @ columns)).reshape(rhs.shape)
+        if self.weak.shape[1]:
+            x = x + self.weak @ (self.weak.T @ columns)
+        return x.reshape(rhs.shape)
 
     def step(self, normals: Normals) -> FloatArray:
         """Gauss-Newton step (u,) of normal equations whose reduced right-hand side is there already."""

@@ -116,7 +116,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return ExitCode.DONE
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{place}{told(error.strerror or str(error), language)}", err=True)
+        words = error.strerror or str(error).partition(" (os error ")[0]  # so it comes from polars
+        click.echo(f"{place}{told(words, language)}", err=True)
         return ExitCode.INPUT
     except MemoryError as error:
         tell(_out_of_memory(error), language)

@@ -14,6 +14,7 @@ from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.hypotheses.hypothesis import NOTHING_FOUND, Causes, Offered
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
+from mor.quality.tests.group_tests import GroupTests
 from mor.quality.treatment import Treatment
 from mor.quality.verdict import Verdict, verdict
 
@@ -31,6 +32,8 @@ class Solved:
     """What was left out because all observations together have no solution."""
     found: Causes = NOTHING_FOUND
     """What may be the cause where something is rejected."""
+    tests: GroupTests | None = None
+    """The tests of the groups, where they were needed before."""
 
     @property
     def causes(self) -> tuple[Offered, ...]:
@@ -54,7 +57,7 @@ class Solved:
     @cached_property
     def verdict(self) -> Verdict | None:
         """The tests of the groups and what would explain those that reject, worked out once for all reports."""
-        return verdict(self.quality, self.network) if self.quality is not None else None
+        return verdict(self.quality, self.network, self.tests) if self.quality is not None else None
 
     @cached_property
     def reliability_map(self) -> tuple[Controlled, ...]:

@@ -63,9 +63,9 @@ class Verdict(NamedTuple):
         return bool(self.tests.rejected)
 
 
-def verdict(quality: Quality, network: Network) -> Verdict:
-    """The tests of all groups of an adjustment, and what would explain those that reject."""
-    tests = group_tests(quality, network)
+def verdict(quality: Quality, network: Network, tests: GroupTests | None = None) -> Verdict:
+    """The tests of all groups of an adjustment, known ones or new ones, and what would explain those that reject."""
+    tests = tests or group_tests(quality, network)
     rejected = tests.rejected
     limit = float(np.log(tests.level_of_each))
     alike = tests.all_alike

@@ -194,15 +194,20 @@ class TestInterruption:
         assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
         assert list(tmp_path.iterdir()) == [project]
 
-    def test_full_disk(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize(
+        "said", [(28, "No space left on device"), ("No space left on device (os error 28)",)]
+    )
+    def test_full_disk(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: tuple[object]) -> None:
+        """Whether the system or polars says so."""
+
         def full(path: Path, *_: object, **__: object) -> None:
-            raise OSError(28, "No space left on device", str(path))
+            raise OSError(*said)
 
         project = write(tmp_path, LEVELLING)
         monkeypatch.setattr(Path, "write_text", full)
-        run = mor("adjust", project)
+        run = mor("adjust", project, "--lang", "de")
         assert run.code == 2
-        assert "No space left on device" in run.err
+        assert run.err.splitlines()[-1] == "auf dem Datenträger ist kein Platz mehr"
         assert list(tmp_path.iterdir()) == [project]
 
 

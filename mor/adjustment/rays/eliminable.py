@@ -7,6 +7,7 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.chunks import ray_chunks
 from mor.adjustment.rays.frames import is_ray
+from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import RayPlan, plan_rays
 from mor.adjustment.rays.point_solutions import point_normals
 from mor.arrays import BoolArray, FloatArray, IntArray
@@ -69,8 +70,12 @@ def _point_normals(problem: Problem, rays: RayPlan, values: Values) -> FloatArra
     """Normal matrices (p, 3, 3) of the points, all else known."""
     normal = np.zeros((len(rays.points), 3, 3))
     reduced = np.arange(problem.index.count)
-    for chunk in ray_chunks(problem, rays, reduced, values):
-        normal[chunk.points] = point_normals(chunk.rays)
+
+    def of_lane(lane: RayPlan) -> None:
+        for chunk in ray_chunks(problem, lane, reduced, values):
+            normal[chunk.points] = point_normals(chunk.rays)
+
+    in_lanes(rays, 0, of_lane)
     return normal
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from io import BytesIO
+from typing import IO
 
 import polars as pl
 
@@ -47,14 +48,19 @@ def plain_column(cells: pl.Series) -> pl.Series:
 
 
 def csv_lines(frame: pl.DataFrame, header: bool = True) -> memoryview:
-    """A table as CSV, names guarded; all texts in quotes where one of them would look like a comment otherwise."""
+    """A table as CSV, as :func:`write_csv` writes it."""
+    lines = BytesIO()
+    write_csv(frame, lines, header)
+    return lines.getbuffer()
+
+
+def write_csv(frame: pl.DataFrame, file: IO[bytes], header: bool = True) -> None:
+    """Write a table, names guarded; all texts in quotes where one of them would look like a comment otherwise."""
     texts, hidden = pl.col(pl.String), False
     if _any(frame.select(texts.str.contains(rf"^'*{_SIGNS}|{_COMMENT}").any())):
         frame = frame.with_columns(_guarded(texts))
         hidden = _any(frame.select(texts.str.contains(_COMMENT).any()))
-    lines = BytesIO()
-    frame.write_csv(lines, include_header=header, quote_style="non_numeric" if hidden else "necessary")
-    return lines.getbuffer()
+    frame.write_csv(file, include_header=header, quote_style="non_numeric" if hidden else "necessary")
 
 
 def _any(told: pl.DataFrame) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.hypotheses.hypothesis import Fit
-from mor.quality.tests.group_tests import group_tests
+from mor.quality.tests.group_tests import GroupTests, group_tests
 from mor.quality.tests.levels import sidak
 from mor.quality.tests.p_values import log_p_chi2, log_p_normal
 from mor.quality.tests.quadratic_form import Moments, log_tail
@@ -28,13 +28,13 @@ class Rejection(Enum):
     """Residuals larger than their σ says."""
 
 
-def rejection(quality: Quality, network: Network) -> Rejection:
-    """What is rejected, and to which side."""
+def rejection(quality: Quality, network: Network, tests: GroupTests | None = None) -> Rejection:
+    """What is rejected, and to which side; ``tests`` are those of the groups, where they are known."""
     freedom = float(quality.redundancy)
     overall = freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL)
     if (overall and quality.omega > freedom) or _largest(quality) < np.log(LEVEL):
         return Rejection.LARGER
-    tests = group_tests(quality, network)
+    tests = tests or group_tests(quality, network)
     limit = np.log(sidak(LEVEL, len(tests.tests)))
     rejected = [test for test in tests.rejected if test.log_p < limit]
     if any(test.factor > 1.0 for test in rejected):

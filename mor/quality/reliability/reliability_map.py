@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray, across
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.in_chunks import ROWS_AT_A_TIME, in_pieces
@@ -146,9 +146,11 @@ def _gathered(
     for one in seen():
         inside = one.classes >= 0
         classes, r = one.classes[inside], np.nan_to_num(one.tests.quality.r[inside], nan=np.inf)
-        observations += np.bincount(classes, np.isfinite(r).sum(axis=1), count).astype(np.int64)
-        np.minimum.at(smallest, classes, r.min(axis=1))
-        np.maximum.at(largest, classes, np.nan_to_num(one.external()[inside], posinf=np.inf).max(axis=1))
+        known = across(np.add, np.isfinite(r).astype(np.int64))
+        observations += np.bincount(classes, known, count).astype(np.int64)
+        np.minimum.at(smallest, classes, across(np.minimum, r))
+        external = np.nan_to_num(one.external()[inside], posinf=np.inf)
+        np.maximum.at(largest, classes, across(np.maximum, external))
     weakest = np.full((count, 3), -1, dtype=np.int64)
     for one in seen():
         wanted = np.where(one.classes >= 0, smallest[one.classes], np.nan)

@@ -81,20 +81,20 @@ def write_results(
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
-    The reports are made beside the long table, which other processors are busy with; of very many observations before
-    it, for then both at a time would take too much room.
+    The reports are made beside the tables, which other processors are busy with; of very many observations before the
+    long one, for then both at a time would take too much room.
     """
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    starts |= _undeterminable(solved) | _external(solved, choice)
     with ThreadPoolExecutor(1) as beside:
         made = {name: beside.submit(make) for name, make in _reports(solved, of, names, choice).items()}
         reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
         long = dict(tables.values())
         writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
         try:
+            starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
+            starts |= _undeterminable(solved) | _external(solved, choice)
             write_folder(place, {**_readme([*starts, *writers], place, choice), **starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)

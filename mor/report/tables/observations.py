@@ -61,11 +61,9 @@ def table_of(rows: AssessedRows, wanted: Sequence[str] = tuple(SCHEMA)) -> pl.Da
     texts["flag"] = Coded(pl.Series(FLAGS), flags(rows)[mask]).expression(np.arange(len(row)))
     said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
     texts = {**{key: pl.lit(text) for key, text in said_of_all.items()}, **texts}
-    frame = pl.DataFrame(
-        {key: values.ravel() if whole else values[mask] for key, values in number_of.items()}
-    )
+    numbers = {key: values.ravel() if whole else values[mask] for key, values in number_of.items()}
     columns = [text.alias(key) for key, text in texts.items()]
-    return frame.with_columns(pl.all().fill_nan(None), *columns).select(wanted)
+    return pl.DataFrame(numbers, nan_to_null=True).with_columns(columns).select(wanted)
 
 
 def _among(names: Sequence[str]) -> Coded:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import polars as pl
@@ -49,14 +50,21 @@ def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
     freedom = quality.redundancy
     sigma0 = quality.sigma0 if quality.sigma0 > 0.0 else np.nan
 
+    @cache
     def w() -> FloatArray:
         return np.where(out, rows.test, rows.w)
 
+    @cache
     def square() -> FloatArray:
         return np.where(out, np.nan, student_square(rows.test, quality.omega, freedom))
 
-    def of_several(values: FloatArray) -> FloatArray:
-        return np.where(np.nan_to_num(one.freedom) > 1.0, values, np.nan)
+    @cache
+    def freedom_of_several() -> FloatArray:
+        return np.where(one.freedom > 1.0, one.freedom, np.nan)
+
+    @cache
+    def joint() -> FloatArray:
+        return np.where(np.isfinite(freedom_of_several()), one.joint, np.nan)
 
     return {
         "r": lambda: said_numbers(group, np.where(out, _as_if_inside(group, one.q_adjusted), one.r)),
@@ -70,9 +78,9 @@ def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
         "nabla": lambda: said_sizes(group, tests.smallest),
         "external": lambda: said_numbers(group, tests.external),
         "influence": lambda: said_signs(group, tests.influence),
-        "joint": lambda: said_numbers(group, of_several(one.joint)),
-        "joint_freedom": lambda: said_numbers(group, of_several(one.freedom)),
-        "p_joint": lambda: said_numbers(group, _p_joint(of_several(one.joint), of_several(one.freedom))),
+        "joint": lambda: said_numbers(group, joint()),
+        "joint_freedom": lambda: said_numbers(group, freedom_of_several()),
+        "p_joint": lambda: said_numbers(group, _p_joint(joint(), freedom_of_several())),
     }
 
 

@@ -82,11 +82,12 @@ def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> lis
     carried = carried_points(quality, told)
     cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
     names = solved.network.blocks["point"].ids
+    nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
     rows = []
     for k, entry in enumerate(entries):
         rows.append(
             {
-                **_weakest(quality, entry),
+                **_weakest(quality, entry, nabla[k]),
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
                 "cure": _cure(solved, cures[k]) if k < CURED else None,
             }
@@ -94,10 +95,9 @@ def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> lis
     return rows
 
 
-def _weakest(quality: Quality, entry: Entry) -> dict[str, Any]:
-    """An observation with its r and ∇, in the units of the project."""
+def _weakest(quality: Quality, entry: Entry, nabla: float) -> dict[str, Any]:
+    """An observation with its r and ∇, which comes in internal units, in the units of the project."""
     group = quality.adjustment.problem.groups[entry.group]
-    nabla = float(detectable(quality, np.array([entry]))[0])
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     return {
         **place(group, entry.row, entry.component),
