@@ -133,6 +133,8 @@ class NoStartValuesError(InputError):
         count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
         advice = (
             f"{count} no start values; settings: {{undetermined: leave_out}} adjusts the rest without them"
+            if not self.things or any(thing.treatment != "left out" for thing in self.things)
+            else f"{count} too few observations"
         )
         super().__init__([Problem(words) for words in (advice, *said, *map(str, self.things), *self.remarks)])
 

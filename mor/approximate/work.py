@@ -8,5 +8,5 @@ SAMPLES = 1_200
 """Poses of samples of three points, and what all points say to them."""
 POSE = 450
 """An adjustment of a pose."""
-TURN = 1_000
-"""A turn of growth of every kind, besides the questions of others."""
+TURN = 4.0
+"""A turn of growth of every kind, besides the questions above, in iterations of as many observations as rays."""

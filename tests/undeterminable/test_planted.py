@@ -89,3 +89,17 @@ def test_more_than_a_screen_without_start_values_is_named_in_a_table(tmp_path):
     table = pl.read_csv(tmp_path / "project.results" / "undetermined.csv")
     assert {f"LOST{k}" for k in range(40)} <= set(table["id"])
     assert "undetermined.csv" in run.err
+
+
+def test_nobody_is_told_to_leave_out_what_is_left_out_already(tmp_path):
+    project = tmp_path / "project.yaml"
+    project.write_text(
+        "mor: 1\npoints:\n  - {columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 10, 0, 1], [C, 5, 8, 2]]}\n"
+        "datum: free\nsettings: {undetermined: leave_out}\nobservations:\n"
+        "  - {type: distance, values: {sigma: 0.001}, columns: [from, to, distance], rows: [[A, B, 10.05]]}\n",
+        encoding="utf-8",
+    )
+    run = mor("adjust", project)
+    assert run.code == 2
+    assert "leave_out" not in run.err
+    assert "too few observations" in run.err.splitlines()[0]

@@ -25,7 +25,7 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
 from mor.project.network.build import Network
 
-ADJUSTMENTS = 3
+ADJUSTMENTS = 15
 """Adjustments of a large network that beginnings in doubt may take."""
 CONTROL = 3
 """Points that the object system must know to grow by itself."""

@@ -41,7 +41,7 @@ _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
-ADJUSTMENTS = 15
+ADJUSTMENTS = 12
 """Adjustments that all ways to a solution without suspects may take where a network is large."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
