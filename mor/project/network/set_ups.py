@@ -137,7 +137,8 @@ def _with_row(
     here = said.rows(np.array([row]))
     if before is None:
         return tuple(here)
-    column, at, name = shared_column(kind), np.arange(rows.count) == row, rows.text(shared_column(kind))[row]
+    column = shared_column(kind)
+    name, at = rows.text(column)[row], np.arange(rows.count) == row
     contradictions = (
         f"{column}: {name!r} has another value in a row above",
         f"{column}: {name!r} has another σ in a row above",
@@ -148,10 +149,8 @@ def _with_row(
             tell_rows(reading.problems, at, rows, words)
     merged = _Said(*(np.where(np.isnan(one), other, one) for one, other in zip(before, here, strict=True)))
     if (np.isfinite(merged.sigma) & np.isfinite(merged.free)).any():
-        words = (
-            f"{shared_column(kind)}: {name!r} is free in one row and has a σ in another; expected one of them"
-        )
-        tell_rows(reading.problems, np.arange(rows.count) == row, rows, words)
+        words = f"{column}: {name!r} is free in one row and has a σ in another; expected one of them"
+        tell_rows(reading.problems, at, rows, words)
     return tuple(merged)
 
 

@@ -192,22 +192,20 @@ def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -
         elif not separated:
             lines += _together(direction, blocks, say)
     told = [
-        _one_block(kind, block, directions, say)
-        if _is_observed(solved, kind, block)
-        else say(
-            "No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say)
-        )
+        say("No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say))
+        if _is_idle(solved, kind, block)
+        else _one_block(kind, block, directions, say)
         for (kind, block), directions in single.items()
         if thing_of(kind, block) not in alone
     ]
     return [*told, *lines, *_geometry(solved, alone, say)]
 
 
-def _is_observed(solved: Solved, kind: str, block: str) -> bool:
-    """True where some observation depends on a block, or on one that has a component of it."""
+def _is_idle(solved: Solved, kind: str, block: str) -> bool:
+    """True where no observation depends on a block, or on one that has a component of it; knots hang on others."""
     blocks = solved.network.blocks[kind]
     number = blocks.ids.index(block)
-    return any(
+    return thing_of(kind, block)[0] != "knot" and not any(
         bool((blocks.owner[numbers] == number).any())
         for group in solved.adjustment.problem.groups
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
