@@ -150,9 +150,12 @@ def _hold_by_positions(
     of_frames: FloatArray,
     side: FloatArray,
 ) -> None:
+    corners = np.stack(
+        [X.min(axis=0), X.max(axis=0)]
+    )  # nothing is farther away than one of them in one coordinate
     for k, number in enumerate(moving):
         pose = Pose(poses.centres[number], poses.turns[number])
-        known = observed_centre(part, frames[number], pose, X)
+        known = observed_centre(part, frames[number], pose, corners)
         if known is not None:
             of_frames[k, :3, :3] += np.diag(known.sigma**-2)
             side[k, :3] += (pose.position - known.place) / known.sigma**2

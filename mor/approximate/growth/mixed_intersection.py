@@ -26,9 +26,9 @@ def grow_mixed(part: Part, scene: Scene, contradicting: bool = False) -> bool:
     planes = _planes(part, scene)
     smallest = 0.05 * SMALLEST_ANGLE if contradicting else SMALLEST_ANGLE
     added = False
-    for point in np.flatnonzero(np.isnan(part.points).any(axis=1)).tolist():
+    for point in sorted(planes):
         bare = np.isnan(part.points[point]).all()
-        if point not in planes or (contradicting and bare and _only_rays(planes[point])):
+        if contradicting and bare and _only_rays(planes[point]):
             continue
         X, fits = _meeting(part.points[point], planes[point], smallest)
         if fits or (contradicting and np.isfinite(X).all()):
@@ -45,17 +45,19 @@ def _only_rays(planes: list[tuple[FloatArray, FloatArray, FloatArray]]) -> bool:
 
 
 def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]]:
-    """Point → normals (k, 3) of the planes through it, a place on them and the direction in which it lies."""
+    """Unknown point → normals (k, 3) of the planes through it, a place on them and the direction in which it lies."""
     missing = np.asarray(np.isnan(part.points).any(axis=1))
     found: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
     seen = scene.rays_for(part)[1]
-    for ray in seen.of_points(np.flatnonzero(missing)).tolist():
-        pose = part.poses.get(int(seen.frame[ray]))
-        if pose is not None:
-            towards = pose[1].T @ seen.rays[ray]
-            lowered = pose[0] - [0.0, 0.0, seen.height[ray]]
-            across = np.linalg.svd(towards[None])[2][1:]
-            found.setdefault(int(seen.point[ray]), []).append((across, lowered, towards))
+    posed = np.zeros(seen.frames, dtype=bool)
+    posed[list(part.poses)] = True
+    rays = seen.of_points(np.flatnonzero(missing))
+    for ray in rays[posed[seen.frame[rays]]].tolist():
+        place, turn = part.poses[int(seen.frame[ray])]
+        towards = turn.T @ seen.rays[ray]
+        lowered = place - [0.0, 0.0, seen.height[ray]]
+        across = np.linalg.svd(towards[None])[2][1:]
+        found.setdefault(int(seen.point[ray]), []).append((across, lowered, towards))
     for number, kappa in part.kappas.items():
         sight = scene.terrestrial.sights[number]
         place = np.append(part.points[sight.position, :2], 0.0)

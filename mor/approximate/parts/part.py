@@ -74,7 +74,8 @@ class Part:
 
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
-        return np.asarray(np.isfinite(self.points[points]).all(axis=1))
+        x, y, z = np.isfinite(self.points[points]).T
+        return np.asarray(x & y & z)
 
     def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
         """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""
