@@ -31,8 +31,9 @@ _FAST_SUMS = {"reassoc", "contract", "nsz"}
 WORTH_COMPILING = 6_000
 """Observations of a project from which on compiled kernels save more than they cost, being on disk already.
 
-Importing numba and reading the kernels takes some 0.4 s. Plain numpy loses that in aerial blocks at 6 000 observations,
-in close range blocks, whose points have many rays, at 12 000, in geodetic networks at 15 000 (docs/dependencies.md).
+Importing numba and reading the kernels takes some 0.25 s. Plain numpy lost 0.4, which it took before, in aerial blocks
+at 6 000 observations, in close range blocks, whose points have many rays, at 12 000, in geodetic networks at 15 000
+(docs/dependencies.md).
 """
 
 available = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")

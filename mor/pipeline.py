@@ -157,11 +157,10 @@ def _solved(
         adjustment = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
         plain = adjustment if suspects is None else plain
     tests = group_tests(quality, network)
-    found = possible_causes(quality, tests)
-    treated, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
-    last = treated.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-    still = tests if treated is quality else None
-    return Solved(network, last, replace(treated, adjustment=last), treatment, suspects, found, still)
+    found, tested = possible_causes(quality, tests), (quality.groups, tests)
+    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
+    last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
+    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found, tested)
 
 
 def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, FloatArray]]:

@@ -13,6 +13,7 @@ from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.hypotheses.hypothesis import NOTHING_FOUND, Causes, Offered
 from mor.quality.reliability.effects import Effect, effects
+from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.tests.group_tests import GroupTests
 from mor.quality.treatment import Treatment
@@ -32,8 +33,8 @@ class Solved:
     """What was left out because all observations together have no solution."""
     found: Causes = NOTHING_FOUND
     """What may be the cause where something is rejected."""
-    tests: GroupTests | None = None
-    """The tests of the groups, where they were needed before."""
+    tested: tuple[tuple[ObservationQuality, ...], GroupTests] | None = None
+    """Tests of groups that were needed before, and the quality of the observations that they are of."""
 
     @property
     def causes(self) -> tuple[Offered, ...]:
@@ -57,7 +58,10 @@ class Solved:
     @cached_property
     def verdict(self) -> Verdict | None:
         """The tests of the groups and what would explain those that reject, worked out once for all reports."""
-        return verdict(self.quality, self.network, self.tests) if self.quality is not None else None
+        if self.quality is None:
+            return None
+        groups, tests = self.tested or ((), None)
+        return verdict(self.quality, self.network, tests if groups is self.quality.groups else None)
 
     @cached_property
     def reliability_map(self) -> tuple[Controlled, ...]:

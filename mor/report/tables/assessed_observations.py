@@ -16,7 +16,7 @@ from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.solved import Solved
 from mor.quality.tests.test_statistics import normalised_residuals
 
-PIECE = 16_384
+PIECE = 8_192
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
 
 

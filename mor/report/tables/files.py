@@ -101,8 +101,8 @@ def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
 
 
 def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
-    """What is made of each piece, in their order; so many are worked on at a time that no processor has to wait."""
-    workers = processors() + 1
+    """What is made of each piece, in their order; as many as there are processors are worked on at a time."""
+    workers = processors()
     waiting: deque[Future[Made]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         for piece in pieces:

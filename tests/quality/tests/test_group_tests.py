@@ -157,6 +157,18 @@ def test_one_gross_error_is_no_offset_of_its_group() -> None:
     assert worst.gain == pytest.approx(np.nanmax(np.abs(quality.reliability[number].test)) ** 2)
 
 
+def test_tests_that_were_needed_before_are_those_of_the_verdict_of_the_same_observations() -> None:
+    solved = building()
+    assert solved.verdict is not None
+    assert solved.tested is not None
+    assert solved.verdict.tests is solved.tested[1]
+    quality = assess(measured_anew(solved.adjustment, 7))
+    anew = replace(solved, adjustment=quality.adjustment, quality=quality).verdict
+    assert anew is not None
+    assert anew.tests is not solved.tested[1]
+    assert anew.tests.tests == group_tests(quality, solved.network).tests
+
+
 def test_sigmas_that_are_all_wrong_by_one_factor_blame_no_group() -> None:
     solved = building()
     problem = measured_anew(solved.adjustment, 6).problem
