@@ -116,7 +116,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return ExitCode.DONE
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        words = error.strerror or str(error).partition(" (os error ")[0]  # so it comes from polars
+        words = error.strerror or str(error).partition(" (os")[0]  # "(os error 28)" is what polars adds
         click.echo(f"{place}{told(words, language)}", err=True)
         return ExitCode.INPUT
     except MemoryError as error:
