@@ -39,7 +39,9 @@ class Joined(NamedTuple):
 
 def joined(pairs: Sequence[RobustOrientation], images: Sequence[Bundle], used: BoolArray) -> Joined:
     """Chain of m images in the combination of orientations of its pairs that fits best; ``used`` (m, n) the rays."""
-    options = [_orientations(pair, *_rays(k, pair, images)) for k, pair in enumerate(pairs)]
+    options = [[pair] for pair in pairs]
+    if len(pairs) > 1:
+        options = [_orientations(pair, *_rays(k, pair, images)) for k, pair in enumerate(pairs)]
     tried = [_tried(list(chosen), images, used) for chosen in islice(product(*options), MOST)]
     order = sorted(tried, key=_misfit)
     model = order[0].model
@@ -89,7 +91,10 @@ def _orientations(pair: RobustOrientation, a: Bundle, b: Bundle) -> list[RobustO
 
 def _tried(pairs: list[RobustOrientation], images: Sequence[Bundle], used: BoolArray) -> Joined:
     linked = chain([pair.orientation for pair in pairs], images, used)
-    model = adjust_model(images, used, linked) if np.all(linked.common != 0) else None
+    try:
+        model = adjust_model(images, used, linked) if np.all(linked.common != 0) else None
+    except np.linalg.LinAlgError:  # no point lies in front of its images, or too few do
+        model = None
     return Joined(pairs, linked, model, 0)
 
 
