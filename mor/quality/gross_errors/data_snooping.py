@@ -20,6 +20,7 @@ from mor.adjustment.state import Adjustment, Iteration
 from mor.arrays import BoolArray, FloatArray
 from mor.observations import is_image_point
 from mor.quality.assess import Levels, Quality, assess
+from mor.quality.diagnosis.self_check import is_complete
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.tests.test_statistics import comparable
 
@@ -119,11 +120,15 @@ class _State(NamedTuple):
     watch: Watcher | None
 
     def assessed(self, last: Adjustment, out: tuple[BoolArray, ...]) -> Quality | None:
-        """Quality without the entries ``out``, or nothing where that is no solution."""
+        """Quality without the entries ``out``, or nothing where that is no solution.
+
+        Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
+        """
         adjustment = adjust(exclude(self.problem, out), last.values, watch=self.watch)
         if not adjustment.outcome.is_solution:
             return None
-        return assess(adjustment, self.levels, self.aposteriori)
+        quality = assess(adjustment, self.levels, self.aposteriori)
+        return quality if is_complete(quality.redundancy_sum, quality.redundancy) else None
 
 
 def _taken_out(out: tuple[BoolArray, ...], kept_out: tuple[BoolArray, ...]) -> int:
