@@ -53,6 +53,9 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
+        from mor.machine import check_address_space
+
+        check_address_space()
         folder = "planning" if name in _PLANNING else "commands"
         command: click.Command = importlib.import_module(f"mor.cli.{folder}.{name}").command
         return in_all_languages(command)

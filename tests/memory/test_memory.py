@@ -54,3 +54,12 @@ def test_running_out_of_memory_is_told_as_that(tmp_path, monkeypatch):
     assert "not enough memory" in run.err
     assert "9.00 TiB" in run.err
     assert "internal" not in run.err
+
+
+def test_libraries_are_not_loaded_into_too_little_address_space(tmp_path, monkeypatch):
+    """OpenBLAS would wait for ever (ulimit -v 400000), or end the process."""
+    monkeypatch.setattr(mor.machine, "_of_address_space", lambda: 0.38e9)
+    run = command("adjust", write(tmp_path, LEVELLING))
+    assert run.code == 5
+    assert "1.6 GB of address space, and 380 MB are left" in run.err
+    assert command("--help").code == 0

@@ -34,7 +34,8 @@ points:
 observations:
   - {{type: directions, columns: [station, to, horizontal], rows: [{", ".join(directions)}],
      values: {{sigma_horizontal: 0.003}}}}
-  - {{type: horizontal_distance, columns: [from, to, distance], rows: [{", ".join(distances)}], values: {{sigma: 0.005}}}}
+  - {{type: horizontal_distance, columns: [from, to, distance], rows: [{", ".join(distances)}],
+     values: {{sigma: 0.005}}}}
 """
 
 
