@@ -17,10 +17,11 @@ from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import normalised_misclosures, reweighted_plan
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
+from mor.allowance import Allowance, allowed, counted_in
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.putting_back import put_back
-from mor.quality.gross_errors.suspects import left_out, may_be_absurd, without_suspects
+from mor.quality.gross_errors.suspects import ADJUSTMENTS, left_out, may_be_absurd, without_suspects
 
 GON = np.pi / 200.0
 
@@ -209,3 +210,14 @@ def test_a_pair_of_coordinates_is_judged_by_what_it_is_when_it_is_back(towards, 
     assert (np.abs(towards).max() < 4.84) == stays_out
     _, left = put_back(rest_of(problem, wrong), wrong, lambda one: assess(one, levels))
     assert left.masks[0][row].all() == stays_out
+
+
+@pytest.mark.parametrize(("kind", "errors", "seed"), [("close range", 0.1, 0), ("aerial", 0.01, 2)])
+def test_the_way_without_suspects_takes_less_than_is_allowed(kind, errors, seed):
+    """Also where the network is so large that what any may take does not help."""
+    scene = spoiled(seed, kind, errors)
+    plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(seed), 0.01, GON))
+    taken = Allowance()
+    with counted_in(taken):
+        without_suspects(plain)
+    assert 0 < taken.spent < allowed(scene.problem.observations, ADJUSTMENTS, 0)
