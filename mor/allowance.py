@@ -18,8 +18,8 @@ from typing import NamedTuple, TypeVar
 
 from mor.compilation import WORTH_COMPILING
 
-LEAST = 2_400_000
-"""Units that any network may take: some seconds, in which small ones are adjusted some eighty times."""
+LEAST = 3_200_000
+"""Units that any network may take: some seconds, in which small ones are adjusted a hundred times and more."""
 ITERATION = 2_000
 """Units of an iteration, besides those of its observations."""
 COMPILED = 5
