@@ -89,7 +89,7 @@ def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
     covariance = orientation_covariance(chosen)
     angles = angles_from_rotation(chosen.rotation)
     outcome = _outcome(a, b, chosen, rivals, covariance)
-    covariance = _covering(_along_base(covariance, chosen.base), covariance, chosen.base)
+    covariance = _along_base(covariance, chosen.base)
     return RelativeOrientation(
         outcome=outcome,
         geometry=_geometry(judged.geometry, outcome, len(a)),
@@ -209,20 +209,6 @@ def _along_base(covariance: FloatArray, base: FloatArray) -> FloatArray:
     result = covariance.copy()
     result[:3, :3] += 0.25 * fourth * np.outer(base, base)
     return result
-
-
-def _covering(covariance: FloatArray, linear: FloatArray, base: FloatArray) -> FloatArray:
-    """The covariance (6, 6) with σ of b in which what they call five is four at least, as the base is curved, too.
-
-    Turned by four σ of the ``linear`` terms towards one of its axes a component of b changes by 4 σ of its own, and by
-    the square of the turn over two, |b| 8 λ, along the base.
-    """
-    turn = float(np.linalg.eigvalsh(linear[:3, :3])[2])
-    change = 4.0 * np.sqrt(np.diag(linear)[:3]) + 8.0 * turn * np.abs(base)
-    told = np.sqrt(np.diag(covariance))
-    factors = np.ones(6)
-    factors[:3] = np.maximum(1.0, 0.2 * change / np.maximum(told[:3], 1e-300))
-    return np.asarray(covariance * np.outer(factors, factors))
 
 
 def _sigma_angles(angles: FloatArray, covariance: FloatArray) -> FloatArray:
