@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 
 from mor.compilation import WORTH_COMPILING
 
-LEAST = 3_200_000
+LEAST = 4_200_000
 """Units that any network may take: some seconds, in which small ones are adjusted a hundred times and more."""
 ITERATION = 2_000
 """Units of an iteration, besides those of its observations."""

@@ -34,7 +34,7 @@ CONTROL = 3
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    in_doubt = Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 4))
+    in_doubt = Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5))
     assembly = Assembly(network, scene, parts, in_doubt=in_doubt, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number

@@ -92,7 +92,7 @@ def _likeliest(
         attempt,
         judged,
         lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1)),
-        Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 4)),
+        Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5)),
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 
