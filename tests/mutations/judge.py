@@ -100,14 +100,14 @@ def _not_finite(text: str) -> float:
 
 
 def _of_sigma(data: dict[str, Any]) -> Iterator[str]:
-    """σ of 0, or none, of what is free. Coordinates that a minimal datum holds have none."""
+    """σ of 0 of what is free. A datum over as many coordinates as there are movements holds them."""
     if (data["sigma0"] or {}).get("used_for_sigma") == 0.0:
         return
-    for point in data["points"] or []:
-        values = [point[key] for key in ("sx", "sy", "sz")]
-        if point["status"] == "free" and not data["datum"].startswith("minimal") and 0.0 in values:
-            yield f"sigma: 0 of the free point {point['id']!r}"
-            return
+    free = [point for point in data["points"] or [] if point["status"] == "free"]
+    held = [point["id"] for point in free for key in ("sx", "sy", "sz") if point[key] == 0.0]
+    if held and (data["datum"] == "free" or len(held) > data["defect"]):
+        yield f"sigma: 0 of the free point {held[0]!r}"
+        return
     for camera in data["cameras"]:
         for name, row in camera["components"].items():
             if row["status"] == "free" and row["sigma"] == 0.0:

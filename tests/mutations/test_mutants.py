@@ -66,7 +66,7 @@ def test_the_judge_sees_what_is_wrong(tmp_path: Path, end: Ended, kind: str) -> 
 def test_the_judge_sees_wrong_results(tmp_path: Path, change: str, kind: str | None) -> None:
     content = '{"outcome": "converged", "redundancy": 3, "redundancy_sum": 3.0, "observations": 9, "datum": "fixed", '
     content += (
-        '"sigma0": {"used_for_sigma": 1.0}, "points": [], "cameras": []'
+        '"sigma0": {"used_for_sigma": 1.0}, "defect": 0, "points": [], "cameras": []'
         + (f", {change}" if change else "")
         + "}"
     )
