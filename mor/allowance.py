@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeVar
 from mor.compilation import WORTH_COMPILING
 
 LEAST = 4_200_000
-"""Units that any network may take: some seconds, in which small ones are adjusted a hundred times and more."""
+"""Units that any network may take: some seconds, in which the smallest are adjusted some two hundred times."""
 ITERATION = 2_000
 """Units of an iteration, besides those of its observations."""
 COMPILED = 5
