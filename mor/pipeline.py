@@ -15,7 +15,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
-from mor.allowance import LEAST, Allowance, SpentError, allowed, counted_in, within
+from mor.allowance import ITERATIONS, LEAST, Allowance, SpentError, allowed, counted_in, of_iteration, within
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
@@ -119,6 +119,8 @@ def _solved(
         further = _further(network)
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued, further))
     rescue = next((one for one in rescued if one.adjustment is adjustment), None)
+    if rescue is None and not further.is_left:
+        network = replace(network, notes=(*network.notes, _not_followed(network, further)))
     suspects = rescue.suspects if rescue is not None else None
     led = rescue.led if rescue is not None else None
     plain = suspects.plain if suspects is not None else adjustment
@@ -187,6 +189,15 @@ def _further(network: Network) -> Allowance:
     rows = sum(group.count for group in network.groups)
     times = sum(group.count * group.type.work for group in network.groups) / max(rows, 1)
     return Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5, times))
+
+
+def _not_followed(network: Network, further: Allowance) -> Mistake:
+    """The word that there may be a solution without gross errors all the same."""
+    times = int(further.most) // (ITERATIONS * of_iteration(network.observations))
+    return Mistake(
+        "ways to a solution without gross errors were not followed to their end: "
+        f"that would have taken longer than {times} adjustments of this size"
+    )
 
 
 def _without_gross_errors(

@@ -253,7 +253,7 @@ def _assembled_front(
     """
     r = below.shape[0]
     rest = np.zeros((r, r), order="F")
-    move.assemble(values, *plan.entries.of_front(f), pivots, below)
+    move.assemble(values, plan.entries, f, pivots, below)
     for update, places in updates:
         move.extend_add(update, places, pivots, below, rest)
     return pivots, below, rest

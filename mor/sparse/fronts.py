@@ -6,20 +6,24 @@ A front is three column-major arrays: ``pivots`` (k, k) and ``below`` (r, k) wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from mor import compilation
 from mor.arrays import FloatArray, IntArray
 from mor.sparse.compiled import fronts as kernels
+from mor.sparse.symbolic_factorisation import Entries
 
 _Move = Callable[..., None]
 
 
 class Moves(NamedTuple):
-    """The ways values go, each as in :mod:`mor.sparse.compiled.fronts`; asked for once, used for every front."""
+    """The ways values go, each as in :mod:`mor.sparse.compiled.fronts`; asked for once, used for every front.
+
+    Blocks of the matrix are those of front f among the ``Entries`` of the plan.
+    """
 
     assemble: _Move
     """Copy stored blocks of the matrix into the first columns of a front."""
@@ -37,29 +41,28 @@ def moves() -> Moves:
     """Compiled ones where kernels are wanted, plain ones elsewhere."""
     if not compilation.wanted():
         return Moves(_assemble, _extract, _extend_add, _inherit, _mirror)
-    of = (kernels.assemble, kernels.extract, kernels.extend_add, kernels.inherit, kernels.mirror)
-    return Moves(*(kernel.compiled for kernel in of))
+    assemble, extract = kernels.assemble.compiled, kernels.extract.compiled
+    of = (kernels.extend_add, kernels.inherit, kernels.mirror)
+    return Moves(_by_blocks(assemble), _by_blocks(extract), *(kernel.compiled for kernel in of))
 
 
-def _assemble(values: FloatArray, *front: Any) -> None:
-    for stored, place in _places(values, *front):
-        place[...] = stored
+def _by_blocks(kernel: _Move) -> _Move:
+    def move(values: FloatArray, entries: Entries, f: int, *front: FloatArray) -> None:
+        kernel(values, *entries.of_front(f), *front)
+
+    return move
 
 
-def _extract(values: FloatArray, *front: Any) -> None:
-    for stored, place in _places(values, *front):
-        stored[...] = place
+def _assemble(values: FloatArray, entries: Entries, f: int, pivots: FloatArray, below: FloatArray) -> None:
+    found = entries.scalars_of_front(f, pivots.shape[0], below.shape[0])
+    pivots.reshape(-1, order="F")[found.in_pivots] = values[found.to_pivots]
+    below.reshape(-1, order="F")[found.in_below] = values[found.to_below]
 
 
-def _places(values: FloatArray, *front: Any) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Each stored block and its place in the front, both as views of the same shape."""
-    *blocks, pivots, below = front
-    k = pivots.shape[0]
-    for start, h, w, row, column, transposed in zip(*(part.tolist() for part in blocks), strict=True):
-        stored = values[start : start + h * w].reshape(h, w)
-        stored = stored.T if transposed else stored
-        array, first = (pivots, row) if row < k else (below, row - k)
-        yield stored, array[first : first + stored.shape[0], column : column + stored.shape[1]]
+def _extract(values: FloatArray, entries: Entries, f: int, pivots: FloatArray, below: FloatArray) -> None:
+    found = entries.scalars_of_front(f, pivots.shape[0], below.shape[0])
+    values[found.to_pivots] = pivots.reshape(-1, order="F")[found.in_pivots]
+    values[found.to_below] = below.reshape(-1, order="F")[found.in_below]
 
 
 def _extend_add(

@@ -53,7 +53,7 @@ def selected_inverse(
                     pivots, below = np.asfortranarray(last), np.empty((0, len(last)), order="F")
                 else:
                     pivots, below = _inverse_of_front(move, factor, f, rest)
-                move.extract(values, *plan.entries.of_front(f), pivots, below)
+                move.extract(values, plan.entries, f, pivots, below)
                 if watch is not None and f in tellings:
                     watch(tellings[f])
                 if waiting[f]:

@@ -26,6 +26,20 @@ _PRICES: FloatArray = np.array([1.0, 3e-5, 4e-6])
 _NEARLY_FULL = 0.4
 
 
+class Scalars(NamedTuple):
+    """Entries of the matrix that go into one front, and their places in its two column-major arrays.
+
+    Attributes:
+        to_pivots, to_below: places in the flat array of values.
+        in_pivots, in_below: places in the flat arrays of the front.
+    """
+
+    to_pivots: IntArray
+    in_pivots: IntArray
+    to_below: IntArray
+    in_below: IntArray
+
+
 class Entries(NamedTuple):
     """Where the stored blocks of the matrix go, sorted by front.
 
@@ -36,6 +50,7 @@ class Entries(NamedTuple):
         row, column: place of its first entry in the front (pivots first, then rows), the larger one is the
         row.
         transposed: whether the stored block enters the lower triangle of the front transposed.
+        known: what was asked of single entries by front, remembered.
     """
 
     pointers: IntArray
@@ -45,6 +60,7 @@ class Entries(NamedTuple):
     row: IntArray
     column: IntArray
     transposed: BoolArray
+    known: dict[int, Scalars]
 
     def of_front(self, f: int) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, BoolArray]:
         """Return (start, height, width, row, column, transposed) of the stored blocks that go into front f."""
@@ -57,6 +73,12 @@ class Entries(NamedTuple):
             self.column[part],
             self.transposed[part],
         )
+
+    def scalars_of_front(self, f: int, pivots: int, rows: int) -> Scalars:
+        """Where each entry of those blocks goes, in a front of so many pivots and further rows."""
+        if f not in self.known:
+            self.known[f] = _scalars(*self.of_front(f), pivots, rows)
+        return self.known[f]
 
 
 class Elimination(NamedTuple):
@@ -273,6 +295,34 @@ def _entries(
         row=place[by_front],
         column=(early - pivot_pointers[front])[by_front],
         transposed=(row_start < column_start)[by_front],
+        known={},
+    )
+
+
+def _scalars(
+    start: IntArray,
+    height: IntArray,
+    width: IntArray,
+    row: IntArray,
+    column: IntArray,
+    transposed: BoolArray,
+    pivots: int,
+    rows: int,
+) -> Scalars:
+    """Places of the entries of stored blocks, (height, width) row-major from ``start`` on, and in the front."""
+    size = height * width
+    block = np.repeat(np.arange(size.size), size)
+    stored = ranges(start, size)
+    down, across = np.divmod(stored - start[block], width[block])
+    turned = transposed[block]
+    r = row[block] + np.where(turned, across, down)
+    c = column[block] + np.where(turned, down, across)
+    inside = row[block] < pivots
+    return Scalars(
+        stored[inside],
+        (r + c * pivots)[inside],
+        stored[~inside],
+        (r - pivots + c * rows)[~inside],
     )
 
 

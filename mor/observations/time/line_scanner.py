@@ -92,6 +92,7 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         ),
         equation=equation,
         constants=(*MEASURED, *model.constants, *ROW, *clock_constants(knots)),
+        work=4,
     )
 
 

@@ -1,10 +1,11 @@
 """Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until the rest is clean.
 
-Several are taken out at once only if they share neither a point nor a frame. After every adjustment what was taken out
-is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits. What goes out a second
-time stays out until nothing else is to be done; then it is tested once more, for its neighbours may have gone since,
-and what still does not bear the company of the rest stays out for good. The two coordinates of a ray are one pointing
-and go together, as long as both are controlled.
+Several are taken out at once where none of them may be flagged for another one's error alone: where they share neither
+a point nor a frame, or are so well controlled that it shows but little in each other's residual. After every adjustment
+what was taken out is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits.
+What goes out a second time stays out until nothing else is to be done; then it is tested once more, for its neighbours
+may have gone since, and what still does not bear the company of the rest stays out for good. The two coordinates of a
+ray are one pointing and go together, as long as both are controlled.
 """
 
 from __future__ import annotations
@@ -17,20 +18,26 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Adjustment, Iteration
+from mor.allowance import LEAST, Allowance, allowed, counted_in, spend
 from mor.arrays import BoolArray, FloatArray
 from mor.observations import is_image_point
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.diagnosis.self_check import is_complete
 from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.tests.test_statistics import comparable
 
 _BESIDE_THE_WORST = 0.5
-"""Part of the largest |w| from which on others are taken out in the same round."""
+"""Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
 _MOST_ROUNDS = 500
+ADJUSTMENTS = 100
+"""Adjustments that snooping may take where a network is large."""
+ASSESSING = 3
+"""Iterations that are as much work as assessing an adjustment."""
 _MOST_OUT = 0.5
 """Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
 _LOCAL = ("point", "rotation", "base")
-"""Kinds of blocks two observations must not share to be taken out at once."""
+"""Kinds of blocks by which the error of one observation shows in another one."""
 
 Watcher = Callable[[Iteration], None]
 
@@ -81,7 +88,7 @@ def snoop(
             quality, out = begun, wanted
     steps: list[Snooped] = []
     stays_out, for_good, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(3))
-    clean = False
+    clean, further = False, Allowance(allowed(problem.observations, ADJUSTMENTS, LEAST // 2))
     for number in range(1, _MOST_ROUNDS + 1):
         chosen = _worst(quality, cannot)
         fitting = _fitting(quality, kept_out, stays_out)
@@ -94,9 +101,12 @@ def snoop(
             break
         if _taken_out(out, kept_out) > _MOST_OUT * first.redundancy:
             break  # it is not single errors that do not fit
+        if not further.is_left:
+            break
         for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
             tried = _changed(out, change)
-            found = state.assessed(quality.adjustment, tried)
+            with counted_in(further):
+                found = state.assessed(quality.adjustment, tried)
             if found is not None:
                 _remember(steps, number, quality, change, out)
                 _mark(stays_out, [entry for entry in change if out[entry[0]][entry[1:]]])
@@ -127,6 +137,7 @@ class _State(NamedTuple):
         adjustment = adjust(exclude(self.problem, out), last.values, watch=self.watch)
         if not adjustment.outcome.is_solution:
             return None
+        spend(ASSESSING * adjustment.plan.work)
         quality = assess(adjustment, self.levels, self.aposteriori)
         return quality if is_complete(quality.redundancy_sum, quality.redundancy) else None
 
@@ -156,7 +167,7 @@ def _remember(
 
 
 def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
-    """The worst observation, and others nearly as bad that share nothing with it nor with each other."""
+    """The worst observation, and others nearly as bad that are not so for its error, nor for each other's."""
     sizes = [
         comparable(np.where(flags & ~bad, np.abs(one.test), 0.0))
         for flags, bad, one in zip(quality.flagged, cannot, quality.reliability, strict=True)
@@ -170,14 +181,29 @@ def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
         for group, row in enumerate(rows)
         for i in np.flatnonzero(row >= max(_BESIDE_THE_WORST * largest, np.nextafter(0.0, 1.0)))
     ]
-    used: set[tuple[str, int]] = set()
+    absorbed = [_absorbed_of_controlled(one) for one in quality.groups]
+    used: dict[tuple[str, int], float] = {}
     chosen: Entries = []
     for _, group, row in sorted(candidates, key=lambda candidate: (-candidate[0], *candidate[1:])):
-        blocks = _local_blocks(quality, group, row)
-        if used.isdisjoint(blocks):
-            used |= blocks
+        blocks, own = _local_blocks(quality, group, row), float(absorbed[group][row])
+        beside = max((used[block] for block in blocks & used.keys()), default=None)
+        if beside is None or own * beside <= _BESIDE_THE_WORST**2:
+            used.update({block: max(own, used.get(block, 0.0)) for block in blocks})
             chosen += _together(quality, group, row, sizes[group][row])
     return chosen
+
+
+def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
+    """(n,) the largest (1 − r)/r of a row's components; infinite for correlated ones.
+
+    An error shows in another observation by the correlation ρ of their residuals, wᵢ = ρᵢⱼ wⱼ, and as that of adjusted
+    observations is 1 at most, ρ² ≤ (1 − rᵢ)/rᵢ · (1 − rⱼ)/rⱼ.
+    """
+    r = np.nan_to_num(one.r, nan=1.0)
+    found: FloatArray = np.max((1.0 - r) / np.maximum(r, np.finfo(float).tiny), axis=1, initial=0.0)
+    if one.correlated is not None:
+        found[one.correlated.rows] = np.inf
+    return found
 
 
 def _local_blocks(quality: Quality, group: int, row: int) -> set[tuple[str, int]]:

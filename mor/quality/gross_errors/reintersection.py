@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.problem import Problem
+from mor.allowance import spend
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
@@ -165,6 +166,7 @@ def _residuals(told: list[_Observed], values: Values, places: FloatArray) -> tup
     misclosures, jacobians = [], []
     for group, rows, slot, observed in told:
         every = np.tile(rows, len(places))
+        spend(len(every) * group.type.work)
         blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
         blocks[slot] = np.repeat(places, len(rows), axis=0)
         with np.errstate(all="ignore"):

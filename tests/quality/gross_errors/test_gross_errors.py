@@ -328,3 +328,34 @@ def test_snooping_ends_where_it_is_not_single_errors_that_do_not_fit(block):
     assert not found.clean
     left = found.quality.redundancy
     assert left > 0.3 * quality.redundancy, "one round may go beyond the half"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypatch):
+    """Rays that share images and points go in one round where they are well controlled, far fewer rounds than rays."""
+    scene, start = block
+    rows, spoil = _spoiled(np.random.default_rng(seed), 20)
+    problem, quality = _assessed(scene, start, seed, spoil)
+    together = snoop(problem, quality, Levels(), True)
+    monkeypatch.setattr("mor.quality.gross_errors.data_snooping._BESIDE_THE_WORST", 1.0)
+    monkeypatch.setattr(
+        "mor.quality.gross_errors.data_snooping._absorbed_of_controlled",
+        lambda one: np.full(len(one.v), np.inf),
+    )
+    alone = snoop(problem, quality, Levels(), True)
+    assert set(rows) <= set(_out(together.quality))
+    assert list(_out(together.quality)) == list(_out(alone.quality))
+    assert max(step.round for step in together.steps) < 0.6 * max(step.round for step in alone.steps)
+    assert together.clean
+    assert alone.clean
+
+
+def test_snooping_ends_when_all_is_spent_that_it_may_take(block, monkeypatch):
+    """Rounds are counted as work: where less is allowed than one takes there is one round."""
+    scene, start = block
+    _, spoil = _spoiled(np.random.default_rng(1), 20)
+    problem, quality = _assessed(scene, start, 1, spoil)
+    monkeypatch.setattr("mor.quality.gross_errors.data_snooping.allowed", lambda *_: 1)
+    found = snoop(problem, quality, Levels(), True)
+    assert {step.round for step in found.steps} == {1}
+    assert not found.clean
