@@ -218,6 +218,17 @@ def test_all_results_are_known_as_such(tmp_path: Path) -> None:
         assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
 
 
+@pytest.mark.parametrize("sample", ["dam", "dam_epochs", "three_line_strip"])
+def test_all_results_of_networks_on_earth_of_motions_and_of_trajectories_are_known(
+    tmp_path: Path, sample: str
+) -> None:
+    """Other projects had them left beside their own results."""
+    project = Path(__file__).parents[2] / "sample_projects" / sample / "project.yaml"
+    assert mor("adjust", project, "-o", tmp_path / "results").code == 0
+    for name in set(content(tmp_path / "results")) - {"README.txt"}:
+        assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
+
+
 def test_folder_can_be_read_by_others(tmp_path: Path) -> None:
     assert mor("adjust", write(tmp_path, LEVELLING)).code == 0
     assert (tmp_path / "project.results").stat().st_mode & 0o777 == 0o755

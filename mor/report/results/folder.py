@@ -17,9 +17,19 @@ RESULT_FILES = (
     "results.json",
     "report.txt",
     "report.html",
+    "movements.html",
     *(
         f"{name}.{kind}"
-        for name in ("residuals", "residuals_worst", "points", "images")
+        for name in (
+            "residuals",
+            "residuals_worst",
+            "points",
+            "images",
+            "motions",
+            "movements",
+            "trajectories",
+            "places",
+        )
         for kind in ("csv", "parquet")
     ),
     "domains.json",
