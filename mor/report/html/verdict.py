@@ -160,7 +160,7 @@ def _emptied(data: PageData) -> list[str]:
 def _mostly_out(data: PageData) -> list[str]:
     """Things of which most observations were taken out."""
     snooping = data.view.gross_errors.get("snooping")
-    return [mostly_out_in_words(row, data.words) for row in (snooping or {}).get("mostly_out", [])]
+    return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
 
 
 def _flagged(count: int, say: Words) -> str:

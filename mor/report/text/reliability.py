@@ -111,7 +111,7 @@ def _snooping(data: dict[str, Any] | None, words: Words, shown: int) -> list[str
     lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
         lines.append(words("NOT CLEAN: something is still flagged that was not excluded."))
-    lines += [mostly_out_in_words(row, words) for row in data["mostly_out"][:shown]]
+    lines += mostly_out_in_words(data["mostly_out"], words, shown)
     rows = [
         [str(step["round"]), step["action"], in_words(step, words), fixed(step["w"], 2)]
         for step in data["steps"][: 5 * shown]
@@ -123,16 +123,30 @@ def _snooping(data: dict[str, Any] | None, words: Words, shown: int) -> list[str
     return lines
 
 
-def mostly_out_in_words(row: dict[str, Any], words: Words) -> str:
-    """One sentence on something of which most observations were taken out."""
-    return words(
-        "Of {thing} {id}, {out} of {count} observations were taken out: is not rather the whole of it wrong "
-        "(name, given values, a frame that moved) than each of them?",
-        thing=words(row["of"]),
-        id=row["id"],
-        out=row["excluded"],
-        count=row["observations"],
+def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) -> list[str]:
+    """One sentence on everything of which most observations were taken out, by name the first ones."""
+    if not rows:
+        return []
+    named = ", ".join(
+        words(
+            "{thing} {id} ({out} of {count})",
+            thing=words(row["of"]),
+            id=row["id"],
+            out=row["excluded"],
+            count=row["observations"],
+        )
+        for row in rows[:shown]
     )
+    left = len(rows) - shown
+    if left > 0:
+        named = words("{names} and {count} more", names=named, count=left)
+    return [
+        words(
+            "Most observations were taken out of {things}: is not rather the whole wrong (name, given values, a frame "
+            "that moved) than each of them?",
+            things=named,
+        )
+    ]
 
 
 def _robust(data: dict[str, Any] | None, unit: str, words: Words, shown: int) -> list[str]:
