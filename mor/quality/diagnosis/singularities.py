@@ -45,6 +45,8 @@ _KNOT = (
 )
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
+_WELL_KNOWN = 0.01 * NOTHING_KNOWN
+"""σ (rad) of a turn below which only the weights of the others make it weak: it keeps no iteration from its end."""
 _ALONG_AXIS = 0.999
 """Component of a unit vector from which on it is called after its axis."""
 _SHOWN = 6
@@ -87,7 +89,11 @@ def _movements(solved: Solved, say: Say) -> str:
 def turned_about(solved: Solved, say: Say = english) -> list[str]:
     """Turns of the whole network that are hardly determined, where there is no solution."""
     adjustment = solved.adjustment
-    turns = weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+    turns = [
+        turn
+        for turn in weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+        if turn.sigma > _WELL_KNOWN
+    ]
     angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
     unit = ANGLE_UNITS[angle]
     lines = []
