@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -149,3 +151,20 @@ def test_a_suspect_in_an_image_is_called_so_once() -> None:
     row = {"type": "image", "names": {"image": "I4", "point": "P8"}, "component": "x"}
     data = {"outcome": "not converged", "iterations": 9, "count": 1, "observations": [row]}
     assert sentences(data)[-1].endswith("The worst: image I4, point P8, x.")
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_standard_streams_may_be_closed(tmp_path: Path, closed: str) -> None:
+    project = write(tmp_path, LEVELLING)
+    command = f'"{sys.executable}" -m mor adjust project.yaml -o results {closed}'
+    run = subprocess.run(["sh", "-c", command], cwd=project.parent, check=False)
+    assert run.returncode == 0
+    assert json.loads((tmp_path / "results" / "results.json").read_text())["outcome"] == "converged"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux only")
+def test_words_that_cannot_be_written_have_an_exit_code(tmp_path: Path) -> None:
+    project = write(tmp_path, LEVELLING)
+    command = f'"{sys.executable}" -m mor adjust project.yaml -o results 2> /dev/full'
+    run = subprocess.run(["sh", "-c", command], cwd=project.parent, check=False)
+    assert run.returncode == 2
