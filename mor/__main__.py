@@ -16,8 +16,8 @@ from types import FrameType, ModuleType
 def main() -> None:
     """Run the command line and exit with the documented code.
 
-    Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C. Where not even words
-    can be written (standard error on a full disk) the code alone says so.
+    Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C. Where not even
+    words can be written (standard error on a full disk) the code alone says so.
     """
     heeded = []
     _open_closed_streams()

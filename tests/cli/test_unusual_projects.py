@@ -168,3 +168,12 @@ def test_words_that_cannot_be_written_have_an_exit_code(tmp_path: Path) -> None:
     command = f'"{sys.executable}" -m mor adjust project.yaml -o results 2> /dev/full'
     run = subprocess.run(["sh", "-c", command], cwd=project.parent, check=False)
     assert run.returncode == 2
+
+
+def test_a_datum_of_too_few_coordinates_is_called_so(tmp_path: Path) -> None:
+    text = PLAN.replace("{free: [A, B]}", "{minimal: {xy: A}}")
+    run = mor("adjust", write(tmp_path, text), "-o", tmp_path / "r")
+    assert run.code == 4
+    assert "The datum has 2 free coordinates, and the network has 3 free movements: " in run.err
+    german = mor("adjust", write(tmp_path / "de", text), "-o", tmp_path / "de" / "r", "--lang", "de")
+    assert "Das Datum hat 2 freie Koordinaten, und das Netz hat 3 freie Bewegungen: " in german.err

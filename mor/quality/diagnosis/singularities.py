@@ -75,11 +75,29 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
         return turned_about(solved, say)
     if not adjustment.problem.datum.free:
         return _open_datum(solved, say)
-    movements = _movements(solved, say)
     return [
-        say("The chosen datum coordinates do not settle these movements: {movements}.", movements=movements),
+        _unsettled(solved, say),
         say("Let more points, or more of their components, carry the datum."),
     ]
+
+
+def _unsettled(solved: Solved, say: Say) -> str:
+    """That the datum coordinates do not settle all movements, and whether they are too few for that."""
+    problem, movements = solved.adjustment.problem, _movements(solved, say)
+    free = problem.index.columns["point"] >= 0
+    count = int(np.count_nonzero(problem.datum.mask["point"] & free))
+    needed = len(solved.adjustment.defect.movements)
+    if count < needed:
+        return say(
+            "The datum has {count:free coordinate|free coordinates}, and the network has "
+            "{needed:free movement|free movements}: {movements}.",
+            count=count,
+            needed=needed,
+            movements=movements,
+        )
+    return say(
+        "The chosen datum coordinates do not settle all of these movements: {movements}.", movements=movements
+    )
 
 
 def _movements(solved: Solved, say: Say) -> str:
