@@ -16,9 +16,11 @@ from types import FrameType, ModuleType
 def main() -> None:
     """Run the command line and exit with the documented code.
 
-    Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C.
+    Asked to end (SIGTERM), or left by its terminal (SIGHUP), the program tidies up as after Ctrl-C. Where not even
+    words can be written (standard error on a full disk) the code alone says so.
     """
     heeded = []
+    _open_closed_streams()
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
@@ -40,8 +42,21 @@ def main() -> None:
             signal.signal(number, signal.SIG_DFL)  # all is done
     except KeyboardInterrupt as interruption:
         code = 128 + int(next(iter(interruption.args), signal.SIGINT))
+    except OSError:
+        code = _NOT_WRITTEN
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
+
+
+_NOT_WRITTEN = 2
+"""Exit code where something cannot be written."""
+
+
+def _open_closed_streams() -> None:
+    """Lead standard streams that the caller has closed to nowhere, so that no file of results gets their number."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
 _ENVIRONMENT = {

@@ -141,7 +141,8 @@ def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> E
     if not quiet:
         for difference in found[:SHOWN]:
             click.echo(
-                f"{difference.place}: {words(_said(difference.one))} | {words(_said(difference.other))}"
+                f"{difference.place}: {words.listed(_said(difference.one))}"
+                f" | {words.listed(_said(difference.other))}"
             )
         if len(found) > SHOWN:
             click.echo(words("and {count} more", count=len(found) - SHOWN))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from mor.adjustment.datum.defect import network_components
 from mor.arrays import BoolArray
 from mor.project.network.build import Network
@@ -11,9 +13,13 @@ from mor.quality.solved import Solved
 
 
 def released(solved: Solved) -> Network:
-    """The network with every fixed coordinate free that an observation looks at; the same one where there is none."""
+    """The network with every fixed coordinate free that an observation looks at; the same one where there is none.
+
+    Coordinates that are none of the dimensions of the network stay.
+    """
     network = solved.network
     _, fixed = network_components(solved.adjustment.problem, solved.adjustment.values)
+    fixed &= np.array([axis in network.project.settings.dimensions for axis in "xyz"])
     if not fixed.any():
         return network
     points = network.blocks["point"]

@@ -45,6 +45,8 @@ _KNOT = (
 )
 _STILL = 1e-6
 """Part of a movement of unit length below which nothing moves."""
+_WELL_KNOWN = 0.01 * NOTHING_KNOWN
+"""σ (rad) of a turn below which only the weights of the others make it weak: it keeps no iteration from its end."""
 _ALONG_AXIS = 0.999
 """Component of a unit vector from which on it is called after its axis."""
 _SHOWN = 6
@@ -73,11 +75,29 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
         return turned_about(solved, say)
     if not adjustment.problem.datum.free:
         return _open_datum(solved, say)
-    movements = _movements(solved, say)
     return [
-        say("The chosen datum coordinates do not settle these movements: {movements}.", movements=movements),
+        _unsettled(solved, say),
         say("Let more points, or more of their components, carry the datum."),
     ]
+
+
+def _unsettled(solved: Solved, say: Say) -> str:
+    """That the datum coordinates do not settle all movements, and whether they are too few for that."""
+    problem, movements = solved.adjustment.problem, _movements(solved, say)
+    free = problem.index.columns["point"] >= 0
+    count = int(np.count_nonzero(problem.datum.mask["point"] & free))
+    needed = len(solved.adjustment.defect.movements)
+    if count < needed:
+        return say(
+            "The datum has {count:free coordinate|free coordinates}, and the network has "
+            "{needed:free movement|free movements}: {movements}.",
+            count=count,
+            needed=needed,
+            movements=movements,
+        )
+    return say(
+        "The chosen datum coordinates do not settle all of these movements: {movements}.", movements=movements
+    )
 
 
 def _movements(solved: Solved, say: Say) -> str:
@@ -87,7 +107,11 @@ def _movements(solved: Solved, say: Say) -> str:
 def turned_about(solved: Solved, say: Say = english) -> list[str]:
     """Turns of the whole network that are hardly determined, where there is no solution."""
     adjustment = solved.adjustment
-    turns = weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+    turns = [
+        turn
+        for turn in weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+        if turn.sigma > _WELL_KNOWN
+    ]
     angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
     unit = ANGLE_UNITS[angle]
     lines = []

@@ -221,8 +221,11 @@ def causes(
     if not plain.problem.index.count:
         return Causes()
     effort = allowed(network.observations, looking, ended.spent)
+    whole = _is_of_all(plain, network)
     if ended.rejected is Rejection.SMALLER and solution is not None:
-        situation = Situation(network, start, solution.values, solution, make, begin, effort, larger=False)
+        values = solution.values if whole else _graduated(make(network, start, start), start)
+        there = solution if whole else None
+        situation = Situation(network, start, values, there, make, begin, effort, larger=False)
         return possible_causes(situation, _before(situation, plain))
     useless = plain.outcome is Outcome.CONVERGED and ended.quality is None  # no number of it can be relied on
     if not useless and plain.outcome is Outcome.SINGULAR and not plain.iterations:
@@ -231,15 +234,19 @@ def causes(
             return Causes()  # something is missing, a datum say; nothing contradicts anything
         before = _before(situation, plain)
         return possible_causes(situation, before._replace(compared=situation.fit.omega))
-    if [group.count for group in plain.problem.groups[: len(network.groups)]] != [
-        g.count for g in network.groups
-    ]:
+    if not whole:
         solution = None  # of a network without some of its things: what is wrong may be with them
         values = _graduated(make(network, start, start), start)
     else:
         values = _where_most_fit(plain, solution, ended.led)
     situation = Situation(network, start, values, solution, make, begin, effort)
     return possible_causes(situation, _before(situation, plain))
+
+
+def _is_of_all(plain: Adjustment, network: Network) -> bool:
+    """False where an adjustment is without some of the things of a network, or has points of it at infinity."""
+    adjusted = plain.problem.groups[: len(network.groups)]
+    return [group.count for group in adjusted] == [group.count for group in network.groups]
 
 
 def causes_without_start(

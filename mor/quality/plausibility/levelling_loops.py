@@ -129,7 +129,7 @@ def _note(
     places = ", ".join(str(line_of(line.group, line.row)) for line in own if line.group is not None)
     closing = own[0]
     unit = network.project.units.length
-    words = f"levelling {names}: the loop misses by {total:.4g} {unit} ({size:.0f} sigma)"
     where = f"; its lines: {places}" if len(own) > 1 and places.strip("0, ") else ""
+    words = f"levelling {names}: the loop misses by {total:.4g} {unit} ({size:.0f} sigma){where}"
     file, line = (closing.group.file, line_of(closing.group, closing.row)) if closing.group else ("", 0)
-    return Problem(words + where, file, line)
+    return Problem(words, file, line)

@@ -65,7 +65,8 @@ def candidate_places(quality: Quality) -> CandidatePlaces:
     tables = (
         _table(number, group)
         for number, group in enumerate(problem.groups)
-        if _target_slot(group) >= 0
+        if group.count
+        and _target_slot(group) >= 0
         and len(group.type.references) == 2
         and group.type.references[-1].name != "system"
     )

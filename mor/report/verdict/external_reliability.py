@@ -48,7 +48,10 @@ def external_reliability(solved: Solved) -> pl.DataFrame:
     most = min(MOST, max(1, _ROOM // max(1, len(quality.adjustment.plan.kept))))
     order = seen.worst(len(seen.names))
     chosen = order[free[order] & (seen.smallest_r[order] >= HARDLY_CONTROLLED)][:most].tolist()
-    entries, nabla = [seen.entry(k) for k in chosen], detectable(quality, seen.weakest[chosen])
+    nabla = detectable(quality, seen.weakest[chosen])
+    bounded = np.isfinite(nabla)  # of correlated observations r alone does not tell
+    chosen, nabla = [k for k, known in zip(chosen, bounded, strict=True) if known], nabla[bounded]
+    entries = [seen.entry(k) for k in chosen]
     moved = point_movements(quality, entries, nabla, [[int(blocks[k])] for k in chosen])
     rows = []
     for k, entry, (movement,) in zip(chosen, entries, moved, strict=True):

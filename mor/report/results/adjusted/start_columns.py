@@ -54,7 +54,8 @@ def _component_columns(
     columns: dict[str, FloatArray] = {}
     for k, name in enumerate(names):
         columns[name] = np.where(is_observed[:, k], observed[:, k] / per_unit, values[:, k])
-        columns[f"sigma_{name}"] = np.where(free[:, k], sigma[:, k] / per_unit, 0.0)
+        held = np.where(np.isnan(columns[name]), np.nan, 0.0)  # without a value it is none of the dimensions
+        columns[f"sigma_{name}"] = np.where(free[:, k], sigma[:, k] / per_unit, held)
         columns[f"start_{name}"] = np.where(is_observed[:, k], values[:, k], np.nan)
     return {key: column for key, column in columns.items() if not np.isnan(column).all() or key in names}
 

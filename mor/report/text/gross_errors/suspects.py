@@ -6,7 +6,7 @@ from typing import Any
 
 from mor.adjustment.state import Outcome
 from mor.quality.solved import Solved
-from mor.report.layout import component_of, heading, short, table
+from mor.report.layout import heading, in_words, short, table
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.words.language import ENGLISH, Words
 
@@ -19,7 +19,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     if data is None:
         return ""
     rows = [
-        [_place(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:shown]
+        [in_words(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:shown]
     ]
     lines = [
         heading(words("Left out: suspects of gross errors")),
@@ -38,7 +38,7 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     """The verdict on them; first of all that not all observations have been adjusted."""
     if data is None:
         return []
-    place = "; ".join(_place(row, words) for row in data["observations"][:2])
+    place = "; ".join(in_words(row, words) for row in data["observations"][:2])
     if data["outcome"] == Outcome.CONVERGED.value:
         return [
             words(
@@ -65,8 +65,3 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
             place=place,
         ),
     ]
-
-
-def _place(row: dict[str, Any], words: Words) -> str:
-    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
-    return f"{row['type']} {names}{component_of(row)}"
