@@ -10,3 +10,5 @@ POSE = 450
 """An adjustment of a pose."""
 TURN = 4.0
 """A turn of growth of every kind, besides the questions above, in iterations of as many observations as rays."""
+RESIDUALS = 3
+"""Residuals at many states in one call, without derivatives, that are as much as an observation in an iteration."""

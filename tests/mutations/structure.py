@@ -249,7 +249,8 @@ def _point(rng: np.random.Generator, data: Any) -> str:
         for row in table.get("rows") or []
     ]
     row: Any = chosen(rng, rows or [["A"]])
-    return str(row[0]) if row else "A"
+    cells = list(row.values()) if isinstance(row, dict) else row
+    return str(cells[0]) if cells else "A"
 
 
 def _group(rng: np.random.Generator, data: Any, donor: Any) -> Any:
