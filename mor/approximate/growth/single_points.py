@@ -218,10 +218,13 @@ def _of_bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
 
 
 def _of_verticals(part: Part, scene: Scene, point: int) -> list[FloatArray]:
-    distances = scene.distances[int(part.scaled)]
+    """Cones about the vertical; of an instrument that is posed the ray to the point has it already."""
+    distances, seen = scene.distances[int(part.scaled)], scene.rays_for(part)[1]
+    posed = {int(seen.frame[ray]) for ray in seen.of_points(np.array([point]))} & set(part.poses)
+    rays = {scene.frames[number].position for number in posed if number >= scene.image_count}
     found = []
     for other, here, value, rise in distances.verticals_at(point):
-        if np.isfinite(part.points[other]).all():
+        if np.isfinite(part.points[other]).all() and not (here and other in rays):
             apex = part.points[other] + [0.0, 0.0, rise if here else -rise]
             found.append(np.append(apex, value if here else -value))
     return found

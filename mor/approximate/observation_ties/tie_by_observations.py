@@ -106,7 +106,7 @@ def _sights(scene: Scene, sides: Sides) -> tuple[Sight, ...]:
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
         told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
-        rises = 1.0 / np.tan(sight.verticals[told])
+        rises = np.tan(sight.verticals[told])
         found.append(Sight(sight.position, sight.points[told], sight.directions[told], rises))
     return tuple(found)
 
