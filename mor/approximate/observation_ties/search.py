@@ -242,7 +242,7 @@ def _stationed(search: Search, states: Moves) -> Moves:
     places = states.places.copy()
     for place, sighted, directions, rises in search.sights:
         column = np.flatnonzero(search.sides.places == place)
-        told = search.sides.known.points[sighted] != WANTED
+        told = np.asarray(search.sides.known.points[sighted] != WANTED)
         if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
             there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
             back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
