@@ -247,7 +247,7 @@ def _stationed(search: Search, states: Moves) -> Moves:
             there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
             back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
             places[:, column[0]] = np.where(
-                np.isfinite(there).all(axis=1)[:, None], back[:, 0], places[:, column[0]]
+                np.isfinite(there.sum(axis=1, keepdims=True)), back[:, 0], places[:, column[0]]
             )
     return states._replace(places=places)
 
