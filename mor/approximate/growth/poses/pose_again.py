@@ -17,6 +17,9 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.resection.space_resection import AGREES
 from mor.arrays import FloatArray
 
+SLACKS_OF_TEST = SLACKS[2:]
+"""Radians by which rays may be off: parts are bent a little."""
+
 Pose = tuple[FloatArray, FloatArray]
 """Projection centre and rotation D."""
 
@@ -31,22 +34,47 @@ def pose_again(part: Part, scene: Scene) -> bool:
     for number in list(part.poses):
         frame = frames[number]
         known = int(np.count_nonzero(part.known(frame.points)))
-        own = frame.stands and frame.name in part.how
-        if not own or known < ENOUGH or known <= part.posed_again.get(number, 0):
+        sets = _sets(part, scene, frame)
+        found = frame.name in part.how or bool(sets)
+        if not (frame.stands and found) or known < ENOUGH or known <= part.posed_again.get(number, 0):
             continue
-        agreeing = _agreeing(part, frame, number)
-        if agreeing >= least_agreeing(known):
+        before, how = part.poses[number], part.how.get(frame.name)
+        if not _another(part, frame, number, known):
             continue
         part.posed_again[number] = known
-        before, how = part.poses.pop(number), part.how[frame.name]
-        if pose_frame(part, frame, number) and _agreeing(part, frame, number) > agreeing:
-            moved.append(number)
-            _forget_place(part, frame, before, part.poses[number])
-        else:
-            part.poses[number], part.how[frame.name] = before, how
+        if part.poses[number] is before:
+            part.how |= {} if how is None else {frame.name: how}
+            continue
+        moved.append(number)
+        _forget_place(part, frame, before, part.poses[number])
+        for one in sets:
+            del part.kappas[one]
     if moved:
         intersect_again(part, frames, seen, moved)
     return bool(moved)
+
+
+def _another(part: Part, frame: Frame, number: int, known: int) -> bool:
+    """Look for another pose with the least slack with which one stands the test; true where the present one does not.
+
+    The present one stays where none does.
+    """
+    before, failed = part.poses[number], False
+    for slack in (slack for slack in SLACKS_OF_TEST if slack >= part.slack):
+        if _agreeing(part, frame, number, slack) >= least_agreeing(known):
+            return failed
+        failed = True
+        if pose_frame(part, frame, number, (slack,)):
+            if _agreeing(part, frame, number, slack) >= least_agreeing(known):
+                return True
+            part.poses[number] = before
+    return failed
+
+
+def _sets(part: Part, scene: Scene, frame: Frame) -> list[int]:
+    """The oriented levelled sets that are the frame: their orientation is that of its pose."""
+    sights = scene.terrestrial.sights
+    return [number for number in part.kappas if sights[number].rotation == frame.rotation]
 
 
 def _forget_place(part: Part, frame: Frame, before: Pose, after: Pose) -> None:
@@ -57,15 +85,15 @@ def _forget_place(part: Part, frame: Frame, before: Pose, after: Pose) -> None:
         here[:] = np.nan
 
 
-def _agreeing(part: Part, frame: Frame, number: int) -> int:
-    """How many rays of a posed frame go to the known points they see, with the largest slack."""
+def _agreeing(part: Part, frame: Frame, number: int, slack: float) -> int:
+    """How many rays of a posed frame go to the known points they see."""
     centre, D = part.poses[number]
     known = part.known(frame.points)
     star = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
     star = star @ D.T
     star /= np.maximum(np.linalg.norm(star, axis=1, keepdims=True), 1e-300)
     off = np.linalg.norm(star - frame.rays[known], axis=1)
-    return int(np.count_nonzero(off < AGREES * loosened(frame.sigma[known], max(part.slack, SLACKS[-1]))))
+    return int(np.count_nonzero(off < AGREES * loosened(frame.sigma[known], slack)))
 
 
 __all__ = ["pose_again"]
