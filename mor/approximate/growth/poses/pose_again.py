@@ -34,14 +34,15 @@ def pose_again(part: Part, scene: Scene) -> bool:
     for number in list(part.poses):
         frame = frames[number]
         known = int(np.count_nonzero(part.known(frame.points)))
-        sets = _sets(part, scene, frame)
-        found = frame.name in part.how or bool(sets)
-        if not (frame.stands and found) or known < ENOUGH or known <= part.posed_again.get(number, 0):
+        if not frame.stands or known < ENOUGH or known <= part.posed_again.get(number, 0):
             continue
+        sets = _sets(part, scene, frame)
+        if frame.name not in part.how and not sets:
+            continue
+        part.posed_again[number] = known
         before, how = part.poses[number], part.how.get(frame.name)
         if not _another(part, frame, number, known):
             continue
-        part.posed_again[number] = known
         if part.poses[number] is before:
             part.how |= {} if how is None else {frame.name: how}
             continue

@@ -120,10 +120,9 @@ def pose_by_rays(part: Part, scene: Scene, redundant: int = CONTROLLED, ambiguou
     fit alike.
     """
     frames = scene.rays_for(part)[0]
-    for number, frame in enumerate(frames):
+    for number in _with_enough(part, scene, POSE + redundant):
+        frame = frames[number]
         known = np.count_nonzero(part.known(frame.points))
-        if number in part.poses or known > MOST_KNOWN or not part.poses:
-            continue
         conditions = _conditions(part, scene, number, SLACKS[1])
         asked = part.asked_for_poses
         key = number, redundant, ambiguous
@@ -140,6 +139,18 @@ def pose_by_rays(part: Part, scene: Scene, redundant: int = CONTROLLED, ambiguou
             )
             return True
     return False
+
+
+def _with_enough(part: Part, scene: Scene, least: int) -> list[int]:
+    """Frames without a pose, of few known points, that may have as many conditions."""
+    seen = scene.rays_for(part)[1]
+    posed = np.zeros(seen.frames, dtype=bool)
+    posed[list(part.poses)] = True
+    known = part.known(seen.point)
+    beside = np.bincount(seen.point[posed[seen.frame]], minlength=scene.points)[seen.point]
+    points = np.bincount(seen.frame, known, seen.frames)
+    conditions = np.bincount(seen.frame, np.where(known, 2, beside), seen.frames)
+    return np.flatnonzero(~posed & (points <= MOST_KNOWN) & (conditions >= least)).tolist()
 
 
 def _found(part: Part, scene: Scene, number: int, redundant: int, ambiguous: bool) -> Poses | None:
