@@ -57,12 +57,12 @@ class Choices:
         """What else to want, one other answer each: where answers fit alike first, the next likely ones first."""
         before = tuple(question.taken for question in self.asked)
         found = [
-            (not question.alike, other, place)
+            (other, not question.alike, place)
             for place, question in enumerate(self.asked)
             for other in range(question.answers)
             if other != question.taken
         ]
-        return [_trimmed((*before[:place], other)) for _, other, place in sorted(found)]
+        return [_trimmed((*before[:place], other)) for other, _, place in sorted(found)]
 
     @property
     def open(self) -> bool:

@@ -30,6 +30,14 @@ def test_what_fits_alike_is_tried_before_what_was_clear():
     assert choices.others() == [(0, 1), (1,)]
 
 
+def test_a_first_other_answer_to_each_question_comes_before_a_second_one_to_any():
+    """What may be tried is limited: answers that fit alike must not use it up before another question has its turn."""
+    choices = Choices()
+    choices.take(2, alike=False)
+    choices.take(4)
+    assert choices.others() == [(0, 1), (1,), (0, 2), (0, 3)]
+
+
 def test_one_answer_after_another_is_changed_as_long_as_that_helps():
     """Three questions, of which two were answered wrongly: each right answer helps by itself."""
     right = (1, 0, 2)

@@ -36,7 +36,7 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
     usable = [s for s in slacks if s >= part.slack]
     # Of few points none is to be left out as long as a looser fit has them all: four fit many a wrong pose.
     least = [len(known)] * len(usable) if len(known) < CONTROLLED else []
-    least += [max(4, int(np.ceil(0.6 * len(known))))] * len(usable)
+    least += [least_agreeing(len(known))] * len(usable)
     for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
         rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
         bundle, result = direction_bundle(rays, sigma), _resected(rays, sigma, targets)
@@ -47,6 +47,11 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
             _enter(part, frame, number, pose, agreeing, len(known))
             return True
     return False
+
+
+def least_agreeing(known: int) -> int:
+    """How many of so many known points must agree with a pose."""
+    return max(4, int(np.ceil(0.6 * known)))
 
 
 @remembered(_REMEMBERED)

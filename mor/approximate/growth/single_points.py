@@ -15,7 +15,7 @@ from mor.approximate.parts.movement import Ties, Turn, movement
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import LocalSystem, Scene
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 
 FITS = 0.01
 """Residual (radians, or parts of a distance) up to which a surface passes through a point."""
@@ -40,6 +40,8 @@ class Surfaces(NamedTuple):
     """(m, 4) centre and radius."""
     cones: FloatArray
     """(k, 4) apex and vertical direction."""
+    sights: FloatArray = np.zeros((0, 6))
+    """(s, 6) places from which it was sighted, and unit vectors in which it lies from there."""
 
     @property
     def equations(self) -> int:
@@ -103,6 +105,8 @@ def meeting_places(
         cost = np.sum(off**2, axis=1)
         damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-12, 1e6)
     good = np.isfinite(cost) & (np.abs(off).max(axis=1, initial=0.0) < fits)
+    ahead = _ahead(surfaces, X)
+    good &= ahead if np.isfinite(fits) or (good & ahead).any() else True
     places: list[FloatArray] = []
     for k in np.argsort(cost)[: np.count_nonzero(good)]:
         if not good[k] or cost[k] > max(_ALIKE * cost[np.argmin(cost)], (0.1 * fits) ** 2):
@@ -113,6 +117,12 @@ def meeting_places(
         if all(np.linalg.norm(X[k] - other) > SAME * size for other in places):
             places.append(X[k])
     return places
+
+
+def _ahead(surfaces: Surfaces, X: FloatArray) -> BoolArray:
+    """(k,) true where places (k, 3) lie before everything from which they were sighted, and not behind."""
+    at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
+    return np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
 
 
 def _residuals(surfaces: Surfaces, X: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
@@ -171,11 +181,14 @@ def _surfaces(
     point: int,
     size: float,
 ) -> Surfaces:
-    planes = [*_of_rays(part, scene, point), *_of_systems(systems, point, size)]
+    sights = _rays(part, scene, point)
+    planes = [*_of_rays(sights), *_of_systems(systems, point, size)]
     spheres: list[FloatArray] = []
     cones: list[FloatArray] = []
     if part.levelled:
-        planes += _of_bearings(part, scene, point)
+        bearings = _bearings(part, scene, point)
+        planes += _of_bearings(bearings)
+        sights = [*sights, *bearings]
         cones += _of_verticals(part, scene, point)
     for other in scene.distances[1].neighbours.get(point, ()) if part.scaled else ():
         length = scene.distances[1].slope.get((other, point))
@@ -185,27 +198,35 @@ def _surfaces(
             and (part.levelled or length[1] == 0.0)
         ):
             spheres.append(np.append(part.points[other] + [0.0, 0.0, length[1]], length[0]))
-    return Surfaces(_stacked(planes, 7), _stacked(spheres, 4), _stacked(cones, 4))
+    return Surfaces(_stacked(planes, 7), _stacked(spheres, 4), _stacked(cones, 4), _stacked(sights, 6))
 
 
 def _stacked(rows: list[FloatArray], width: int) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
-def _of_rays(part: Part, scene: Scene, point: int) -> list[FloatArray]:
+def _rays(part: Part, scene: Scene, point: int) -> list[FloatArray]:
+    """(6,) of each ray of a posed frame to a point: its centre, lowered by the height of the target, and direction."""
     found = []
     seen = scene.rays_for(part)[1]
     for ray in seen.of_points(np.array([point])).tolist():
         pose = part.poses.get(int(seen.frame[ray]))
-        height = seen.height[ray]
         if pose is not None:
-            towards = pose[1].T @ seen.rays[ray]
-            for normal in np.linalg.svd(towards[None])[2][1:]:
-                found.append(np.concatenate([normal, pose[0] - [0.0, 0.0, height], [0.0]]))
+            at = pose[0] - [0.0, 0.0, seen.height[ray]]
+            found.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
     return found
 
 
-def _of_bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
+def _of_rays(rays: list[FloatArray]) -> list[FloatArray]:
+    return [
+        np.concatenate([normal, ray[:3], [0.0]])
+        for ray in rays
+        for normal in np.linalg.svd(ray[None, 3:])[2][1:]
+    ]
+
+
+def _bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
+    """(6,) of each horizontal direction of an oriented set to a point: its place and direction in plan."""
     found = []
     for number in scene.sights_to.get(point, ()):
         sight, kappa = scene.terrestrial.sights[number], part.kappas.get(number)
@@ -213,15 +234,22 @@ def _of_bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
         for k in np.flatnonzero(sight.points == point) if kappa is not None else ():
             t = sight.directions[k] - (kappa or 0.0)
             if np.isfinite(t) and np.isnan(sight.verticals[k]) and np.isfinite(place[:2]).all():
-                found.append(np.array([np.cos(t), -np.sin(t), 0.0, *np.nan_to_num(place), 0.0]))
+                found.append(np.array([*np.nan_to_num(place), np.sin(t), np.cos(t), 0.0]))
     return found
 
 
+def _of_bearings(bearings: list[FloatArray]) -> list[FloatArray]:
+    return [np.array([b[4], -b[3], 0.0, *b[:3], 0.0]) for b in bearings]
+
+
 def _of_verticals(part: Part, scene: Scene, point: int) -> list[FloatArray]:
-    distances = scene.distances[int(part.scaled)]
+    """Cones about the vertical; of an instrument that is posed the ray to the point has it already."""
+    distances, seen = scene.distances[int(part.scaled)], scene.rays_for(part)[1]
+    posed = {int(seen.frame[ray]) for ray in seen.of_points(np.array([point]))} & set(part.poses)
+    rays = {scene.frames[number].position for number in posed if number >= scene.image_count}
     found = []
     for other, here, value, rise in distances.verticals_at(point):
-        if np.isfinite(part.points[other]).all():
+        if np.isfinite(part.points[other]).all() and not (here and other in rays):
             apex = part.points[other] + [0.0, 0.0, rise if here else -rise]
             found.append(np.append(apex, value if here else -value))
     return found

@@ -33,7 +33,11 @@ _ABSURD = 1e6
 
 
 class Moves(NamedTuple):
-    """Many movements x → s R (x − m) + c of the source, m its middle, with what else is not known."""
+    """Many movements x → s R (x − m) + c of the source, m its middle, with what else is not known.
+
+    Observations refer to the vertical, to north and to the length unit; where the target knows none of them it stands
+    in their system by a movement x → u Q x of its own, which everything that has come to it makes, too.
+    """
 
     scale: FloatArray
     """(k,)"""
@@ -44,7 +48,11 @@ class Moves(NamedTuple):
     kappas: FloatArray
     """(k, a) orientations of sets."""
     places: FloatArray
-    """(k, b, 3) of points that neither knows."""
+    """(k, b, 3) of points that neither knows, in the system of the target."""
+    unit: FloatArray
+    """(k,) u"""
+    stance: FloatArray
+    """(k, 3, 3) Q"""
 
 
 class Rows(NamedTuple):
@@ -72,56 +80,69 @@ class Sides(NamedTuple):
     rotations: FloatArray
     """(rotations, 3, 3) likewise."""
     lowered: FloatArray
-    """(points,) how far a mark is below what the source knows."""
+    """(points,) how far a mark is below what the parts know in its place, along the vertical, in the length unit."""
     lever: FloatArray
-    """(points, 3) from the projection centre to the position, in the axes of the source."""
+    """(points, 3) from the projection centre to the position, in the axes of the part, in the length unit."""
     sets: IntArray
     """(a,) rotations that are looked for."""
     places: IntArray
     """(b,) points that are looked for."""
+    stands: bool
+    """True where the target knows the vertical, north and the length unit, or as much as observations refer to."""
 
 
 def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle: FloatArray) -> Sides:
     """Who knows what of two parts; sets and places that neither knows are looked for where it is worth it."""
     attitudes = network.start.get("rotation", np.zeros((0, 3, 3)))
     count, turns = len(target.points), len(attitudes)
-    points, rotations = np.full((count, 3), np.nan), np.full((turns, 3, 3), np.nan)
-    lowered, lever = np.zeros(count), np.zeros((count, 3))
-    told, turned = np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)
-    mine = np.asarray(np.isfinite(source.points).all(axis=1))
-    told[mine], points[mine] = 2, source.points[mine] - middle
-    lowered[mine] = scene.target_heights[mine] if target.lifts and not source.lifts else 0.0
-    _put_frames(scene, source, middle, 2, turned, rotations)
-    for number, (centre, D) in source.poses.items():
-        frame = scene.frames[number]
-        if frame.stands and (target.lifts or frame.offset[0] == 0.0):
-            told[frame.position], points[frame.position] = 2, centre - middle
-            lowered[frame.position] = frame.offset[0]
-            lever[frame.position] = D.T @ frame.offset[1:]
-    theirs = np.asarray(np.isfinite(target.points).all(axis=1))
-    told[theirs], points[theirs] = 1, target.points[theirs]
-    _put_frames(scene, target, middle, 1, turned, rotations)
+    told = Sides(
+        Known(np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)),
+        np.full((count, 3), np.nan),
+        np.full((turns, 3, 3), np.nan),
+        np.zeros(count),
+        np.zeros((count, 3)),
+        np.zeros(0, dtype=np.int64),
+        np.zeros(0, dtype=np.int64),
+        True,
+    )
+    _put(told, scene, source, middle, 2)
+    _put(told, scene, target, np.zeros(3), 1)
+    (known, turned), rotations = told.known, told.rotations
     if target.given:
         given = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
         turned[given], rotations[given] = 1, attitudes[given]
-    places = _places(network, scene, told, turned)
-    told[places] = 3
-    sets = _sets(scene, told, turned)
+    places = _places(network, scene, known, turned)
+    known[places] = 3
+    sets = _sets(scene, known, turned)
     turned[sets] = 3
-    return Sides(Known(told, turned), points, rotations, lowered, lever, sets, places)
+    return told._replace(sets=sets, places=places)
 
 
-def _put_frames(
-    scene: Scene, part: Part, middle: FloatArray, who: int, turned: IntArray, rotations: FloatArray
-) -> None:
+def _put(told: Sides, scene: Scene, part: Part, middle: FloatArray, who: int) -> None:
+    """Enter what a part knows; a point that it does not know the mark of is where a frame over it is."""
+    known = np.asarray(np.isfinite(part.points).all(axis=1))
+    told.known.points[known], told.points[known] = who, part.points[known] - middle
+    told.lowered[known] = 0.0 if part.lifts else scene.target_heights[known]
+    told.lever[known] = 0.0
+    for number, (centre, D) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands and (who == 2 or told.known.points[frame.position] == 0):
+            told.known.points[frame.position], told.points[frame.position] = who, centre - middle
+            told.lowered[frame.position] = frame.offset[0]
+            told.lever[frame.position] = D.T @ frame.offset[1:]
+    _put_rotations(told, scene, part, who)
+
+
+def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
     for number, kappa in part.kappas.items():
         block = scene.terrestrial.sights[number].rotation
         if block >= 0:
-            turned[block], rotations[block] = who, about_vertical(np.array([kappa]))[0]
+            told.known.rotations[block] = who
+            told.rotations[block] = about_vertical(np.array([kappa]))[0]
     for number, (_, D) in part.poses.items():
         frame = scene.frames[number]
         if frame.relative is None:
-            turned[frame.rotation], rotations[frame.rotation] = who, D
+            told.known.rotations[frame.rotation], told.rotations[frame.rotation] = who, D
 
 
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
@@ -176,13 +197,13 @@ def _sets(scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
     return np.unique(np.array(found, dtype=np.int64))
 
 
-def rows_between(network: Network, sides: Sides, lifts: bool) -> list[Rows]:
+def rows_between(network: Network, sides: Sides) -> list[Rows]:
     """The rows of which everything is known or wanted, and that a movement may change."""
     found = []
     for group in network.groups:
         if group.type.key.partition("/")[0] in ("observed", "coordinates"):
             continue
-        rows = _usable(network, group, sides, lifts)
+        rows = _usable(network, group, sides)
         if len(rows) > MOST:
             rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
         if len(rows):
@@ -190,7 +211,7 @@ def rows_between(network: Network, sides: Sides, lifts: bool) -> list[Rows]:
     return found
 
 
-def _usable(network: Network, group: ObservationGroup, sides: Sides, lifts: bool) -> IntArray:
+def _usable(network: Network, group: ObservationGroup, sides: Sides) -> IntArray:
     known, moving = np.ones(group.count, dtype=bool), np.zeros(group.count, dtype=bool)
     fixed = np.zeros(group.count, dtype=bool)
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
@@ -202,7 +223,6 @@ def _usable(network: Network, group: ObservationGroup, sides: Sides, lifts: bool
         else:
             values = network.start[slot.kind][blocks].reshape(group.count, -1)
             known &= np.isfinite(values).all(axis=1)
-            known &= (values == 0.0).all(axis=1) if slot.kind == "height" and not lifts else True
     inside = is_image_point(group.type)
     usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
     return usable
@@ -238,6 +258,7 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
         sides.lever[points],
         new_turns[sides.sets],
         new_points[sides.places],
+        sides.stands,
     )
     return kept, renumbered, np.flatnonzero(points)
 
@@ -287,18 +308,27 @@ def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
 
 
 def placed(sides: Sides, moves: Moves) -> tuple[FloatArray, FloatArray]:
-    """Points (k, n, 3) and rotations (k, m, 3, 3) after movements."""
+    """Points (k, n, 3) and rotations (k, m, 3, 3) after movements, as observations refer to them."""
     k = len(moves.scale)
     points = np.broadcast_to(sides.points, (k, *sides.points.shape)).copy()
     mine: BoolArray = sides.known.points == 2
     turned = np.swapaxes(moves.rotation, 1, 2)
     points[:, mine] = moves.scale[:, None, None] * (sides.points[mine] @ turned) + moves.shift[:, None, :]
-    points[:, mine] += sides.lever[mine] @ turned
-    points[:, mine, 2] -= sides.lowered[mine]
+    lever = np.broadcast_to(sides.lever, points.shape).copy()
+    lever[:, mine] = sides.lever[mine] @ turned
     points[:, sides.places] = moves.places
     turns = np.broadcast_to(sides.rotations, (k, *sides.rotations.shape)).copy()
     own = sides.known.rotations == 2
     turns[:, own] = sides.rotations[own] @ turned[:, None]
+    if not sides.stands:
+        back = np.swapaxes(moves.stance, 1, 2)
+        points, lever, turns = (
+            moves.unit[:, None, None] * (points @ back),
+            lever @ back,
+            turns @ back[:, None],
+        )
+    points += lever
+    points[..., 2] -= sides.lowered
     turns[:, sides.sets] = about_vertical(moves.kappas.ravel()).reshape(k, -1, 3, 3)
     return points, turns
 

@@ -257,7 +257,7 @@ def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
         if frame.stands and system.fixed[frame.position]:
-            off.append(system.points[frame.position] - _place(frame, centre, D))
+            off.append(system.points[frame.position] - place_of(frame, centre, D))
     return float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
 
 
@@ -300,7 +300,7 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
         frame = frames[number]
         missing = np.isnan(part.points[frame.position])
         if missing.any() and frame.stands and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
-            part.points[frame.position, missing] = _place(frame, centre, rotation)[missing]
+            part.points[frame.position, missing] = place_of(frame, centre, rotation)[missing]
 
 
 def stand_on_marks(part: Part, scene: Scene) -> None:
@@ -314,6 +314,7 @@ def stand_on_marks(part: Part, scene: Scene) -> None:
             part.poses[number] = (mark + lift - D.T @ frame.offset[1:], D)
 
 
-def _place(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:
+def place_of(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:
+    """(3,) where the position of a frame is, of its projection centre and rotation D: X0 = O − h e_Z + Dᵀ r0*."""
     place: FloatArray = centre - np.array([0.0, 0.0, frame.offset[0]]) + rotation.T @ frame.offset[1:]
     return place

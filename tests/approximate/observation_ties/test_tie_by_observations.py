@@ -106,6 +106,45 @@ def test_observations_of_one_sort_tie_two_parts(observed, tmp_path):
     np.testing.assert_allclose(found.shift, -TURN.T @ SHIFT / SCALE, atol=1e-4)
 
 
+TILTED = Similarity(
+    SimilarityOutcome.DETERMINED,
+    7.0,
+    exponential(np.array([[-0.8, 0.5, 0.3]]))[0],
+    np.array([20.0, 5.0, -9.0]),
+    np.zeros((0, 3)),
+    0.0,
+)
+"""How a target stands that knows neither the vertical nor the length unit."""
+
+
+def directions_of_one_station(at, draw):
+    rows = []
+    for p in [*LEFT, *RIGHT]:
+        d = at[p] - at["N"]
+        horizontal = float(np.arctan2(d[0], d[1])) + 0.7
+        rows.append(["N", p, horizontal, float(np.arctan2(np.hypot(d[0], d[1]), d[2]))])
+    columns = ["station", "to", "horizontal", "zenith"]
+    return [
+        {"type": "zenith_directions", "values": {"sigma": 1e-5}, "columns": columns, "rows": rows},
+        *distances(at, draw),
+    ]
+
+
+@pytest.mark.parametrize("observed", [distances, directions_of_one_station])
+def test_a_target_that_knows_neither_vertical_nor_unit_is_tied(observed, tmp_path):
+    """What observations refer to is looked for, too; they do not take the axes of the target for it."""
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    network, scene, target, source = two_parts(observed(at, draw), at, tmp_path)
+    target.transform(TILTED)
+    target.levelled = target.scaled = False
+    found = tie_by_observations(network, target, source, scene)
+    assert found is not None
+    assert found.open == 0
+    np.testing.assert_allclose(found.scale, TILTED.scale / SCALE, rtol=1e-6)
+    np.testing.assert_allclose(found.rotation, TILTED.rotation @ TURN.T, atol=1e-6)
+
+
 def test_one_gross_error_does_not_move_it(tmp_path):
     draw = np.random.default_rng(5)
     at = places(draw)
