@@ -7,6 +7,8 @@ from typing import Any
 
 import yaml
 
+from mor.escapes import escaped
+
 IDENTIFIERS = frozenset(
     (
         *(
@@ -147,10 +149,16 @@ class _Dumper(yaml.SafeDumper):
         simple = all(not isinstance(item, list | dict) for item in sequence)
         return super().represent_sequence(tag, sequence, flow_style=simple)
 
+    def represent_text(self, value: str) -> yaml.ScalarNode:
+        """A text; with what breaks lines or is not seen spelled out, for single quotes fold it."""
+        style = '"' if escaped(value) != value else None
+        return self.represent_scalar("tag:yaml.org,2002:str", value, style)
+
     def represent_plain(self, value: _Plain) -> yaml.ScalarNode:
         """A scalar without quotes and without a tag."""
         tag: str = self.resolve(yaml.ScalarNode, str(value), (True, False))  # type: ignore[no-untyped-call]
         return self.represent_scalar(tag, str(value))
 
 
+_Dumper.add_representer(str, _Dumper.represent_text)
 _Dumper.add_representer(_Plain, _Dumper.represent_plain)
