@@ -20,10 +20,16 @@ from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
 from mor.parameters.index import Blocks, Values, index_unknowns
+from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.graduated_weights import Graduated, graduated_weights, robust_scales
+from mor.quality.gross_errors.graduated_weights import (
+    Graduated,
+    graduated_weights,
+    robust_scales,
+    settled_weights,
+)
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
-from mor.quality.gross_errors.reintersection import OF_THEMSELVES, reintersected
+from mor.quality.gross_errors.reintersection import OF_THEMSELVES, Starts, reintersected, starts_of
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -101,7 +107,7 @@ def without_suspects(
     vᵀPv so by chance.
     """
     problem = plain.problem
-    found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), watch)
+    found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), plain.start, watch)
     return Rescued(*_rescued(plain, found, settings, watch), found.values)
 
 
@@ -139,20 +145,30 @@ def _rescued(
     return _from_far(plain, settings, watch), None
 
 
-def _with_points_moved(problem: Problem, found: Graduated, watch: Watcher | None) -> Graduated:
-    """Where points whose sights do not fit have been intersected anew, as long as that leaves fewer suspects.
+def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
+    """Where points whose sights do not fit have been intersected anew, as long as that explains all better.
 
     A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
     """
-    while "point" in problem.index.blocks:
-        moved = reintersected(problem, found.values, found.sizes)
+    if "point" not in problem.index.blocks:
+        return found
+    starts = starts_of(problem, found.values, start)
+    for _ in range(_ROUNDS):
+        moved = reintersected(problem, found.values, found.sizes, starts)
         if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
             break
-        other = graduated_weights(problem, moved, watch)
-        if _count(other.suspects) >= _count(found.suspects):
+        other = settled_weights(problem, moved, watch)
+        if not _cost(problem, other, starts) < _cost(problem, found, starts):
             break
         found = other
     return found
+
+
+def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
+    """What all observations cost where weights lead, and the way of the points there."""
+    count = _used(problem)
+    ways = starts.costs(found.values["point"], slice(None), count)
+    return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
 
 
 def _count(masks: Sequence[BoolArray]) -> int:
