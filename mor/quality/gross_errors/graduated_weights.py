@@ -74,12 +74,19 @@ class Scales(NamedTuple):
     overall: float
 
 
-def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
-    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates."""
+def graduated_weights(
+    problem: Problem, start: Values, watch: Watcher | None = None, by_parts: bool = True
+) -> Graduated:
+    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates.
+
+    ``by_parts``: judge directions by the median of their part as well, which most of it must bear.
+    """
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
         return _narrowed(problem, start, WIDEST, _SETTLED, watch)
-    first = _narrowed(sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere))
+    first = _narrowed(
+        sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere) if by_parts else None
+    )
     last = settled_weights(problem, first.values, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 

@@ -19,6 +19,7 @@ from mor.adjustment.reweighting import normalised_misclosures
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
+from mor.observations import is_image_point
 from mor.parameters.index import Blocks, Values, index_unknowns
 from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.gross_errors.exclusion import exclude
@@ -105,9 +106,23 @@ def without_suspects(
     suspects are few; where most of a group of observations are among them, or all that see a given point (of two
     sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
     vᵀPv so by chance.
+
+    Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
+    are wrong, by those of whole groups.
     """
-    problem = plain.problem
-    found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), plain.start, watch)
+    first = _led(plain, settings, watch, by_parts=True)
+    if first.adjustment.outcome is Outcome.CONVERGED or not any(
+        is_image_point(group.type) for group in plain.problem.groups
+    ):
+        return first
+    other = _led(plain, settings, watch, by_parts=False)
+    return other if other.adjustment.outcome is Outcome.CONVERGED else first
+
+
+def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Rescued:
+    """What there is where graduated weights lead; ``by_parts``: where most of every part is right."""
+    found = graduated_weights(plain.problem, plain.start, watch, by_parts)
+    found = _with_points_moved(plain.problem, found, plain.start, watch)
     return Rescued(*_rescued(plain, found, settings, watch), found.values)
 
 
