@@ -17,10 +17,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mor.adjustment.linearise import misclosures
 from mor.arrays import FloatArray
+from mor.observations import ObservationGroup
+from mor.parameters.index import Values
 
 _MEDIAN = 0.6745
 """Median of |x| of a standard normal x."""
+
+
+def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
+    """|v|/σ (n, m) of every group at some values, 0 where not observed."""
+    return tuple(
+        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30)
+        for group in groups
+    )
 
 
 def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.inf) -> float:
@@ -31,13 +42,15 @@ def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.
     """
     every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
     factor = min(factor_of_sigmas(sizes), most)
-    plain = float(np.sum(costs(every, count)))
+    plain = float(np.sum(costs_of_sizes(every, count)))
     if factor <= 1.0:
         return plain
-    return min(plain, float(np.sum(costs(every / factor, count))) + 2.0 * every.size * float(np.log(factor)))
+    return min(
+        plain, float(np.sum(costs_of_sizes(every / factor, count))) + 2.0 * every.size * float(np.log(factor))
+    )
 
 
-def costs(sizes: FloatArray, count: int) -> FloatArray:
+def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
     """min(s², 2 ln n + 2 ln s) of each of some |v|/(k σ) out of ``count`` observations."""
     price = 2.0 * np.log(max(count, 2))
     found: FloatArray = np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0)))

@@ -18,7 +18,7 @@ from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
-    costs,
+    costs_of_sizes,
     factor_of_sigmas,
     robust_sigma,
 )
@@ -51,7 +51,7 @@ class Starts(NamedTuple):
     def costs(self, places: FloatArray, points: IntArray | slice, count: int) -> FloatArray:
         """(k,) what places (k, 3) of these points cost as further observations of ``count``, the whole way one."""
         away = np.nan_to_num(np.linalg.norm(places - self.places[points], axis=-1))
-        return costs(away / self.spread, count) if self.spread > 0.0 else np.zeros(len(away))
+        return costs_of_sizes(away / self.spread, count) if self.spread > 0.0 else np.zeros(len(away))
 
 
 def starts_of(problem: Problem, values: Values, start: Values) -> Starts:
@@ -72,11 +72,16 @@ class _Observed(NamedTuple):
 
 
 def reintersected(
-    problem: Problem, values: Values, sizes: tuple[FloatArray, ...], starts: Starts | None = None
+    problem: Problem,
+    values: Values,
+    sizes: tuple[FloatArray, ...],
+    starts: Starts | None = None,
+    gain: float = 0.0,
 ) -> dict[str, FloatArray]:
     """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect.
 
-    ``starts``: where they were thought to be, which counts as one observation more.
+    ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
+    cost less.
     """
     points = values["point"].copy()
     columns = problem.index.columns["point"]
@@ -86,9 +91,11 @@ def reintersected(
         told = _told_of(problem, point)
         if (columns[point] >= 0).any() and len(_components(told)) > 3:
             places = np.array([points[point], *_meetings(told, values, [points[point], middle])])
-            here = np.full(len(places), point)
-            ways = starts.costs(places, here, problem.observations) if starts is not None else 0.0
-            found = places[int(np.argmin(_costs(told, values, places, problem.observations, most) + ways))]
+            costs = _costs(told, values, places, problem.observations, most)
+            costs[0] -= gain
+            if starts is not None:
+                costs += starts.costs(places, np.full(len(places), point), problem.observations)
+            found = places[int(np.argmin(costs))]
             points[point] = np.where(columns[point] >= 0, found, points[point])
     return {**values, "point": points}
 
@@ -113,7 +120,7 @@ def costs_at_places(problem: Problem, values: Values, point: int, places: FloatA
     return _costs(told, values, places, problem.observations)
 
 
-def _slots_of_ends(group: ObservationGroup) -> list[int]:
+def slots_of_ends(group: ObservationGroup) -> list[int]:
     """The slots of points that a group tells of, without seeing by itself where they are."""
     if group.type.key.startswith(OF_THEMSELVES):
         return []
@@ -132,7 +139,7 @@ def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
         used = group.mask & ~group.left_out
         suspect = (used & (size > SUSPECT)).any(axis=1)
         told = np.count_nonzero(used, axis=1)
-        for slot in _slots_of_ends(group):
+        for slot in slots_of_ends(group):
             np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
             np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
     in_doubt = (bad > 0) & (good <= bad + _SHARED)
@@ -144,7 +151,7 @@ def _told_of(problem: Problem, point: int) -> list[_Observed]:
     found, left = [], _ROWS
     for group in problem.groups:
         used = group.mask & ~group.left_out
-        for slot in _slots_of_ends(group):
+        for slot in slots_of_ends(group):
             rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
             found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
             left -= len(rows)

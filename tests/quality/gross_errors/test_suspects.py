@@ -55,6 +55,14 @@ def test_aerial_blocks_on_five_control_points_name_all_that_can_be(errors, seed)
     assert found.false <= 2 + 0.004 * found.rows
 
 
+def test_points_at_which_snooping_believed_the_wrong_rays_are_intersected_anew():
+    """Of five rays three good ones went out before two wrong ones; the plain iteration converges, without suspects."""
+    found = trial("close range", 0.1, 6004)
+    assert found.plainly
+    assert found.missed == 0
+    assert found.false <= 1
+
+
 def test_what_can_be_named_is_told_by_nabla():
     """Of an error 6.38 σ/√r is certain to be found; ∇ = 4.13 σ/√r is in 0.8 of all cases."""
     good = spoiled(0, "aerial", 0.0)
