@@ -7,6 +7,7 @@ observations of the point cost least (``description_length.py``) is taken.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import combinations
 from typing import NamedTuple
 
@@ -77,17 +78,18 @@ def reintersected(
     sizes: tuple[FloatArray, ...],
     starts: Starts | None = None,
     gain: float = 0.0,
+    but: Collection[int] = (),
 ) -> dict[str, FloatArray]:
     """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect.
 
     ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
-    cost less.
+    cost less. ``but``: points that are not looked at.
     """
     points = values["point"].copy()
     columns = problem.index.columns["point"]
     middle = np.nanmedian(points, axis=0)
     most = factor_of_sigmas(sizes)
-    for point in _suspected(problem, sizes):
+    for point in points_in_doubt(problem, sizes, but):
         told = _told_of(problem, point)
         if (columns[point] >= 0).any() and len(_components(told)) > 3:
             places = np.array([points[point], *_meetings(told, values, [points[point], middle])])
@@ -127,12 +129,12 @@ def slots_of_ends(group: ObservationGroup) -> list[int]:
     return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
 
 
-def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
+def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()) -> list[int]:
     """Points that might be elsewhere, those first at which most is suspect beside what fits.
 
     At another place nothing fits of what fits here but so much as leaves a choice of places, three components at most:
     two rays meet once, a ray and a distance or three distances twice. So as many components as are suspect, and three,
-    are outvoted by what fits, if that is more.
+    are outvoted by what fits, if that is more. So many as are looked at, less the others (``but``).
     """
     bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
@@ -143,8 +145,9 @@ def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
             np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
             np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
     in_doubt = (bad > 0) & (good <= bad + _SHARED)
+    in_doubt[list(but)] = False
     order = np.argsort(np.where(in_doubt, good - bad, np.iinfo(np.int64).max), kind="stable")
-    return [int(k) for k in order[: min(_POINTS, np.count_nonzero(in_doubt))]]
+    return [int(k) for k in order[: min(max(_POINTS - len(but), 0), np.count_nonzero(in_doubt))]]
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:

@@ -30,7 +30,13 @@ from mor.quality.gross_errors.graduated_weights import (
     settled_weights,
 )
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
-from mor.quality.gross_errors.reintersection import OF_THEMSELVES, Starts, reintersected, starts_of
+from mor.quality.gross_errors.reintersection import (
+    OF_THEMSELVES,
+    Starts,
+    points_in_doubt,
+    reintersected,
+    starts_of,
+)
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -164,12 +170,14 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
     """Where points whose sights do not fit have been intersected anew, as long as that explains all better.
 
     A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
+    Each point is looked at once.
     """
     if "point" not in problem.index.blocks:
         return found
-    starts = starts_of(problem, found.values, start)
+    starts, seen = starts_of(problem, found.values, start), set[int]()
     for _ in range(_ROUNDS):
-        moved = reintersected(problem, found.values, found.sizes, starts)
+        moved = reintersected(problem, found.values, found.sizes, starts, but=seen)
+        seen.update(points_in_doubt(problem, found.sizes, seen))
         if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
             break
         other = settled_weights(problem, moved, watch)
