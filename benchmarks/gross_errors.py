@@ -66,7 +66,7 @@ def main() -> None:
         for part in arguments.parts:
             spoiled, wrong = exchanged(problem, part, arguments.seed)
             plain, first = timed(lambda spoiled=spoiled: adjust(spoiled, start))
-            (found, suspects), then = timed(lambda plain=plain: without_suspects(plain))
+            (found, suspects, _), then = timed(lambda plain=plain: without_suspects(plain))
             named = np.zeros(len(wrong), dtype=bool) if suspects is None else suspects.masks[0].any(axis=1)
             right, others = np.count_nonzero(named & wrong), np.count_nonzero(named & ~wrong)
             cells = (

@@ -4,8 +4,9 @@ Several are taken out at once where none of them may be flagged for another one'
 a point nor a frame, or are so well controlled that it shows but little in each other's residual. After every adjustment
 what was taken out is tested against the rest (its residual has the variance σ² + aᵀQa), and put back where it fits.
 What goes out a second time stays out until nothing else is to be done; then it is tested once more, for its neighbours
-may have gone since, and what still does not bear the company of the rest stays out for good. The two coordinates of a
-ray are one pointing and go together, as long as both are controlled.
+may have gone since, and what still does not bear the company of the rest stays out for good. Points at which it may
+have been the wrong ones are looked at in the end (:mod:`mor.quality.gross_errors.other_places`). The two coordinates of
+a ray are one pointing and go together, as long as both are controlled.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from mor.observations import is_image_point
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.diagnosis.self_check import is_complete
 from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.gross_errors.other_places import Masks, cost_at, other_places
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.tests.test_statistics import comparable
 
@@ -96,6 +98,14 @@ def snoop(
             fitting = _fitting(quality, kept_out, for_good)
             _mark(for_good, fitting)
         if not chosen and not fitting:
+            with counted_in(further):
+                elsewhere = state.elsewhere(quality, out) if further.is_left else None
+            if elsewhere is not None:
+                there, others = elsewhere
+                _remember(steps, number, quality, _but(out, others), out)
+                _remember(steps, number, there, _but(others, out), out)
+                quality, out = there, others
+                continue
             clean = not any((flags & ~bad).any() for flags, bad in zip(quality.flagged, cannot, strict=True))
             clean = clean and not any(bad.any() for bad in cannot)
             break
@@ -140,6 +150,24 @@ class _State(NamedTuple):
         spend(ASSESSING * adjustment.plan.work)
         quality = assess(adjustment, self.levels, self.aposteriori)
         return quality if is_complete(quality.redundancy_sum, quality.redundancy) else None
+
+    def elsewhere(self, quality: Quality, out: Masks) -> tuple[Quality, Masks] | None:
+        """Quality with points where all their observations put them, and what is out then; nothing where they stay."""
+        values = quality.adjustment.values
+        other = other_places(self.problem, values, out)
+        if other is None:
+            return None
+        found = self.assessed(quality.adjustment._replace(values=other.values), other.out)
+        better = found is not None and cost_at(self.problem, found.adjustment.values) < cost_at(
+            self.problem, values
+        )
+        return (found, other.out) if found is not None and better else None
+
+
+def _but(masks: Masks, others: Masks) -> Entries:
+    """Entries of the masks that are not in the others."""
+    pairs = zip(masks, others, strict=True)
+    return [(k, int(row), int(entry)) for k, (a, b) in enumerate(pairs) for row, entry in np.argwhere(a & ~b)]
 
 
 def _taken_out(out: tuple[BoolArray, ...], kept_out: tuple[BoolArray, ...]) -> int:

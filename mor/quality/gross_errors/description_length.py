@@ -17,33 +17,55 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mor.adjustment.linearise import misclosures
 from mor.arrays import FloatArray
+from mor.observations import ObservationGroup
+from mor.parameters.index import Values
 
 _MEDIAN = 0.6745
 """Median of |x| of a standard normal x."""
 
 
-def cost_of_residuals(sizes: Sequence[FloatArray], count: int) -> float:
-    """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n."""
-    every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
-    factor = factor_of_sigmas(sizes)
-    plain = _cost(every, count)
-    return (
-        plain
-        if factor <= 1.0
-        else min(plain, _cost(every / factor, count) + 2.0 * every.size * np.log(factor))
+def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
+    """|v|/σ (n, m) of every group at some values, 0 where not observed."""
+    return tuple(
+        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30)
+        for group in groups
     )
+
+
+def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.inf) -> float:
+    """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n.
+
+    ``most``: what k may be at most, told by all observations, where these are only some: a few that contradict each
+    other would have any k at a place that fits none of them.
+    """
+    every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
+    factor = min(factor_of_sigmas(sizes), most)
+    plain = float(np.sum(costs_of_sizes(every, count)))
+    if factor <= 1.0:
+        return plain
+    return min(
+        plain, float(np.sum(costs_of_sizes(every / factor, count))) + 2.0 * every.size * float(np.log(factor))
+    )
+
+
+def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
+    """min(s², 2 ln n + 2 ln s) of each of some |v|/(k σ) out of ``count`` observations."""
+    price = 2.0 * np.log(max(count, 2))
+    found: FloatArray = np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0)))
+    return found
 
 
 def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
     """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
     every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
-    return float(np.median(every)) / _MEDIAN if every.size else 1.0
+    return robust_sigma(every) if every.size else 1.0
 
 
-def _cost(sizes: FloatArray, count: int) -> float:
-    price = 2.0 * np.log(max(count, 2))
-    return float(np.sum(np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0)))))
+def robust_sigma(sizes: FloatArray) -> float:
+    """σ (n,) absolute deviations have by their median; 0 of none."""
+    return float(np.median(sizes)) / _MEDIAN if sizes.size else 0.0
 
 
 def price_of_gross_error(count: int) -> float:

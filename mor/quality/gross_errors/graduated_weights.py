@@ -14,6 +14,8 @@ Images begin with directions in place of coordinates, which come to their places
 (:mod:`mor.observations.on_the_sphere`), and at three σ: the median alone is wide enough there, and with more the wrong
 rays bend a block that hangs on a few control points before they lose their weight. Groups of few observations, which
 have no median of their own, begin wide all the same: a few scale bars must not be outvoted by rays that know no scale.
+Nor must the rays of one image, or those to control points: while directions lead, they are judged by their own median
+where that is larger (:mod:`mor.quality.gross_errors.parts`).
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from mor.arrays import LARGEST, BoolArray, FloatArray
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values, move
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
+from mor.quality.gross_errors.parts import Parts, parts_of, whole
 from mor.sparse.cholesky import NotFiniteError
 
 WIDEST, NARROWEST = 20.0, 3.0
@@ -71,30 +74,49 @@ class Scales(NamedTuple):
     overall: float
 
 
-def graduated_weights(problem: Problem, start: Values, watch: Watcher | None = None) -> Graduated:
-    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates."""
+def graduated_weights(
+    problem: Problem, start: Values, watch: Watcher | None = None, by_parts: bool = True
+) -> Graduated:
+    """Adjust with graduated redescending weights from the start values, images by directions before by coordinates.
+
+    ``by_parts``: judge directions by the median of their part as well, which most of it must bear.
+    """
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
         return _narrowed(problem, start, WIDEST, _SETTLED, watch)
-    first = _narrowed(sphere, start, NARROWEST, _NEARLY_SETTLED, watch)
-    last = _narrowed(problem, first.values, NARROWEST, _SETTLED, counting_on(watch, first.iterations))
+    first = _narrowed(
+        sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere) if by_parts else None
+    )
+    last = settled_weights(problem, first.values, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 
 
+def settled_weights(problem: Problem, values: Values, watch: Watcher | None = None) -> Graduated:
+    """Go on with weights of the narrowest width from where most observations fit."""
+    return _narrowed(problem, values, NARROWEST, _SETTLED, watch)
+
+
 def _narrowed(
-    problem: Problem, start: Values, widest: float, settled: float, watch: Watcher | None
+    problem: Problem,
+    start: Values,
+    widest: float,
+    settled: float,
+    watch: Watcher | None,
+    parts: tuple[Parts, ...] | None = None,
 ) -> Graduated:
     """Where weights of shrinking width lead, from the widest to the narrowest until they have settled."""
+    parts = whole(problem) if parts is None else parts
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
-    scales = robust_scales(problem, place.sizes).groups
+    scales = _scales(problem, place.sizes, parts)
     multiples = np.where(_few(problem), WIDEST, widest)
-    factors = _factors(problem, place.sizes, multiples * scales)
+    factors = _factors(problem, place.sizes, multiples, scales)
     for number in range(1, _ITERATIONS + 1):
         place = _descend(reweighted_plan(plan, factors), place, factors)
         multiples = np.maximum(multiples * _SHRINKS, NARROWEST)
-        scales = np.minimum(scales, robust_scales(problem, place.sizes).groups)
-        before, factors = factors, _factors(problem, place.sizes, multiples * scales)
+        now = _scales(problem, place.sizes, parts)
+        scales = tuple(np.minimum(earlier, own) for earlier, own in zip(scales, now, strict=True))
+        before, factors = factors, _factors(problem, place.sizes, multiples, scales)
         if watch is not None:
             watch(_iteration(problem, number, place, before))
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
@@ -150,7 +172,20 @@ def robust_scales(problem: Problem, sizes: tuple[FloatArray, ...]) -> Scales:
     return Scales(np.maximum(np.array(medians) / _MEDIAN, 1.0), max(overall / _MEDIAN, 1.0))
 
 
-def _factors(problem: Problem, sizes: tuple[FloatArray, ...], widths: FloatArray) -> tuple[FloatArray, ...]:
+def _scales(
+    problem: Problem, sizes: tuple[FloatArray, ...], parts: tuple[Parts, ...]
+) -> tuple[FloatArray, ...]:
+    """(n, 1) of each group: its robust σ, or that of the part of a row where it is larger."""
+    groups = robust_scales(problem, sizes).groups
+    return tuple(
+        np.maximum(own.sigmas(size), scale) for own, size, scale in zip(parts, sizes, groups, strict=True)
+    )
+
+
+def _factors(
+    problem: Problem, sizes: tuple[FloatArray, ...], multiples: FloatArray, scales: tuple[FloatArray, ...]
+) -> tuple[FloatArray, ...]:
+    widths = [multiple * scale for multiple, scale in zip(multiples, scales, strict=True)]
     return tuple(
         np.maximum((width**2 / (width**2 + _joint(group, size) ** 2)) ** 2, _SMALLEST)
         for group, size, width in zip(problem.groups, sizes, widths, strict=True)

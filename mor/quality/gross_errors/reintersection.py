@@ -7,6 +7,7 @@ observations of the point cost least (``description_length.py``) is taken.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import combinations
 from typing import NamedTuple
 
@@ -17,12 +18,19 @@ from mor.allowance import spend
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
-from mor.quality.gross_errors.description_length import cost_of_residuals
+from mor.quality.gross_errors.description_length import (
+    cost_of_residuals,
+    costs_of_sizes,
+    factor_of_sigmas,
+    robust_sigma,
+)
 
 SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
-_POINTS = 20
-"""Points that are looked at, the worst first."""
+_POINTS = 200
+"""Points that are looked at, the most doubtful first."""
+_SHARED = 3
+"""Components of observations that may fit a point at two places."""
 _ROWS = 8
 """Rows of a point that are put together."""
 _ITERATIONS = 8
@@ -32,6 +40,26 @@ _ENDS = ("point", "to", "from")
 """Whose a slot is that holds a point which is observed, and no place of a frame."""
 OF_THEMSELVES = ("observed/", "coordinates", "control")
 """Types of observations that tell where a point is without seeing it."""
+
+
+class Starts(NamedTuple):
+    """Where points were thought to be: it tells them apart where their observations fit two places alike."""
+
+    places: FloatArray
+    """(k, 3) of all points."""
+    spread: float
+    """Robust σ of a coordinate, told by how far points came from there; 0 where that tells nothing."""
+
+    def costs(self, places: FloatArray, points: IntArray | slice, count: int) -> FloatArray:
+        """(k,) what places (k, 3) of these points cost as further observations of ``count``, the whole way one."""
+        away = np.nan_to_num(np.linalg.norm(places - self.places[points], axis=-1))
+        return costs_of_sizes(away / self.spread, count) if self.spread > 0.0 else np.zeros(len(away))
+
+
+def starts_of(problem: Problem, values: Values, start: Values) -> Starts:
+    """Where points were thought to be, and how well, by where most of them are."""
+    off = np.abs(values["point"] - start["point"])[problem.index.columns["point"] >= 0]
+    return Starts(start["point"], robust_sigma(off[np.isfinite(off)]))
 
 
 class _Observed(NamedTuple):
@@ -45,15 +73,32 @@ class _Observed(NamedTuple):
     """(r, m) components that were observed."""
 
 
-def reintersected(problem: Problem, values: Values, sizes: tuple[FloatArray, ...]) -> dict[str, FloatArray]:
-    """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect."""
+def reintersected(
+    problem: Problem,
+    values: Values,
+    sizes: tuple[FloatArray, ...],
+    starts: Starts | None = None,
+    gain: float = 0.0,
+    but: Collection[int] = (),
+) -> dict[str, FloatArray]:
+    """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect.
+
+    ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
+    cost less. ``but``: points that are not looked at.
+    """
     points = values["point"].copy()
     columns = problem.index.columns["point"]
     middle = np.nanmedian(points, axis=0)
-    for point in _suspected(problem, sizes):
+    most = factor_of_sigmas(sizes)
+    for point in points_in_doubt(problem, sizes, but):
         told = _told_of(problem, point)
         if (columns[point] >= 0).any() and len(_components(told)) > 3:
-            found = _best(told, values, [points[point], middle], problem.observations, places=[points[point]])
+            places = np.array([points[point], *_meetings(told, values, [points[point], middle])])
+            costs = _costs(told, values, places, problem.observations, most)
+            costs[0] -= gain
+            if starts is not None:
+                costs += starts.costs(places, np.full(len(places), point), problem.observations)
+            found = places[int(np.argmin(costs))]
             points[point] = np.where(columns[point] >= 0, found, points[point])
     return {**values, "point": points}
 
@@ -65,8 +110,8 @@ def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> Float
     for k, point in enumerate(points.tolist()):
         told = _told_of(problem, point)
         if len(_determining(_components(told))):
-            begins = [values["point"][point], middle]
-            places[k] = _best(told, values, begins, problem.observations, places=[])
+            met = _meetings(told, values, [values["point"][point], middle])
+            places[k] = met[int(np.argmin(_costs(told, values, met, problem.observations)))]
     return places
 
 
@@ -78,27 +123,39 @@ def costs_at_places(problem: Problem, values: Values, point: int, places: FloatA
     return _costs(told, values, places, problem.observations)
 
 
-def _slots_of_ends(group: ObservationGroup) -> list[int]:
+def slots_of_ends(group: ObservationGroup) -> list[int]:
     """The slots of points that a group tells of, without seeing by itself where they are."""
     if group.type.key.startswith(OF_THEMSELVES):
         return []
     return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
 
 
-def _suspected(problem: Problem, sizes: tuple[FloatArray, ...]) -> list[int]:
-    worst = np.zeros(len(problem.index.columns["point"]))
+def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()) -> list[int]:
+    """Points that might be elsewhere, those first at which most is suspect beside what fits.
+
+    At another place nothing fits of what fits here but so much as leaves a choice of places, three components at most:
+    two rays meet once, a ray and a distance or three distances twice. So as many components as are suspect, and three,
+    are outvoted by what fits, if that is more. So many as are looked at, less the others (``but``).
+    """
+    bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
-        for slot in _slots_of_ends(group):
-            np.maximum.at(worst, group.blocks[slot], size.max(axis=1, initial=0.0))
-    order = np.argsort(-worst, kind="stable")[:_POINTS]
-    return [int(k) for k in order if worst[k] > SUSPECT]
+        used = group.mask & ~group.left_out
+        suspect = (used & (size > SUSPECT)).any(axis=1)
+        told = np.count_nonzero(used, axis=1)
+        for slot in slots_of_ends(group):
+            np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
+            np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
+    in_doubt = (bad > 0) & (good <= bad + _SHARED)
+    in_doubt[list(but)] = False
+    order = np.argsort(np.where(in_doubt, good - bad, np.iinfo(np.int64).max), kind="stable")
+    return [int(k) for k in order[: min(max(_POINTS - len(but), 0), np.count_nonzero(in_doubt))]]
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
     found, left = [], _ROWS
     for group in problem.groups:
         used = group.mask & ~group.left_out
-        for slot in _slots_of_ends(group):
+        for slot in slots_of_ends(group):
             rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
             found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
             left -= len(rows)
@@ -123,22 +180,22 @@ def _determining(row_of: IntArray) -> IntArray:
     return filled
 
 
-def _best(
-    told: list[_Observed], values: Values, begins: list[FloatArray], count: int, places: list[FloatArray]
-) -> FloatArray:
-    """The place (3,) among all intersections, and some further places, that costs least."""
+def _meetings(told: list[_Observed], values: Values, begins: list[FloatArray]) -> FloatArray:
+    """(p, 3) where as few observations as determine the point meet, all choices of them."""
     few = _determining(_components(told))
     begun = np.tile(np.array(begins), (len(few), 1))
-    met = _intersected(told, values, begun, np.repeat(few, len(begins), axis=0))
-    every = np.concatenate([np.array(places).reshape(-1, 3), met])
-    best: FloatArray = every[int(np.argmin(_costs(told, values, every, count)))]
-    return best
+    return _intersected(told, values, begun, np.repeat(few, len(begins), axis=0))
 
 
-def _costs(told: list[_Observed], values: Values, places: FloatArray, count: int) -> FloatArray:
-    """(p,) what the observations of a point cost if it were at places (p, 3); ∞ where they have no value."""
+def _costs(
+    told: list[_Observed], values: Values, places: FloatArray, count: int, most: float = np.inf
+) -> FloatArray:
+    """(p,) what the observations of a point cost if it were at places (p, 3); ∞ where they have no value.
+
+    ``most``: factor by which all σ may be too small.
+    """
     sizes = np.abs(_residuals(told, values, places)[0])
-    found: FloatArray = np.array([cost_of_residuals([size], count) for size in sizes])
+    found: FloatArray = np.array([cost_of_residuals([size], count, most) for size in sizes])
     return np.where(np.isfinite(sizes).all(axis=1) & np.isfinite(found), found, np.inf)
 
 

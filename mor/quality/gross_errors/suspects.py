@@ -19,11 +19,24 @@ from mor.adjustment.reweighting import normalised_misclosures
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray
+from mor.observations import is_image_point
 from mor.parameters.index import Blocks, Values, index_unknowns
+from mor.quality.gross_errors.description_length import cost_of_residuals
 from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.graduated_weights import Graduated, graduated_weights, robust_scales
+from mor.quality.gross_errors.graduated_weights import (
+    Graduated,
+    graduated_weights,
+    robust_scales,
+    settled_weights,
+)
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
-from mor.quality.gross_errors.reintersection import OF_THEMSELVES, reintersected
+from mor.quality.gross_errors.reintersection import (
+    OF_THEMSELVES,
+    Starts,
+    points_in_doubt,
+    reintersected,
+    starts_of,
+)
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
@@ -99,9 +112,23 @@ def without_suspects(
     suspects are few; where most of a group of observations are among them, or all that see a given point (of two
     sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
     vᵀPv so by chance.
+
+    Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
+    are wrong, by those of whole groups.
     """
-    problem = plain.problem
-    found = _with_points_moved(problem, graduated_weights(problem, plain.start, watch), watch)
+    first = _led(plain, settings, watch, by_parts=True)
+    if first.adjustment.outcome is Outcome.CONVERGED or not any(
+        is_image_point(group.type) for group in plain.problem.groups
+    ):
+        return first
+    other = _led(plain, settings, watch, by_parts=False)
+    return other if other.adjustment.outcome is Outcome.CONVERGED else first
+
+
+def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Rescued:
+    """What there is where graduated weights lead; ``by_parts``: where most of every part is right."""
+    found = graduated_weights(plain.problem, plain.start, watch, by_parts)
+    found = _with_points_moved(plain.problem, found, plain.start, watch)
     return Rescued(*_rescued(plain, found, settings, watch), found.values)
 
 
@@ -139,20 +166,32 @@ def _rescued(
     return _from_far(plain, settings, watch), None
 
 
-def _with_points_moved(problem: Problem, found: Graduated, watch: Watcher | None) -> Graduated:
-    """Where points whose sights do not fit have been intersected anew, as long as that leaves fewer suspects.
+def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
+    """Where points whose sights do not fit have been intersected anew, as long as that explains all better.
 
     A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
+    Each point is looked at once.
     """
-    while "point" in problem.index.blocks:
-        moved = reintersected(problem, found.values, found.sizes)
+    if "point" not in problem.index.blocks:
+        return found
+    starts, seen = starts_of(problem, found.values, start), set[int]()
+    for _ in range(_ROUNDS):
+        moved = reintersected(problem, found.values, found.sizes, starts, but=seen)
+        seen.update(points_in_doubt(problem, found.sizes, seen))
         if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
             break
-        other = graduated_weights(problem, moved, watch)
-        if _count(other.suspects) >= _count(found.suspects):
+        other = settled_weights(problem, moved, watch)
+        if not _cost(problem, other, starts) < _cost(problem, found, starts):
             break
         found = other
     return found
+
+
+def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
+    """What all observations cost where weights lead, and the way of the points there."""
+    count = _used(problem)
+    ways = starts.costs(found.values["point"], slice(None), count)
+    return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
 
 
 def _count(masks: Sequence[BoolArray]) -> int:

@@ -20,7 +20,7 @@ from mor.allowance import Allowance, SpentError, counted_in, within
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
-from mor.quality.gross_errors.description_length import cost_of_residuals
+from mor.quality.gross_errors.description_length import cost_of_residuals, sizes_of
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.reintersection import reintersected
 from mor.quality.gross_errors.suspects import ADJUSTMENTS
@@ -36,7 +36,7 @@ from mor.quality.hypotheses.mistakes.names import name_hypotheses
 from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
 from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.rejection import LEVEL, Rejection, nothing_is_left
-from mor.quality.hypotheses.situation import Begin, Make, Situation, fit_of, sizes_of
+from mor.quality.hypotheses.situation import Begin, Make, Situation, fit_of
 from mor.quality.hypotheses.trying import tried
 
 OFFERED = 5

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
@@ -23,6 +22,7 @@ from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
     factor_of_sigmas,
     price_of_gross_error,
+    sizes_of,
 )
 from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.gross_errors.reintersection import SUSPECT
@@ -183,14 +183,6 @@ def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
     """Redundancy numbers (n, m) of every group, NaN where not observed or left out."""
     spend(adjustment.plan.work)  # cofactors take about as long as an iteration
     return tuple(group.r for group in assess(adjustment).groups)
-
-
-def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
-    """|v|/σ (n, m) of every group at some values, 0 where not observed."""
-    return tuple(
-        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30)
-        for group in groups
-    )
 
 
 def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: float = 0.0) -> Fit:

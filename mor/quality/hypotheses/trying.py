@@ -16,11 +16,11 @@ from mor.arrays import BoolArray, FloatArray
 from mor.errors import InputError
 from mor.parameters.index import Values, all_known, with_shared_components
 from mor.project.network.build import Network
-from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals
+from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals, sizes_of
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.hypotheses.controlled_part import changed_observations, controlled_part
 from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
-from mor.quality.hypotheses.situation import Situation, fit_of, sizes_of
+from mor.quality.hypotheses.situation import Situation, fit_of
 from mor.sparse.cholesky import NotFiniteError
 
 _ITERATIONS = 15

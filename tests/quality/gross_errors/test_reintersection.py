@@ -5,7 +5,7 @@ import pytest
 from scenes import Scene
 
 from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.reintersection import by_sights_alone, reintersected
+from mor.quality.gross_errors.reintersection import Starts, by_sights_alone, reintersected
 
 TARGET = (3.0, 4.0, 1.0)
 STATIONS = {"A": (0.0, 0.0, 0.0), "B": (10.0, 0.0, 0.5), "C": (2.0, 11.0, 0.0), "D": (-6.0, 7.0, 2.0)}
@@ -34,12 +34,17 @@ def moved(scene, place):
     target = problem.index.blocks["point"].ids.index("T")
     points[target] = place
     values = {**values, "point": points}
+    return problem, values, sizes_at(problem, values), target
+
+
+def sizes_at(problem, values):
+    """|v|/σ (n, m) of all groups."""
     sizes = []
     for group in problem.groups:
         blocks = [values[slot.kind][b] for slot, b in zip(group.type.slots, group.blocks, strict=True)]
         off = (group.observed - group.type.equation(blocks, group.constants).values) / group.sigma
         sizes.append(np.where(group.mask, np.abs(np.nan_to_num(off)), 0.0))
-    return problem, values, tuple(sizes), target
+    return tuple(sizes)
 
 
 @pytest.mark.parametrize(
@@ -76,3 +81,44 @@ def test_what_is_kept_out_has_no_say():
     out[2] = True
     found = reintersected(exclude(problem, [out]), values, sizes)["point"][target]
     assert np.linalg.norm(found - TARGET) > 0.1
+
+
+def test_a_place_that_fits_nothing_is_none_where_sigmas_are_right():
+    """Of four sights two agree; where all four miss by as much, their own median must not be taken for their σ."""
+    told = [(station, SIGHT, None) for station in "ABCD"]
+    scene = scene_of(told, observed=(0.9, 1.2))
+    for number in range(20):
+        scene.add("point", f"N{number}", np.add(TARGET, [number + 1.0, 0.3 * number, 0.0]))
+        for station in "ABC":
+            scene.observe(SIGHT, station, station, None, f"N{number}", sigma=1e-5)
+    problem, values, _, target = moved(scene, TARGET)
+    problem.groups[0].observed[1] += [0.7, -0.4]
+    found = reintersected(problem, values, sizes_at(problem, values))["point"]
+    np.testing.assert_allclose(found[target], TARGET, atol=1e-6)
+
+
+def test_of_two_places_alike_the_one_where_the_point_was_thought_to_be_is_taken():
+    """Two sights to the target, two to its neighbour under the same name: two against two."""
+    other = np.add(TARGET, [1.0, -2.0, 0.5])
+    sights = {"A": TARGET, "B": TARGET, "C": other, "D": other}
+    scene = scene_of([(station, SIGHT, None) for station in "ABCD"])
+    problem = scene.problem()
+    values = scene.values()
+    target = problem.index.blocks["point"].ids.index("T")
+    group = problem.groups[0]
+    for row, place in enumerate(sights.values()):
+        points = values["point"].copy()
+        points[target] = place
+        blocks = [
+            {**values, "point": points}[s.kind][b]
+            for s, b in zip(group.type.slots, group.blocks, strict=True)
+        ]
+        group.observed[row] = group.type.equation(blocks, group.constants).values[row]
+    for here, there in ((TARGET, other), (other, TARGET)):
+        points = values["point"].copy()
+        points[target] = there
+        at = {**values, "point": points}
+        start = values["point"].copy()
+        start[target] = np.add(here, 0.02)
+        found = reintersected(problem, at, sizes_at(problem, at), Starts(start, 0.05))["point"]
+        np.testing.assert_allclose(found[target], here, atol=1e-6)

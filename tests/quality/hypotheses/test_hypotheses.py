@@ -17,12 +17,13 @@ from mor.quality.gross_errors.description_length import (
     cost_of_choice,
     cost_of_residuals,
     price_of_gross_error,
+    sizes_of,
 )
-from mor.quality.gross_errors.reintersection import _slots_of_ends, reintersected
+from mor.quality.gross_errors.reintersection import reintersected, slots_of_ends
 from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
 from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
 from mor.quality.hypotheses.rejection import Rejection, rejection
-from mor.quality.hypotheses.situation import Situation, sizes_of
+from mor.quality.hypotheses.situation import Situation
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 from tests.planted_mistakes.trial import trial
@@ -103,7 +104,7 @@ def test_a_point_is_intersected_where_most_of_its_sights_have_it(tmp_path: Path)
     solved = _solved(survey("stereo_rig").write(tmp_path))
     problem, values = solved.adjustment.problem, solved.adjustment.values
     point = solved.network.blocks["point"].ids.index("T0704")
-    slots = [_slots_of_ends(group)[0] for group in problem.groups[:2]]
+    slots = [slots_of_ends(group)[0] for group in problem.groups[:2]]
     pairs = zip(problem.groups, slots, strict=False)
     rows = [np.flatnonzero(group.blocks[slot] == point) for group, slot in pairs]
     assert sum(map(len, rows)) >= 4, "a wrong one among four"

@@ -16,10 +16,11 @@ from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.gross_errors.description_length import sizes_of
 from mor.quality.hypotheses.changes import with_blocks
 from mor.quality.hypotheses.hypothesis import Hypothesis
 from mor.quality.hypotheses.mistakes.station_alone import exchanges_at_stations
-from mor.quality.hypotheses.situation import Situation, sizes_of
+from mor.quality.hypotheses.situation import Situation
 from mor.quality.hypotheses.trying import without_row
 
 _ROWS = 40

@@ -21,9 +21,9 @@ from mor.allowance import spend
 from mor.arrays import FloatArray, IntArray
 from mor.observations import ObservationGroup, some_rows
 from mor.parameters.index import Values, index_unknowns, move
-from mor.quality.gross_errors.description_length import cost_of_residuals
+from mor.quality.gross_errors.description_length import cost_of_residuals, sizes_of
 from mor.quality.hypotheses.effort import SMALL
-from mor.quality.hypotheses.situation import Situation, sizes_of
+from mor.quality.hypotheses.situation import Situation
 
 _LEAST, _MOST = 4, 12
 """Sights of a station: of fewer any exchange fits, of more the others keep its pose right."""
