@@ -227,9 +227,10 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
     if not found.alternatives:
         return found.similarity
     both = [found.similarity, *found.alternatives][:MOST_TRIED]
-    if source.poses and not found.open:
+    known = source.points[np.isfinite(source.points).all(axis=1)]
+    if source.poses and len(known) and not found.open:
         centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
-        seen = np.nanmean(source.points[np.isfinite(source.points).all(axis=1)], axis=0)
+        seen = known.mean(axis=0)
         both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))
     return both[scene.choices.take(len(both))]
 
