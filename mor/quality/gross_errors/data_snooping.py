@@ -11,6 +11,7 @@ a ray are one pointing and go together, as long as both are controlled.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -31,6 +32,8 @@ from mor.quality.tests.test_statistics import comparable
 
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
+_OF_ITS_ROWS = 10
+"""One of so many rows of a frame or a point may go in a round beside others of it, so that the rest outvotes them."""
 _MOST_ROUNDS = 500
 ADJUSTMENTS = 100
 """Adjustments that snooping may take where a network is large."""
@@ -42,6 +45,8 @@ _LOCAL = ("point", "rotation", "base")
 """Kinds of blocks by which the error of one observation shows in another one."""
 
 Watcher = Callable[[Iteration], None]
+Block = tuple[str, int]
+"""Kind and number."""
 
 
 class Snooped(NamedTuple):
@@ -209,16 +214,37 @@ def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
         for group, row in enumerate(rows)
         for i in np.flatnonzero(row >= max(_BESIDE_THE_WORST * largest, np.nextafter(0.0, 1.0)))
     ]
-    absorbed = [_absorbed_of_controlled(one) for one in quality.groups]
-    used: dict[tuple[str, int], float] = {}
+    absorbed, room = (
+        [_absorbed_of_controlled(one) for one in quality.groups],
+        _room(quality.adjustment.problem),
+    )
+    used: dict[Block, float] = {}
     chosen: Entries = []
     for _, group, row in sorted(candidates, key=lambda candidate: (-candidate[0], *candidate[1:])):
         blocks, own = _local_blocks(quality, group, row), float(absorbed[group][row])
-        beside = max((used[block] for block in blocks & used.keys()), default=None)
-        if beside is None or own * beside <= _BESIDE_THE_WORST**2:
-            used.update({block: max(own, used.get(block, 0.0)) for block in blocks})
+        shared = blocks & used.keys()
+        if not shared or (
+            own * max(used[block] for block in shared) <= _BESIDE_THE_WORST**2
+            and min(room[block] for block in shared) > 0
+        ):
+            for block in blocks:
+                used[block], room[block] = max(own, used.get(block, 0.0)), room[block] - 1
             chosen += _together(quality, group, row, sizes[group][row])
     return chosen
+
+
+def _room(problem: Problem) -> Counter[Block]:
+    """How many rows of each block may go in one round."""
+    rows: Counter[Block] = Counter()
+    for group in problem.groups:
+        taking_part = (group.mask & ~group.left_out).any(axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind in _LOCAL:
+                counts = np.bincount(blocks[taking_part])
+                rows.update(
+                    {(slot.kind, block): int(counts[block]) for block in np.flatnonzero(counts).tolist()}
+                )
+    return Counter({block: count // _OF_ITS_ROWS for block, count in rows.items()})
 
 
 def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
@@ -234,7 +260,7 @@ def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
     return found
 
 
-def _local_blocks(quality: Quality, group: int, row: int) -> set[tuple[str, int]]:
+def _local_blocks(quality: Quality, group: int, row: int) -> set[Block]:
     """Free points and frames of an observation."""
     problem = quality.adjustment.problem
     one = problem.groups[group]

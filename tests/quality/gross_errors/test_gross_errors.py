@@ -338,10 +338,6 @@ def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypa
     problem, quality = _assessed(scene, start, seed, spoil)
     together = snoop(problem, quality, Levels(), True)
     monkeypatch.setattr("mor.quality.gross_errors.data_snooping._BESIDE_THE_WORST", 1.0)
-    monkeypatch.setattr(
-        "mor.quality.gross_errors.data_snooping._absorbed_of_controlled",
-        lambda one: np.full(len(one.v), np.inf),
-    )
     alone = snoop(problem, quality, Levels(), True)
     assert set(rows) <= set(_out(together.quality))
     assert list(_out(together.quality)) == list(_out(alone.quality))
