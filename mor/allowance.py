@@ -18,8 +18,8 @@ from typing import NamedTuple, TypeVar
 
 from mor.compilation import WORTH_COMPILING
 
-LEAST = 4_200_000
-"""Units that any network may take: some seconds, in which the smallest are adjusted some two hundred times."""
+LEAST = 5_600_000
+"""Units that any network may take: some seconds, in which the smallest are adjusted more than two hundred times."""
 ITERATION = 2_000
 """Units of an iteration, besides those of its observations."""
 COMPILED = 5

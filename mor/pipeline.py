@@ -188,7 +188,7 @@ def _further(network: Network) -> Allowance:
     """What all ways to a solution may take together once the plain adjustment has failed."""
     rows = sum(group.count for group in network.groups)
     times = sum(group.count * group.type.work for group in network.groups) / max(rows, 1)
-    return Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 4, times))
+    return Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5, times))
 
 
 def _not_followed(network: Network, further: Allowance) -> Mistake:
