@@ -54,7 +54,7 @@ _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
-ADJUSTMENTS = 60
+ADJUSTMENTS = 70
 """Adjustments that all ways to a solution without suspects may take where a network is large.
 
 Of thirty random scenes they took what 16 to 350 iterations take, a block of 50 images with one row in a hundred wrong
