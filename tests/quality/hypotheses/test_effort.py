@@ -69,8 +69,9 @@ def test_an_effort_is_that_of_some_adjustments_and_told_as_it_is_made() -> None:
     assert not made.is_left
     assert sum(told[1:]) == made.most
     assert times(10_000_000) == 3
-    of_solution = allowance.LEAST // 3
+    of_solution = allowance.LEAST // 5
     assert allowed(1000, lambda _: told.append, of_solution).most == allowance.LEAST - of_solution
+    assert allowed(1000, lambda _: told.append, allowance.LEAST).most == 0.75 * allowance.LEAST
 
 
 def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
