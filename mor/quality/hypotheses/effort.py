@@ -21,6 +21,6 @@ def times(observations: int) -> int:
 
 
 def allowed(observations: int, looking: Callable[[int], Done], spent: int = 0) -> Allowance:
-    """The allowance for a network, of which ``spent`` was spent on a solution: a quarter of it is lost by that at most."""
+    """The allowance for a network, less what was ``spent`` on a solution, but a quarter of it at most."""
     most = allowance.allowed(observations, ADJUSTMENTS, max(LEAST - spent, LEAST - LEAST // 4))
     return Allowance(most, looking(most))
