@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 
 from mor.compilation import WORTH_COMPILING
 
-LEAST = 5_600_000
+LEAST = 4_200_000
 """Units that any network may take: some seconds, in which the smallest are adjusted more than two hundred times."""
 ITERATION = 2_000
 """Units of an iteration, besides those of its observations."""
