@@ -177,3 +177,13 @@ def test_a_datum_of_too_few_coordinates_is_called_so(tmp_path: Path) -> None:
     assert "The datum has 2 free coordinates, and the network has 3 free movements: " in run.err
     german = mor("adjust", write(tmp_path / "de", text), "-o", tmp_path / "de" / "r", "--lang", "de")
     assert "Das Datum hat 2 freie Koordinaten, und das Netz hat 3 freie Bewegungen: " in german.err
+
+
+def test_a_camera_alone_without_any_point(tmp_path: Path) -> None:
+    """It ended in an internal error: all that follows asks where something is."""
+    text = (
+        "mor: 1\ncameras: {K: {interior: {c: {observed: 20, sigma: 0.01}, xh: {fixed: 0}, yh: {fixed: 0}}}}\n"
+    )
+    run = mor("adjust", write(tmp_path, text))
+    assert run.code == 2
+    assert "there are no points" in run.err

@@ -19,6 +19,10 @@ def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries
     groups = list(groups)
     if not groups:
         reading.problems.append(reading.at("observations").problem("there are no observations"))
+    elif not reading.shop.store("point").ids:
+        reading.problems.append(
+            reading.at("points").problem("there are no points, and nothing that has a place")
+        )
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):

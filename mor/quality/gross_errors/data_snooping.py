@@ -214,10 +214,8 @@ def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
         for group, row in enumerate(rows)
         for i in np.flatnonzero(row >= max(_BESIDE_THE_WORST * largest, np.nextafter(0.0, 1.0)))
     ]
-    absorbed, room = (
-        [_absorbed_of_controlled(one) for one in quality.groups],
-        _room(quality.adjustment.problem),
-    )
+    absorbed = [_absorbed_of_controlled(one) for one in quality.groups]
+    room = _room(quality.adjustment.problem)
     used: dict[Block, float] = {}
     chosen: Entries = []
     for _, group, row in sorted(candidates, key=lambda candidate: (-candidate[0], *candidate[1:])):
