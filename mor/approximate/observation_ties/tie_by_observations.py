@@ -6,6 +6,7 @@ from hashlib import sha256
 
 import numpy as np
 
+from mor.allowance import SpentError, within
 from mor.approximate.observation_ties.equations import PRECISION, Moves, Rows, Sides, rows_between, sides_of
 from mor.approximate.observation_ties.robust_minimum import Minima, minima, some
 from mor.approximate.observation_ties.search import Search, Sight, extent, stance_of, standing, starts
@@ -36,7 +37,8 @@ def tie_by_observations(
 ) -> Movement | None:
     """The movement from source to target that most observations agree with.
 
-    ``None`` where fewer than ``redundant`` beyond those it takes agree, or where nothing came in since it was asked.
+    ``None`` where fewer than ``redundant`` beyond those it takes agree, where nothing came in since it was asked, or
+    where too much has been looked for already.
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
     if network.observations > SMALL or not (known.any() or source.poses):
@@ -54,7 +56,13 @@ def tie_by_observations(
     if told < search.unknowns - search.stance.unknowns + redundant - (3 if not len(common) else 0):
         return None
     search = standing(search._replace(sights=_sights(scene, sides)).compressed())
-    return _remembered(search, redundant, scene.tied)
+    try:
+        with within(scene.ties):
+            return _remembered(search, redundant, scene.tied)
+    except SpentError:
+        if scene.ties.is_left:
+            raise
+        return None
 
 
 def _remembered(search: Search, redundant: int, tied: dict[bytes, Movement | None]) -> Movement | None:

@@ -14,17 +14,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.allowance import spend
 from mor.approximate.bundle import direction_bundle
 from mor.approximate.growth.seed_bundles import common_rays
 from mor.approximate.observation_ties.robust_minimum import Minima, minima, some
-from mor.approximate.parts.frames import SLACKS, Frame, loosened
+from mor.approximate.parts.frames import SLACKS, loosened
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
 from mor.approximate.relative_orientation.fitting import FEWEST, fitting_orientations
+from mor.approximate.remembered import remembered
 from mor.approximate.resection.three_points import nearly_resect_three_points
 from mor.approximate.vectors import unit
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.approximate.work import RESIDUALS
+from mor.arrays import BoolArray, FloatArray
 from mor.geometry.rotations import exponential
 
 POSE = 6
@@ -43,6 +46,8 @@ _ALONG, _AROUND = 24, 36
 """Places on the surface from which two points are seen under an angle."""
 _SMALLEST = 1e-3
 """Angle (radians) between the rays of two points that such places are sampled of."""
+_REMEMBERED = 512
+"""Pairs that are not oriented again: every further ray, and every other answer tried, asks for the same ones."""
 
 
 class Poses(NamedTuple):
@@ -88,6 +93,7 @@ class Conditions(NamedTuple):
 
     def residuals(self, poses: Poses) -> FloatArray:
         """(k, 2n + m) in units of what the rays are good to."""
+        spend(len(poses.centre) * self.equations // RESIDUALS)
         towards = unit((self.targets - poses.centre[:, None]) @ np.swapaxes(poses.rotation, 1, 2))
         away = np.arccos(np.clip(np.sum(towards * self.rays, axis=2), -1.0, 1.0))
         stretched = away / np.maximum(np.sin(away), 1e-12) / self.sigma
@@ -262,20 +268,22 @@ def _beside_others(part: Part, scene: Scene, number: int, conditions: Conditions
     for other, (centre, D) in part.poses.items():
         at_other, at_own = common_rays(frames[other], frame)
         if len(at_own) >= FEWEST:
-            for base, turn in _orientations(frames[other], frame, at_other, at_own):
+            theirs = frames[other].rays[at_other], frames[other].sigma[at_other]
+            for base, turn in _orientations(*theirs, frame.rays[at_own], frame.sigma[at_own]):
                 rotation, towards = turn @ D, D.T @ base
                 length = _length(conditions, centre, towards, rotation)
                 if np.isfinite(length) and length > 0.0:
                     yield Poses((centre + length * towards)[None], rotation[None])
 
 
+@remembered(_REMEMBERED)
 def _orientations(
-    one: Frame, other: Frame, at_one: IntArray, at_other: IntArray
+    rays_of_one: FloatArray, sigma_of_one: FloatArray, rays_of_other: FloatArray, sigma_of_other: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
     for slack in SLACKS[:-1]:
-        a = direction_bundle(one.rays[at_one], loosened(one.sigma[at_one], slack))
-        b = direction_bundle(other.rays[at_other], loosened(other.sigma[at_other], slack))
-        found = fitting_orientations(a, b)
+        one = direction_bundle(rays_of_one, loosened(sigma_of_one, slack))
+        other = direction_bundle(rays_of_other, loosened(sigma_of_other, slack))
+        found = fitting_orientations(one, other)
         if found:
             return [(seed.base, seed.rotation) for seed in found]
     return []
