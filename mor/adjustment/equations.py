@@ -55,13 +55,24 @@ class Equations:
 
     def computed(self, number: int, values: Values, rows: AnyIntArray) -> Computed:
         """Rows of a group at some values, of which every one observes something."""
+        found, place = self._found(number, values, rows)
+        return Computed(found.values[place], tuple(jacobian[place] for jacobian in found.jacobians))
+
+    def computed_values(self, number: int, values: Values, rows: AnyIntArray) -> FloatArray:
+        """What they compute (n, m), without derivatives."""
+        found, place = self._found(number, values, rows)
+        return found.values[place]
+
+    def _found(
+        self, number: int, values: Values, rows: AnyIntArray
+    ) -> tuple[Computed, AnyIntArray | slice]:
+        """What was found, and where the rows are in it."""
         if not compilation.is_small():
-            return evaluated(self._groups[number], values, rows)
+            return evaluated(self._groups[number], values, rows), slice(None)
         if number not in self._together:
             self._put_together(self._groups[number].type)
         together = self._together[number]
-        found, place = together.at(values), together.place[number][rows]
-        return Computed(found.values[place], tuple(jacobian[place] for jacobian in found.jacobians))
+        return together.at(values), together.place[number][rows]
 
     def _put_together(self, type_: ObservationType) -> None:
         alike = {number: group for number, group in enumerate(self._groups) if group.type is type_}

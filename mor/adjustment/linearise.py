@@ -36,8 +36,8 @@ def misclosures(group: ObservationGroup, values: Values, rows: IntArray | slice 
 
 def misclosures_of(problem: Problem, number: int, values: Values, rows: IntArray) -> FloatArray:
     """The same of rows of a group of a problem, of which every one observes something."""
-    group, computed = problem.groups[number], problem.equations.computed(number, values, rows)
-    return _difference(group, group.observed[rows], computed.values)
+    group = problem.groups[number]
+    return _difference(group, group.observed[rows], problem.equations.computed_values(number, values, rows))
 
 
 def linearise(

@@ -157,8 +157,9 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
             if _any_along(place, chunk):
                 path_rays.residuals_along(*arrays)
         for group, here in _left_to_numpy(place, chunk, frame):
-            computed = _computed(place, group, plan.row[chunk.rays][here])
-            residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
+            rows = plan.row[chunk.rays][here]
+            computed = problem.equations.computed_values(group.group, values, rows)
+            residual[here] = (computed - measured.observed[here]) * measured.weight[here]
         yield chunk, np.where(measured.weight > 0.0, residual, 0.0)
 
 
@@ -198,7 +199,7 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
             path_rays.linearise_along(*arrays, residual, by_point, by_others)
     for group, here in _left_to_numpy(place, chunk, frame):
         weight = measured.weight[here]
-        computed = _computed(place, group, plan.row[chunk.rays][here])
+        computed = place.problem.equations.computed(group.group, place.values, plan.row[chunk.rays][here])
         by_others[here] = _by_frame(place, group, frame[here], computed, width) * weight[:, :, None]
         by_point[here] = computed.jacobians[-1] * weight[:, :, None]
         residual[here] = (computed.values - measured.observed[here]) * weight
@@ -251,10 +252,6 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
         here = np.flatnonzero(group_of_ray == group.group)
         if len(here):
             yield group, here
-
-
-def _computed(place: _Place, group: GroupFrames, rows: SmallIntArray) -> Computed:
-    return place.problem.equations.computed(group.group, place.values, rows)
 
 
 def _by_frame(

@@ -77,9 +77,9 @@ class _Part:
         others = rays.by_others[order]
         of_frames = np.add.reduceat(others.transpose(0, 2, 1) @ others, first, axis=0)
         local = self.local[frames]
-        products = np.zeros((self.order, self.order))
-        np.add.at(products, (local[:, :, None], local[:, None, :]), of_frames)
-        return products
+        places = local[:, :, None] * self.order + local[:, None, :]
+        flat = np.bincount(places.ravel(), weights=of_frames.ravel(), minlength=self.order**2)
+        return np.asarray(flat, dtype=np.float64).reshape(self.order, -1)
 
 
 def accumulate(rays: Rays, system: ReducedSystem, damping: float) -> tuple[BoolArray, FloatArray]:
