@@ -25,7 +25,8 @@ class Target:
     known: dict[tuple[tuple[int, ...], bytes], tuple[IntArray, IntArray]] = field(
         default_factory=dict, repr=False, compare=False
     )
-    """Products and places of rows by their columns, kept from one iteration to the next: to look them up takes half of its time."""
+    """Products and places of rows by their columns, kept from one iteration to the next: to look them up takes half
+    of its time."""
 
 
 def target(structure: BlockStructure) -> Target:
