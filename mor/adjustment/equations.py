@@ -63,9 +63,7 @@ class Equations:
         found, place = self._found(number, values, rows)
         return found.values[place]
 
-    def _found(
-        self, number: int, values: Values, rows: AnyIntArray
-    ) -> tuple[Computed, AnyIntArray | slice]:
+    def _found(self, number: int, values: Values, rows: AnyIntArray) -> tuple[Computed, AnyIntArray | slice]:
         """What was found, and where the rows are in it."""
         if not compilation.is_small():
             return evaluated(self._groups[number], values, rows), slice(None)
