@@ -29,7 +29,7 @@ class _Together(NamedTuple):
     blocks: tuple[AnyIntArray, ...]
     constants: FloatArray
     place: dict[int, IntArray]
-    """By number of the group: place of each of its rows among them."""
+    """By number of the group: place of each of its rows among them, −1 of those that observe nothing."""
     known: deque[tuple[tuple[FloatArray, ...], Computed]]
     """What was found at the last places, and the values of all blocks there."""
 
@@ -54,7 +54,7 @@ class Equations:
         """By number of the group, those of the types that were asked for."""
 
     def computed(self, number: int, values: Values, rows: AnyIntArray) -> Computed:
-        """Rows of a group at some values, of which every one observes something."""
+        """Rows of a group at some values."""
         found, place = self._found(number, values, rows)
         return Computed(found.values[place], tuple(jacobian[place] for jacobian in found.jacobians))
 
@@ -70,7 +70,10 @@ class Equations:
         if number not in self._together:
             self._put_together(self._groups[number].type)
         together = self._together[number]
-        return together.at(values), together.place[number][rows]
+        place = together.place[number][rows]
+        if (place < 0).any():  # some observe nothing
+            return evaluated(self._groups[number], values, rows), slice(None)
+        return together.at(values), place
 
     def _put_together(self, type_: ObservationType) -> None:
         alike = {number: group for number, group in enumerate(self._groups) if group.type is type_}

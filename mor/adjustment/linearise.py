@@ -35,7 +35,7 @@ def misclosures(group: ObservationGroup, values: Values, rows: IntArray | slice 
 
 
 def misclosures_of(problem: Problem, number: int, values: Values, rows: IntArray) -> FloatArray:
-    """The same of rows of a group of a problem, of which every one observes something."""
+    """The same of rows of a group of a problem."""
     group = problem.groups[number]
     return _difference(group, group.observed[rows], problem.equations.computed_values(number, values, rows))
 
@@ -50,7 +50,7 @@ def linearise(
 def linearise_of(
     problem: Problem, number: int, values: Values, tangent: FloatArray | None, rows: IntArray
 ) -> Linearised:
-    """The same of rows of a group of a problem, of which every one observes something."""
+    """The same of rows of a group of a problem."""
     computed = problem.equations.computed(number, values, rows)
     return _linearised(problem.groups[number], problem.index, tangent, rows, computed)
 

@@ -85,15 +85,18 @@ def test_derivatives_are_worked_out_once_at_the_same_values_and_anew_at_others()
         np.testing.assert_array_equal(moved.rhs, build_normals(anew, elsewhere).rhs)
 
 
-def test_what_observes_nothing_is_not_evaluated():
+def test_what_observes_nothing_is_evaluated_where_it_is_asked_for():
     scene = path_scene("lines of a scanner")
     group = next(group for group in scene.problem().groups if group.count > 3)
     observed = group.observed.copy()
     observed[1] = np.nan
     (one,), asked = counted([replace(group, observed=observed)])
+    values, equations = scene.start(0.0), Equations((one,))
     with compilation.chosen_by_size(SMALL):
-        Equations((one,)).computed(0, scene.start(0.0), np.array([0, 2]))
-    assert asked == [(group.type.key, group.count - 1)]
+        equations.computed(0, values, np.array([0, 2]))
+        assert asked == [(group.type.key, group.count - 1)]
+        found = equations.computed_values(0, values, np.array([0, 1]))
+    np.testing.assert_array_equal(found, evaluated(group, values, np.array([0, 1])).values)
 
 
 def test_a_large_project_evaluates_what_it_is_asked_for():
