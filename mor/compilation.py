@@ -50,6 +50,11 @@ def wanted() -> bool:
     return available and not _plainly.get()
 
 
+def is_small() -> bool:
+    """True within a project that is not worth compiling (:func:`chosen_by_size`)."""
+    return _plainly.get()
+
+
 @contextmanager
 def chosen_by_size(observations: int) -> Iterator[None]:
     """Within, kernels are compiled if a project of so many observations is worth it, and nothing is elsewhere."""

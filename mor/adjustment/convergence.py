@@ -23,7 +23,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, rotation_tangents
+from mor.adjustment.linearise import linearise, linearise_of, rotation_tangents
 from mor.adjustment.normals import Normals
 from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import ray_chunks
@@ -151,7 +151,7 @@ def round_off(plan: Plan, values: Values, normals: Normals, weak: FloatArray) ->
     total = 0.0
     for row_set in plan.row_sets:
         group = problem.groups[row_set.group]
-        rows = linearise(group, problem.index, values, tangent, row_set.rows)
+        rows = linearise_of(problem, row_set.group, values, tangent, row_set.rows)
         observed = np.nan_to_num(np.abs(group.observed[row_set.rows]))
         total += float(
             np.sum((row_set.weight * (observed + _moved(rows.jacobian, rows.columns, sizes))) ** 2)

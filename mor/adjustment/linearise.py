@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.equations import evaluated
+from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
-from mor.observations import ObservationGroup, wrap
+from mor.observations import Computed, ObservationGroup, wrap
 from mor.parameters.index import Index, Values, tangents
 
 
@@ -29,20 +31,38 @@ def rotation_tangents(index: Index, values: Values) -> FloatArray | None:
 
 def misclosures(group: ObservationGroup, values: Values, rows: IntArray | slice = slice(None)) -> FloatArray:
     """(n, m) observed − computed of the chosen rows; NaN where not observed."""
-    blocks = [
-        values[slot.kind][number[rows]] for slot, number in zip(group.type.slots, group.blocks, strict=True)
-    ]
-    computed = group.type.equation(blocks, group.constants[rows]).values
-    return _difference(group, group.observed[rows], computed)
+    return _difference(group, group.observed[rows], evaluated(group, values, rows).values)
+
+
+def misclosures_of(problem: Problem, number: int, values: Values, rows: IntArray) -> FloatArray:
+    """The same of rows of a group of a problem."""
+    group = problem.groups[number]
+    return _difference(group, group.observed[rows], problem.equations.computed_values(number, values, rows))
 
 
 def linearise(
     group: ObservationGroup, index: Index, values: Values, tangent: FloatArray | None, rows: IntArray | slice
 ) -> Linearised:
     """Linearise the chosen rows of a group at the given values; slots that are fixed throughout are left out."""
+    return _linearised(group, index, tangent, rows, evaluated(group, values, rows))
+
+
+def linearise_of(
+    problem: Problem, number: int, values: Values, tangent: FloatArray | None, rows: IntArray
+) -> Linearised:
+    """The same of rows of a group of a problem."""
+    computed = problem.equations.computed(number, values, rows)
+    return _linearised(problem.groups[number], problem.index, tangent, rows, computed)
+
+
+def _linearised(
+    group: ObservationGroup,
+    index: Index,
+    tangent: FloatArray | None,
+    rows: IntArray | slice,
+    computed: Computed,
+) -> Linearised:
     numbers = [blocks[rows] for blocks in group.blocks]
-    blocks = [values[slot.kind][number] for slot, number in zip(group.type.slots, numbers, strict=True)]
-    computed = group.type.equation(blocks, group.constants[rows])
     observed = group.observed[rows]
     difference = _difference(group, observed, computed.values)
     seen = np.isfinite(observed)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
+from mor.adjustment.linearise import linearise_of, misclosures_of, rotation_tangents
 from mor.adjustment.plan import Plan, reduced_columns
 from mor.adjustment.rays.chunks import eliminate_chunks, ray_chunks, ray_objective
 from mor.adjustment.rays.lanes import in_lanes
@@ -105,7 +105,7 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
     problem = plan.problem
     tangent = rotation_tangents(problem.index, values)
     for row_set in plan.row_sets:
-        rows = linearise(problem.groups[row_set.group], problem.index, values, tangent, row_set.rows)
+        rows = linearise_of(problem, row_set.group, values, tangent, row_set.rows)
         yield WhiteRows(
             row_set.weight * rows.misclosure,
             row_set.weight[:, :, None] * rows.jacobian,
@@ -113,7 +113,7 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
         )
     of_rows, wide = plan.sorted_clusters
     for some in of_rows:
-        rows = linearise(problem.groups[some.group], problem.index, values, tangent, some.rows)
+        rows = linearise_of(problem, some.group, values, tangent, some.rows)
         yield WhiteRows(
             np.einsum("nij,nj->ni", some.whitening, rows.misclosure),
             some.whitening @ rows.jacobian,
@@ -131,14 +131,13 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
 def objective(plan: Plan, values: Values) -> float:
     """lᵀPl at the given values, without derivatives; infinite where an equation cannot be evaluated."""
     spend(plan.work // OBJECTIVE)
-    groups = plan.problem.groups
     total = sum(in_lanes(plan.rays, 0, lambda rays: ray_objective(plan.problem, rays, values)))
     for row_set in plan.row_sets:
-        misclosure = misclosures(groups[row_set.group], values, row_set.rows)
+        misclosure = misclosures_of(plan.problem, row_set.group, values, row_set.rows)
         total += float(np.sum(np.where(row_set.weight > 0.0, row_set.weight * misclosure, 0.0) ** 2))
     of_rows, wide = plan.sorted_clusters
     for some in of_rows:
-        misclosure = misclosures(groups[some.group], values, some.rows)
+        misclosure = misclosures_of(plan.problem, some.group, values, some.rows)
         observed = some.whitening.any(axis=1)
         total += float(
             np.sum(np.einsum("nij,nj->ni", some.whitening, np.where(observed, misclosure, 0.0)) ** 2)

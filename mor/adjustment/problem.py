@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.equations import Equations
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index, Values
@@ -43,6 +45,11 @@ class Problem:
     groups: tuple[ObservationGroup, ...]
     clusters: tuple[Cluster, ...]
     datum: Datum
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The equations of the groups."""
+        return Equations(self.groups)
 
     @property
     def offsets(self) -> IntArray:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mor.adjustment.correlated_rows import ClusterRows
-from mor.adjustment.linearise import misclosures
+from mor.adjustment.linearise import misclosures, misclosures_of
 from mor.adjustment.normals import OBJECTIVE
 from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import ray_residuals
@@ -41,7 +41,7 @@ def normalised_misclosures(plan: Plan, values: Values) -> tuple[FloatArray, ...]
 
     in_lanes(plan.rays, 0, of_lane)
     for row_set in plan.row_sets:
-        misclosure = misclosures(problem.groups[row_set.group], values, row_set.rows)
+        misclosure = misclosures_of(problem, row_set.group, values, row_set.rows)
         seen = row_set.weight > 0.0
         found[row_set.group][row_set.rows] = np.where(seen, row_set.weight * misclosure, 0.0)
     for cluster in plan.clusters:

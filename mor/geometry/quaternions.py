@@ -27,8 +27,9 @@ def quaternions(R: FloatArray) -> FloatArray:
     squares[:, 1:] = 1.0 + 2.0 * diagonal - diagonal.sum(axis=-1)[:, None]
     skew = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=-1)
     result = np.empty_like(squares)
-    for k in range(4):
-        mine = np.argmax(squares, axis=1) == k
+    largest = np.argmax(squares, axis=1)
+    for k in np.unique(largest).tolist():
+        mine = largest == k
         row = np.empty((int(mine.sum()), 4))
         row[:, k] = squares[mine, k]
         for j in range(1, 4):

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.geometry.motion import right_jacobian
+from mor.geometry.motion import inverse_right_jacobian, turn_by
 from mor.geometry.quaternions import quaternions
-from mor.geometry.rotations import exponential
 
 
 @dataclass(frozen=True)
@@ -76,29 +75,36 @@ class Path(NamedTuple):
 
     def at(self, time: FloatArray) -> Pose:
         """Poses at ``time`` (n,) since knot 0."""
-        powers = time[:, None] ** np.arange(self.weights.shape[2])
-        slopes = np.zeros_like(powers)
-        slopes[:, 1:] = powers[:, :-1] * np.arange(1, self.weights.shape[2])
-        w, dw = (np.einsum("nkd,nd->nk", self.weights, of_time) for of_time in (powers, slopes))
-        theta = np.einsum("nk,nkj->nj", w[:, 1:], self.turns)
-        jacobian = right_jacobian(theta)
-        turned = exponential(-theta)
+        w, dw = _at_time(self.weights, time)
+        theta, turning = (np.einsum("nk,nkj->nj", of_knots[:, 1:], self.turns) for of_knots in (w, dw))
+        back = turn_by(theta)
+        turned = np.swapaxes(back.matrix, 1, 2)
         return Pose(
             position=np.einsum("nk,nkj->nj", w, self.positions),
             rotation=turned @ self.first,
             weights=w,
             velocity=np.einsum("nk,nkj->nj", dw, self.positions) * self._leaves[:, None],
-            rate=np.einsum("nij,nk,nkj->ni", jacobian, dw[:, 1:], self.turns),
+            rate=np.einsum("nij,nj->ni", back.jacobian, turning),
             turned=turned,
-            jacobian=jacobian,
+            jacobian=back.jacobian,
             inverse=self.inverse,
         )
+
+
+def _at_time(coefficients: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Polynomials (n, k, d), the constant first, at times (n,): values (n, k) and derivatives (n, k)."""
+    since = time[:, None]
+    value, slope = coefficients[:, :, -1], np.zeros(coefficients.shape[:2])
+    for power in range(coefficients.shape[2] - 2, -1, -1):
+        slope = slope * since + value
+        value = value * since + coefficients[:, :, power]
+    return value, slope
 
 
 def path_of(positions: FloatArray, rotations: FloatArray, weights: FloatArray) -> Path:
     """Paths between knots ``positions`` (n, k, 3) and ``rotations`` (n, k, 3, 3), with the weights (n, k, d)."""
     turns = small_rotations(rotations[:, :1], rotations[:, 1:])
-    inverse: FloatArray = np.asarray(np.linalg.inv(_right_jacobians(turns)), dtype=np.float64)
+    inverse = inverse_right_jacobian(turns.reshape(-1, 3)).reshape(*turns.shape, 3)
     return Path(positions, rotations[:, 0], turns, inverse, weights)
 
 
@@ -120,13 +126,8 @@ def small_rotations(before: FloatArray, after: FloatArray) -> FloatArray:
 
 def by_ends(turn: FloatArray) -> tuple[FloatArray, FloatArray]:
     """∂θ/∂δ and ∂θ/∂δ′ (n, 3, 3) of turns θ (n, 3) from D to D′ by the small rotations of both."""
-    inverse: FloatArray = np.asarray(np.linalg.inv(right_jacobian(turn)), dtype=np.float64)
+    inverse = inverse_right_jacobian(turn)
     return -np.swapaxes(inverse, 1, 2), inverse
-
-
-def _right_jacobians(turns: FloatArray) -> FloatArray:
-    n, k, _ = turns.shape
-    return right_jacobian(turns.reshape(-1, 3)).reshape(n, k, 3, 3)
 
 
 def linear_weights(interval: FloatArray) -> FloatArray:

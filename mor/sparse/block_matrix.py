@@ -6,10 +6,10 @@ observation. Only the lower triangle is stored, by block columns; a diagonal blo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +64,11 @@ class BlockStructure:
     def block_of(self) -> IntArray:
         """(n,) block of each scalar unknown."""
         return np.repeat(np.arange(self.blocks, dtype=np.int64), self.sizes)
+
+    @cached_property
+    def known(self) -> dict[Hashable, Any]:
+        """What was worked out of the pattern for one who asks for it again in every iteration, by whatever he asks."""
+        return {}
 
     def shapes(self) -> Iterator[tuple[int, int, IntArray]]:
         """Yield (rows, columns, numbers of the stored blocks of that shape) for each shape that occurs."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,13 +44,13 @@ class DensePart:
 
     def add_to(self, values: FloatArray, dense: FloatArray) -> None:
         """Add a symmetric (n, n) matrix to the values of the whole one, in place; what is not stored is left out."""
-        for places, rows, columns in self._places():
+        for places, rows, columns in self._places:
             values[places] += dense[rows[:, :, None], columns[:, None, :]]
 
     def of(self, values: FloatArray) -> FloatArray:
         """The (n, n) part of a matrix with these values, zero where nothing is stored."""
         dense = np.zeros((self.unknowns.size, self.unknowns.size))
-        for places, rows, columns in self._places():
+        for places, rows, columns in self._places:
             stored = values[places]
             dense[rows[:, :, None], columns[:, None, :]] = stored
             dense[columns[:, :, None], rows[:, None, :]] = stored.transpose(0, 2, 1)
@@ -62,22 +61,23 @@ class DensePart:
         column = np.searchsorted(self.structure.indptr, self.numbers, side="right") - 1
         return self.structure.indices[self.numbers], column
 
-    def _places(self) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-        """Yield, shape by shape, places (m, r, c) in the flat values, rows (m, r) and columns (m, c) of blocks."""
+    @cached_property
+    def _places(self) -> list[tuple[IntArray, IntArray, IntArray]]:
+        """Shape by shape: places (m, r, c) in the flat values, rows (m, r) and columns (m, c) of blocks."""
         structure, sizes = self.structure, self.structure.sizes
         one, other = self._rows_and_columns()
         first_row, first_column = (self.numbers_of(structure.offsets[part]) for part in (one, other))
         base = int(sizes[self.blocks].max(initial=0)) + 1
         shapes = sizes[one] * base + sizes[other]
+        found = []
         for shape in np.unique(shapes).tolist():
             here = np.flatnonzero(shapes == shape)
             r, c = divmod(shape, base)
             start = structure.position[self.numbers[here]]
-            yield (
-                start[:, None, None] + np.arange(r * c).reshape(r, c),
-                first_row[here, None] + np.arange(r),
-                first_column[here, None] + np.arange(c),
-            )
+            places = start[:, None, None] + np.arange(r * c).reshape(r, c)
+            rows, columns = first_row[here, None] + np.arange(r), first_column[here, None] + np.arange(c)
+            found.append((places, rows, columns))
+        return found
 
 
 def dense_part(structure: BlockStructure, blocks: IntArray) -> DensePart:

@@ -13,7 +13,7 @@ from mor.sparse.compiled import rows as kernels
 
 _ROWS_AT_A_TIME = 5000
 _REMEMBERED = 1_000_000
-"""Places (8 bytes each) that are kept at the most, twice as many for a moment."""
+"""Places (16 bytes each) that are kept at the most, twice as many for a moment."""
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,11 @@ class Target:
 
     structure: BlockStructure
     block_of: IntArray
-    known: dict[tuple[tuple[int, ...], bytes], IntArray] = field(
+    known: dict[tuple[tuple[int, ...], bytes], tuple[IntArray, IntArray]] = field(
         default_factory=dict, repr=False, compare=False
     )
-    """Places of rows by their columns, kept from one iteration to the next: to look them up takes half of its time."""
+    """Products and places of rows by their columns, kept from one iteration to the next: to look them up takes half
+    of its time."""
 
 
 def target(structure: BlockStructure) -> Target:
@@ -79,22 +80,28 @@ def accumulate_rows_plainly(
     gradient = np.einsum("nmk,nm->nk", jacobian, misclosure)
     np.add.at(rhs, columns[free], gradient[free])
     products = np.einsum("nmk,nml->nkl", jacobian, jacobian)
-    places = _places_in_every_iteration(into, columns)
-    stored = places >= 0
-    np.add.at(values, places[stored], products[stored])
+    stored, places = _stored_in_every_iteration(into, columns)
+    np.add.at(values, places, products.ravel()[stored])
 
 
-def _places_in_every_iteration(into: Target, columns: IntArray) -> IntArray:
-    """As ``_places`` of the lower part, remembered where rows are few."""
+def _stored_in_every_iteration(into: Target, columns: IntArray) -> tuple[IntArray, IntArray]:
+    """As ``_stored``, remembered where rows are few."""
     rows, width = columns.shape
     if rows * width * width > _REMEMBERED:
-        return _places(into, columns, lower_only=True)[0]
+        return _stored(into, columns)
     key = columns.shape, columns.tobytes()
     if key not in into.known:
-        if sum(places.size for places in into.known.values()) > _REMEMBERED:
+        if sum(places.size for _, places in into.known.values()) > _REMEMBERED:
             into.known.clear()
-        into.known[key] = _places(into, columns, lower_only=True)[0]
+        into.known[key] = _stored(into, columns)
     return into.known[key]
+
+
+def _stored(into: Target, columns: IntArray) -> tuple[IntArray, IntArray]:
+    """Which products (k,) of columns (n, K), of all n·K·K, are in the lower part, and their places (k,)."""
+    places = _places(into, columns, lower_only=True)[0].ravel()
+    stored = np.flatnonzero(places >= 0)
+    return stored, places[stored]
 
 
 def row_cofactors(

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mor.geometry.cameras import CAMERA_MODELS, Projection
-from mor.geometry.motion import right_jacobian
+from mor.geometry.motion import inverse_right_jacobian, right_jacobian, turn_by
 from mor.geometry.rotations import exponential
 from mor.observations import IMAGE_TYPES, MOVING_TYPES
 from mor.observations.time.rolling_shutter import meet
@@ -108,6 +109,16 @@ def test_right_jacobian_against_differences() -> None:
             change = exponential(vector)[0].T @ (moved[0] - moved[1]) / (2.0 * step)
             numeric = np.array([change[2, 1], change[0, 2], change[1, 0]])
             np.testing.assert_allclose(found[:, k], numeric, atol=1e-9)
+
+
+def test_rotation_and_inverse_of_the_jacobian_against_others() -> None:
+    for size in (0.0, 1e-9, 0.03, 0.0499, 0.0501, 1.0, 3.0, np.pi):
+        vector = size * np.array([[0.6, -0.64, 0.48], [-0.28, 0.96, 0.0]])
+        turn = turn_by(vector)
+        of_scipy = Rotation.from_rotvec(vector).as_matrix()
+        np.testing.assert_allclose(turn.matrix, of_scipy, atol=5e-16)
+        inverse = np.linalg.inv(turn.jacobian)
+        np.testing.assert_allclose(inverse_right_jacobian(vector), inverse, atol=2e-15)
 
 
 def test_nobody_waits_for_a_point_that_never_meets_the_shutter():

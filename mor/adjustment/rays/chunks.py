@@ -7,6 +7,8 @@ where there is no compiler, by its own equation in numpy.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
@@ -19,7 +21,7 @@ from mor.adjustment.rays.compiled import image_passes
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.sights import image_rays, moving_rays, path_rays
 from mor.adjustment.rays.compiled.sights.cameras import ALONG, MOVING
-from mor.adjustment.rays.compiled.sights.image_rays import FrameValues, Measured
+from mor.adjustment.rays.compiled.sights.image_rays import FrameChange, FrameValues, Measured
 from mor.adjustment.rays.frames import GroupFrames, frame_change, frame_values
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import Chunk, RayPlan, pieces
@@ -49,14 +51,23 @@ class RayChunk(NamedTuple):
 _Work = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class _Place(NamedTuple):
+@dataclass(frozen=True)
+class _Place:
     """Where the rays are linearised."""
 
     problem: Problem
     plan: RayPlan
     values: Values
-    tangent: FloatArray | None
-    frames: FrameValues
+
+    @cached_property
+    def tangent(self) -> FloatArray | None:
+        """Tangents of the rotations that move by angles."""
+        return rotation_tangents(self.problem.index, self.values)
+
+    @cached_property
+    def frames(self) -> FrameValues:
+        """What kernels take of the frames."""
+        return frame_values(self.plan.frames, self.problem.groups, self.values, self.tangent)
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
@@ -64,7 +75,7 @@ def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Value
 
     The arrays of a piece are overwritten by the next one: fresh memory costs a tenth of the whole pass.
     """
-    place = _place(problem, plan, values)
+    place = _Place(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
     parts = [tuple(pieces(chunk, plan.pointers)) for chunk in plan.chunks]
     work = _workspace(plan, list(chain(*parts)))
@@ -88,7 +99,7 @@ def eliminate_chunks(
     problem: Problem, plan: RayPlan, reduced: IntArray, values: Values, system: ReducedSystem, damping: float
 ) -> Iterator[EliminatedChunk]:
     """Linearise all chunks and eliminate their points; what they leave is added to the system, in place."""
-    place = _place(problem, plan, values)
+    place = _Place(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
     work: _Work | None = None
     for chunk in plan.chunks:
@@ -107,14 +118,21 @@ def point_steps(
     problem: Problem, plan: RayPlan, values: Values, step: FloatArray, damping: float
 ) -> Iterator[tuple[slice, FloatArray]]:
     """The steps (p, 3) with which the points of each chunk follow a step (u,) of all other unknowns."""
-    place = _place(problem, plan, values)
-    widest = place.frames.interior.shape[1]
-    change = frame_change(plan.frames, problem.groups, problem.index, step, place.tangent, widest)
+    place = _Place(problem, plan, values)
+    change: FrameChange | None = None
     work: _Work | None = None
     for chunk in plan.chunks:
         if _all_compiled(place, chunk):
             steps = np.empty((chunk.points.stop - chunk.points.start, 3))
             rays = _image_rays(place, chunk)
+            change = change or frame_change(
+                plan.frames,
+                problem.groups,
+                problem.index,
+                step,
+                place.tangent,
+                place.frames.interior.shape[1],
+            )
             image_passes.solve_image_points(rays, rays.paths, change, damping, steps)
         else:
             work = work or _workspace(plan, plan.chunks)
@@ -125,7 +143,7 @@ def point_steps(
 
 def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
     """Residuals (n, 2) of the rays of every chunk, computed − observed, divided by σ; 0 where not observed."""
-    place = _place(problem, plan, values)
+    place = _Place(problem, plan, values)
     for chunk in plan.chunks:
         residual = np.empty((chunk.rays.stop - chunk.rays.start, 2))
         frame = chunk.frames[plan.frame[chunk.rays]]
@@ -139,8 +157,9 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
             if _any_along(place, chunk):
                 path_rays.residuals_along(*arrays)
         for group, here in _left_to_numpy(place, chunk, frame):
-            computed = _computed(place, group, plan.row[chunk.rays][here])
-            residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
+            rows = plan.row[chunk.rays][here]
+            computed = problem.equations.computed_values(group.group, values, rows)
+            residual[here] = (computed - measured.observed[here]) * measured.weight[here]
         yield chunk, np.where(measured.weight > 0.0, residual, 0.0)
 
 
@@ -148,11 +167,6 @@ def ray_objective(problem: Problem, plan: RayPlan, values: Values) -> float:
     """Σ (v/σ)² of the rays; infinite where an equation cannot be evaluated."""
     total = sum(float(np.vdot(residual, residual)) for _, residual in ray_residuals(problem, plan, values))
     return total if np.isfinite(total) else np.inf
-
-
-def _place(problem: Problem, plan: RayPlan, values: Values) -> _Place:
-    tangent = rotation_tangents(problem.index, values)
-    return _Place(problem, plan, values, tangent, frame_values(plan.frames, problem.groups, values, tangent))
 
 
 def _reduced_columns(plan: RayPlan, reduced: IntArray) -> IntArray:
@@ -185,7 +199,7 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
             path_rays.linearise_along(*arrays, residual, by_point, by_others)
     for group, here in _left_to_numpy(place, chunk, frame):
         weight = measured.weight[here]
-        computed = _computed(place, group, plan.row[chunk.rays][here])
+        computed = place.problem.equations.computed(group.group, place.values, plan.row[chunk.rays][here])
         by_others[here] = _by_frame(place, group, frame[here], computed, width) * weight[:, :, None]
         by_point[here] = computed.jacobians[-1] * weight[:, :, None]
         residual[here] = (computed.values - measured.observed[here]) * weight
@@ -238,15 +252,6 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
         here = np.flatnonzero(group_of_ray == group.group)
         if len(here):
             yield group, here
-
-
-def _computed(place: _Place, group: GroupFrames, rows: SmallIntArray) -> Computed:
-    observations = place.problem.groups[group.group]
-    blocks = [
-        place.values[slot.kind][number[rows]]
-        for slot, number in zip(observations.type.slots, observations.blocks, strict=True)
-    ]
-    return observations.type.equation(blocks, observations.constants[rows])
 
 
 def _by_frame(

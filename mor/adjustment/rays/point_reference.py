@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from mor import compilation
 from mor.adjustment.rays.compiled.points import VANISHING
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.reduced_system import ReducedSystem
@@ -77,9 +79,9 @@ class _Part:
         others = rays.by_others[order]
         of_frames = np.add.reduceat(others.transpose(0, 2, 1) @ others, first, axis=0)
         local = self.local[frames]
-        products = np.zeros((self.order, self.order))
-        np.add.at(products, (local[:, :, None], local[:, None, :]), of_frames)
-        return products
+        places = local[:, :, None] * self.order + local[:, None, :]
+        flat = np.bincount(places.ravel(), weights=of_frames.ravel(), minlength=self.order**2)
+        return np.asarray(flat, dtype=np.float64).reshape(self.order, -1)
 
 
 def accumulate(rays: Rays, system: ReducedSystem, damping: float) -> tuple[BoolArray, FloatArray]:
@@ -153,36 +155,61 @@ def cofactors(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray,
     return np.concatenate(of_points), np.concatenate(of_rays), np.concatenate(shares)
 
 
+class _Places(NamedTuple):
+    """Where the rays of some points go: the same in every pass."""
+
+    points: slice
+    rays: slice
+    frames: IntArray
+    """Their frames, which they name by their place in this list."""
+    frame: IntArray
+    dense: DensePart
+    local: IntArray
+
+    def of(self, rays: Rays) -> _Part:
+        """The rays of the points, with the columns of their frames only."""
+        pointers = rays.point_pointers[self.points.start : self.points.stop + 1]
+        some = Rays(
+            rays.residual[self.rays],
+            rays.by_point[self.rays],
+            rays.by_others[self.rays],
+            rays.columns[self.frames],
+            pointers - pointers[0],
+            self.frame,
+        )
+        return _Part(some, self.dense, self.local)
+
+
 def _parts(rays: Rays, structure: BlockStructure) -> Iterator[_Part]:
-    """Yield the rays of as many points at a time as make no large dense matrix."""
+    """Yield the rays of as many points at a time as make no large dense matrix.
+
+    Where they go is kept from one pass to the next in a small project, whose passes are many.
+    """
+    if not compilation.is_small():
+        yield from (places.of(rays) for places in _places(rays, structure))
+        return
+    key = rays.columns.tobytes(), rays.point_pointers.tobytes(), rays.frame.tobytes()
+    if key not in structure.known:
+        structure.known[key] = list(_places(rays, structure))
+    yield from (places.of(rays) for places in structure.known[key])
+
+
+def _places(rays: Rays, structure: BlockStructure) -> Iterator[_Places]:
     waiting = [(0, rays.points)] if rays.points else []
     while waiting:
         first, last = waiting.pop()
-        some = _rays_of_points(rays, first, last)
-        used = some.columns[some.columns >= 0]
-        dense = dense_part(structure, np.unique(structure.block_of[used]))
+        part = slice(int(rays.point_pointers[first]), int(rays.point_pointers[last]))
+        frames, frame = np.unique(rays.frame[part], return_inverse=True)
+        columns = rays.columns[frames]
+        dense = dense_part(structure, np.unique(structure.block_of[columns[columns >= 0]]))
         size = dense.unknowns.size
         if last - first > 1 and size * (size + 3 * (last - first)) > _ENTRIES_AT_A_TIME:
             middle = (first + last) // 2
             waiting += [(middle, last), (first, middle)]
             continue
-        _refuse_pairs_not_stored(some, structure, dense)
-        yield _Part(some, dense, dense.numbers_of(some.columns))
-
-
-def _rays_of_points(rays: Rays, first: int, last: int) -> Rays:
-    """The rays of points ``first`` to ``last``, with the columns of their frames only."""
-    pointers = rays.point_pointers[first : last + 1]
-    part = slice(pointers[0], pointers[-1])
-    frames, frame = np.unique(rays.frame[part], return_inverse=True)
-    return Rays(
-        rays.residual[part],
-        rays.by_point[part],
-        rays.by_others[part],
-        rays.columns[frames],
-        pointers - pointers[0],
-        frame,
-    )
+        found = _Places(slice(first, last), part, frames, frame, dense, dense.numbers_of(columns))
+        _refuse_pairs_not_stored(found.of(rays).rays, structure, dense)
+        yield found
 
 
 def _refuse_pairs_not_stored(rays: Rays, structure: BlockStructure, dense: DensePart) -> None:

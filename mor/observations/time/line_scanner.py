@@ -77,7 +77,9 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         across = _crossed(left[:, :, None], seen.drift, rate)[:, :, 0]
         passed = (time - path.time) / rate
         values = np.stack([measured[:, 0] + across[:, 0], row + passed + across[:, 1]], axis=1)
-        return Computed(values, tuple(_crossed(one, seen.drift, rate) for one in fixed_time))
+        crossed = _crossed(np.concatenate(fixed_time, axis=2), seen.drift, rate)
+        ends = np.cumsum([one.shape[2] for one in fixed_time])
+        return Computed(values, tuple(np.split(crossed, ends[:-1], axis=2)))
 
     return ObservationType(
         key=f"{SCANNER} {knots}/{model.key}",

@@ -16,7 +16,7 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.allowance import spend
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.observations import ObservationGroup, wrap
+from mor.observations import Computed, ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import (
     cost_of_residuals,
@@ -221,18 +221,41 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
 def _residuals(told: list[_Observed], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(observed − computed)/σ (p, e) of what tells of the point at places (p, 3), and its derivatives (p, e, 3)."""
     misclosures, jacobians = [], []
-    for group, rows, slot, observed in told:
-        every = np.tile(rows, len(places))
-        spend(len(every) * group.type.work)
-        blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
-        blocks[slot] = np.repeat(places, len(rows), axis=0)
-        with np.errstate(all="ignore"):
-            equation = group.type.equation(blocks, group.constants[every])
+    for one, equation in zip(told, _equations(told, values, places), strict=True):
+        group, every = one.group, np.tile(one.rows, len(places))
         difference = group.observed[every] - equation.values
         difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
         sigma = group.given_sigma[every]
-        shape = (len(places), *observed.shape)
-        misclosures.append((difference / sigma).reshape(shape)[:, observed])
-        derivatives = equation.jacobians[slot] / sigma[:, :, None]
-        jacobians.append(derivatives.reshape(*shape, 3)[:, observed])
+        shape = (len(places), *one.told.shape)
+        misclosures.append((difference / sigma).reshape(shape)[:, one.told])
+        derivatives = equation.jacobians[one.slot] / sigma[:, :, None]
+        jacobians.append(derivatives.reshape(*shape, 3)[:, one.told])
     return np.concatenate(misclosures, axis=1), np.concatenate(jacobians, axis=1)
+
+
+def _equations(told: list[_Observed], values: Values, places: FloatArray) -> list[Computed]:
+    """The equations of what tells of the point at places (p, 3), all rows for each place; those of a type together."""
+    alike: dict[int, list[int]] = {}
+    for number, one in enumerate(told):
+        alike.setdefault(id(one.group.type), []).append(number)
+    found: dict[int, Computed] = {}
+    for numbers in alike.values():
+        blocks, constants = zip(*(_arguments(told[k], values, places) for k in numbers), strict=True)
+        type_, ends = told[numbers[0]].group.type, np.cumsum([len(own) for own in constants])
+        spend(int(ends[-1]) * type_.work)
+        with np.errstate(all="ignore"):
+            every = type_.equation(
+                [np.concatenate(of_slot) for of_slot in zip(*blocks, strict=True)], np.concatenate(constants)
+            )
+        for k, end, own in zip(numbers, ends, constants, strict=True):
+            part = slice(end - len(own), end)
+            found[k] = Computed(every.values[part], tuple(jacobian[part] for jacobian in every.jacobians))
+    return [found[k] for k in range(len(told))]
+
+
+def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Blocks and constants of rows, with the point at places (p, 3), all rows for each place."""
+    group, every = one.group, np.tile(one.rows, len(places))
+    blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+    blocks[one.slot] = np.repeat(places, len(one.rows), axis=0)
+    return blocks, group.constants[every]

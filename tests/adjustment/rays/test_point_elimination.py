@@ -356,3 +356,21 @@ def test_the_layout_of_the_arrays_does_not_matter():
     accumulate(rays, one)
     accumulate(strided, other)
     np.testing.assert_array_equal(one.matrix.values, other.matrix.values)
+
+
+def test_places_that_are_kept_serve_the_next_pass():
+    rays, structure = simulate(seed=5)
+    others, _ = simulate(seed=5)
+    later = replace(rays, residual=2.0 * rays.residual, by_others=-3.0 * rays.by_others)
+    with compilation.chosen_by_size(compilation.WORTH_COMPILING - 1):
+        for some in (rays, later):
+            system, alone = empty_reduced_system(structure), empty_reduced_system(simulate(seed=5)[1])
+            accumulate(some, system)
+            accumulate(some, alone)
+            np.testing.assert_array_equal(system.matrix.values, alone.matrix.values)
+        assert len(structure.known) == 1
+        fixed = replace(others, columns=np.where(others.columns < CAMERA, -1, others.columns))
+        system, alone = empty_reduced_system(structure), empty_reduced_system(simulate(seed=5)[1])
+        accumulate(fixed, system)
+        accumulate(fixed, alone)
+        np.testing.assert_array_equal(system.right_hand_side, alone.right_hand_side)
