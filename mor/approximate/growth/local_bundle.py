@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
-import scipy.sparse.linalg
 
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.growth.forward_intersection import PosedFrames
@@ -25,11 +24,16 @@ from mor.approximate.reprojection import reproject
 from mor.approximate.resection.refinement import Pose
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import cross_matrix, rotate
+from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+from mor.sparse.cholesky import NotFiniteError, factorise
+from mor.sparse.symbolic_factorisation import analyse
 
 _SAMPLE = 40
 """Points of a frame that take part."""
 _NEAR = 10.0
 """Misfit in units of σ up to which a ray has a say."""
+_POSE = 6
+"""Unknowns of a frame."""
 _LOOSE = 1e-9
 """Part of the diagonal added to it, so that what nothing ties stays where it is."""
 
@@ -58,8 +62,9 @@ def settle(
     column = np.full(seen.frames, -1, dtype=np.int64)
     column[list(moving)] = np.arange(len(moving))
     rays = _rays(part, seen, poses, points, column)
-    change = _step(part, frames, poses, rays, part.points[points], moving)
-    if not np.all(np.isfinite(change)):
+    try:
+        change = _step(part, frames, poses, rays, part.points[points], moving)
+    except NotFiniteError:
         return
     poses.centres[list(moving)] += change[:, :3]
     poses.turns[list(moving)] = rotate(poses.turns[list(moving)], change[:, 3:])
@@ -68,12 +73,20 @@ def settle(
 
 
 def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntArray:
+    """Of each frame the points that come first in an order without rule, so that frames have them in common."""
     chosen = [np.zeros(0, dtype=np.int64)]
     for number in moving:
         points = frames[number].points
         points = points[part.known(points)]
-        chosen.append(points[np.linspace(0, len(points) - 1, min(len(points), _SAMPLE)).astype(int)])
+        if len(points) > _SAMPLE:
+            points = points[np.argpartition(_shuffled(points), _SAMPLE)[:_SAMPLE]]
+        chosen.append(points)
     return np.unique(np.concatenate(chosen))
+
+
+def _shuffled(points: IntArray) -> IntArray:
+    """Places of points (n,) in an order that has nothing to do with their numbers (Fibonacci hashing)."""
+    return (points * 2654435769) % 2**32
 
 
 def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _Rays:
@@ -114,8 +127,8 @@ def _step(
     reach = _blocks(mixed @ inverse[column], row, column, shape)
     each = np.arange(len(moving))
     diagonal = _blocks(of_frames, each, each, (len(moving), len(moving)))
-    change = _solved((diagonal - reach @ across.T).tocsc(), frame_side.ravel() - reach @ point_side.ravel())
-    return change.reshape(-1, 6)
+    reduced = _lower_triangle((diagonal - reach @ across.T).tobsr())
+    return _solved(reduced, frame_side.ravel() - reach @ point_side.ravel()).reshape(-1, 6)
 
 
 def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -171,15 +184,27 @@ def _blocks(
     return scipy.sparse.bsr_array((blocks, column, pointers), shape=size, blocksize=(height, width))
 
 
-def _solved(matrix: scipy.sparse.csc_array, side: FloatArray) -> FloatArray:
-    """Solution of matrix · x = −side, scaled to a unit diagonal."""
+def _lower_triangle(matrix: scipy.sparse.bsr_array) -> BlockMatrix:
+    """A symmetric matrix of square blocks as the factorisation takes it, which has an entry in every diagonal block."""
+    matrix.sort_indices()
+    count = len(matrix.indptr) - 1
+    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    kept = matrix.indices >= row
+    column_pointers = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
+    structure = BlockStructure(
+        _POSE * np.arange(count + 1),
+        column_pointers.astype(np.int64),
+        matrix.indices[kept].astype(np.int64),
+        _POSE**2 * np.arange(int(kept.sum()) + 1),
+    )
+    return BlockMatrix(structure, matrix.data[kept].transpose(0, 2, 1).ravel())
+
+
+def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
+    """Solution of matrix · x = −side, scaled to a unit diagonal. Raises :class:`NotFiniteError`."""
     diagonal = matrix.diagonal()
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaling = scipy.sparse.diags_array(scale)
-    loose = scipy.sparse.eye_array(len(scale), format="csc") * _LOOSE
-    scaled = (scaling @ matrix @ scaling + loose).tocsc()
-    factor = scipy.sparse.linalg.splu(
-        scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    solution: FloatArray = -scale * factor.solve(scale * side)
-    return solution
+    scaled, structure = matrix.scaled(scale), matrix.structure
+    own = structure.position[structure.indptr[:-1], None] + (_POSE + 1) * np.arange(_POSE)
+    scaled.values[own] += _LOOSE
+    return -scale * factorise(scaled, analyse(structure)).solve(scale * side)

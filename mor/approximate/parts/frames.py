@@ -159,9 +159,9 @@ def _image_rays(
 ) -> tuple[FloatArray, FloatArray]:
     """Unit rays (n, 3) of measured image coordinates, distortion taken off as far as it is known, and σ in radians."""
     slot = next(k for k, slot in enumerate(group.type.slots) if slot.part == "interior")
-    interior = network.start[group.type.slots[slot].kind][group.blocks[slot]]
-    rays = ideal_rays(model, interior, group.constants[:, 2:], group.observed)
-    sigma = np.nanmax(group.sigma, axis=1) / np.maximum(np.abs(interior[:, 0]), 1e-300)
+    interior, of = network.start[group.type.slots[slot].kind], group.blocks[slot]
+    rays = ideal_rays(model, interior, of, group.constants[:, 2:], group.observed)
+    sigma = np.fmax(*group.sigma.T) / np.maximum(np.abs(interior[of, 0]), 1e-300)
     return rays, 3.0 * sigma
 
 
