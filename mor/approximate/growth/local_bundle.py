@@ -16,12 +16,11 @@ import scipy.sparse
 
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.growth.forward_intersection import PosedFrames
-from mor.approximate.growth.pose_frame import observed_centre
+from mor.approximate.growth.pose_frame import observed_centres
 from mor.approximate.parts.frames import SLACKS, Frame, loosened
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.sightings import Sightings
 from mor.approximate.reprojection import reproject
-from mor.approximate.resection.refinement import Pose
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import cross_matrix, rotate
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
@@ -116,13 +115,15 @@ def _step(
     of_points += tie[:, None, None] * np.eye(3)
     inverse = np.linalg.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
-    m = rays.column >= 0
-    of_frames = _summed(by_pose[m], by_pose[m], rays.column[m], len(moving))
-    frame_side = _summed(by_pose[m], residuals[m][:, :, None], rays.column[m], len(moving))[:, :, 0]
-    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
-    order = np.flatnonzero(m)[np.argsort(rays.column[m], kind="stable")]
+    order = np.argsort(rays.column, kind="stable")[np.count_nonzero(rays.column < 0) :]
     row, column, shape = rays.column[order], rays.point[order], (len(moving), len(X))
-    mixed = by_pose[order].transpose(0, 2, 1) @ by_point[order]
+    by_pose = by_pose[order]
+    of_frames = _summed(by_pose, by_pose, row, len(moving))
+    frame_side = _summed(by_pose, residuals[order][:, :, None], row, len(moving))[:, :, 0]
+    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
+    own = np.einsum("nii->ni", of_frames)
+    own += np.where(own > 0.0, _LOOSE * own, 1.0)
+    mixed = by_pose.transpose(0, 2, 1) @ by_point[order]
     across = _blocks(mixed, row, column, shape)
     reach = _blocks(mixed @ inverse[column], row, column, shape)
     each = np.arange(len(moving))
@@ -146,11 +147,11 @@ def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatAr
 
 
 def _summed(first: FloatArray, second: FloatArray, number: IntArray, count: int) -> FloatArray:
-    """Sums (count, i, j) of firstᵀ second of the rays of each number."""
-    products = np.einsum("nki,nkj->nij", first, second)
-    flat = products.reshape(len(products), -1)
-    sums = [np.bincount(number, weights=flat[:, k], minlength=count) for k in range(flat.shape[1])]
-    summed: FloatArray = np.stack(sums, axis=1).reshape(count, *products.shape[1:]).astype(np.float64)
+    """Sums (count, i, j) of firstᵀ second of the rays of each ``number`` (n,), which ascends."""
+    products = first.transpose(0, 2, 1) @ second
+    begins = np.flatnonzero(np.diff(number, prepend=-1))
+    summed = np.zeros((count, *products.shape[1:]))
+    summed[number[begins]] = np.add.reduceat(products, begins, axis=0)
     return summed
 
 
@@ -163,15 +164,13 @@ def _hold_by_positions(
     of_frames: FloatArray,
     side: FloatArray,
 ) -> None:
-    corners = np.stack(
-        [X.min(axis=0), X.max(axis=0)]
-    )  # nothing is farther away than one of them in one coordinate
-    for k, number in enumerate(moving):
-        pose = Pose(poses.centres[number], poses.turns[number])
-        known = observed_centre(part, frames[number], pose, corners)
-        if known is not None:
-            of_frames[k, :3, :3] += np.diag(known.sigma**-2)
-            side[k, :3] += (pose.position - known.place) / known.sigma**2
+    known, place, sigma = observed_centres(
+        part, [frames[number] for number in moving], poses.turns[list(moving)], X
+    )
+    held = np.flatnonzero(known)
+    weight = sigma[held] ** -2.0
+    of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
+    side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
 
 
 def _blocks(
@@ -204,7 +203,5 @@ def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
     """Solution of matrix · x = −side, scaled to a unit diagonal. Raises :class:`NotFiniteError`."""
     diagonal = matrix.diagonal()
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled, structure = matrix.scaled(scale), matrix.structure
-    own = structure.position[structure.indptr[:-1], None] + (_POSE + 1) * np.arange(_POSE)
-    scaled.values[own] += _LOOSE
-    return -scale * factorise(scaled, analyse(structure)).solve(scale * side)
+    factor = factorise(matrix.scaled(scale), analyse(matrix.structure))
+    return -scale * factor.solve(scale * side)
