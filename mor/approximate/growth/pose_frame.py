@@ -83,8 +83,7 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
     neighbours = neighbours[neighbours >= 0]
     if len(neighbours) == 0:
         return False
-    values, counts = np.unique(neighbours, return_counts=True)
-    start = Pose(*part.poses[int(values[counts.argmax()])])
+    start = Pose(*part.poses[int(np.bincount(neighbours).argmax())])
     bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
     pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
     pose = _tied(part, frame, bundle, targets, pose)
