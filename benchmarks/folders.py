@@ -47,7 +47,12 @@ def write_mixed(scene: Mixed, folder: Path, kind: str = "csv") -> Path:
 
 
 def write_block(
-    block: Block, folder: Path, kind: str = "csv", more: str = "", started: bool = True, positions: bool = True
+    block: Block,
+    folder: Path,
+    kind: str = "csv",
+    more: str = "",
+    started: bool = True,
+    positions: bool = True,
 ) -> Path:
     """Write an image block; ``kind`` is csv or parquet, ``more`` further observations. Returns the project file.
 
