@@ -12,6 +12,9 @@ from mor.approximate.similarity import Similarity
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 
+_SUM = np.ones(3)
+
+
 @dataclass(eq=False)
 class Part:
     """Known coordinates and poses in one system, and how each came about."""
@@ -79,7 +82,7 @@ class Part:
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
         # Whatever is not finite shows in the sum, and that is twice as fast.
-        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ np.ones(3)))
+        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ _SUM))
 
     def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
         """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""
