@@ -11,7 +11,6 @@ from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.similarity import Similarity
 from mor.arrays import BoolArray, FloatArray, IntArray
 
-
 _SUM = np.ones(3)
 
 
