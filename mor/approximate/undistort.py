@@ -12,6 +12,8 @@ _ITERATIONS = 12
 _CHUNK = 5000
 _REACHED, _MISSED = 1e-12, 1e-6
 """Parts of the camera constant: no further step is made, and the ray is not reached."""
+_STANDS = 1e-9
+"""Radians of a step after which no other one is needed, or none leads farther."""
 
 
 def ideal_rays(
@@ -50,6 +52,8 @@ def _chunk_of_rays(
             step = _solved(projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = unit(ray + np.einsum("nij,nj->ni", across, step))
+            if np.nanmax(np.abs(step), initial=0.0) < _STANDS:
+                break
     missed: BoolArray = np.asarray(~(away < _MISSED))
     return np.where(missed[:, None], start, ray)
 

@@ -95,6 +95,7 @@ def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -
         fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
         poses, drawn = [*poses, *fresh], drawn + len(triples)
         costs.append(_truncated(bundle, points, fresh))
+        # Of the points that agree, each counts the less the worse it does.
         share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
         if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
             break
