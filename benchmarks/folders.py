@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 from scenes import (
+    INTERIOR,
     SIGMA_BEARING,
     SIGMA_CENTRE,
     SIGMA_DISTANCE,
@@ -45,8 +46,19 @@ def write_mixed(scene: Mixed, folder: Path, kind: str = "csv") -> Path:
     return write_block(scene.block, folder, kind, sights)
 
 
-def write_block(block: Block, folder: Path, kind: str = "csv", more: str = "") -> Path:
-    """Write an image block; ``kind`` is csv or parquet, ``more`` further observations. Returns the project file."""
+def write_block(
+    block: Block,
+    folder: Path,
+    kind: str = "csv",
+    more: str = "",
+    started: bool = True,
+    positions: bool = True,
+) -> Path:
+    """Write an image block; ``kind`` is csv or parquet, ``more`` further observations. Returns the project file.
+
+    With start values unless ``started`` is false. Without ``positions`` those of the images are not measured: a free
+    network with a calibrated camera.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     centre, angles = block.observed_centre, block.start_angles
     images: dict[str, _Column] = {
@@ -54,11 +66,14 @@ def write_block(block: Block, folder: Path, kind: str = "csv", more: str = "") -
         "camera": np.full(len(centre), "K"),
     }
     for k, axis in enumerate("xyz"):
-        images |= {axis: centre[:, k], f"sigma_{axis}": np.full(len(centre), SIGMA_CENTRE)}
-        images |= {f"start_{axis}": block.start_centre[:, k]}
-    images |= {name: angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
+        if positions:
+            images |= {axis: centre[:, k], f"sigma_{axis}": np.full(len(centre), SIGMA_CENTRE)}
+        if started:
+            images |= {f"start_{axis}": block.start_centre[:, k]}
     points: dict[str, _Column] = {"id": _names("P", np.arange(len(block.point)))}
-    points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}
+    if started:
+        images |= {name: angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
+        points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}
     rays: dict[str, _Column] = {
         "image": _names("I", block.image),
         "point": _names("P", block.of_point),
@@ -70,7 +85,8 @@ def write_block(block: Block, folder: Path, kind: str = "csv", more: str = "") -
         path = folder / f"{name}.{kind}"
         frame.write_parquet(path) if kind == "parquet" else frame.write_csv(path)
     interior = ", ".join(
-        f"{name}: {{free: {value:.6g}}}" for name, value in zip(_INTERIOR, block.start_interior, strict=True)
+        f"{name}: {{free: {value:.6g}}}" if positions else f"{name}: {true:.6g}"
+        for name, value, true in zip(_INTERIOR, block.start_interior, INTERIOR, strict=True)
     )
     text = f"""mor: 1
 title: Simulated block of {len(centre)} images
@@ -81,7 +97,7 @@ images: [{{file: images.{kind}}}]
 points: [{{file: points.{kind}}}]
 observations:
   - {{type: image, file: rays.{kind}, values: {{sigma: "{SIGMA_IMAGE}"}}}}
-{more}datum: fixed
+{more}datum: {"fixed" if positions else "free"}
 """
     return _project(folder, text)
 

@@ -159,13 +159,13 @@ def _seen(network: Network, group: ObservationGroup, start: Mapping[str, FloatAr
     of_time = len(ROW) if scans else len(PHASE) if is_read_out_along(group.type) else 0
     own = group.constants[rows, 2 : -clock - of_time]
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
-    interior = start[group.type.slots[-2].kind][group.blocks[-2][rows]]
+    interior = start[group.type.slots[-2].kind]
     times = np.full(len(start["point"]), np.nan)
     for trajectory in network.trajectories.values():
         times[trajectory.positions] = trajectory.times
     first = group.blocks[0][rows].astype(np.int64)
     time = times[first] + group.constants[rows, -clock]
-    ray = ideal_rays(model, interior, own, measured)
+    ray = ideal_rays(model, interior, group.blocks[-2][rows], own, measured)
     return _SeenAlong(group, rows, first, time, ray, group.blocks[-1][rows].astype(np.int64))
 
 

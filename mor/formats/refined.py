@@ -125,7 +125,7 @@ def _freed(content: Content, camera: Camera, xy: FloatArray) -> FloatArray:
         ]
     )
     every, all_constants = (np.tile(row, (len(xy), 1)) for row in (interior, constants))
-    rays = ideal_rays(model, every, all_constants, xy)
+    rays = ideal_rays(model, interior[None], np.zeros(len(xy), dtype=np.int64), all_constants, xy)
     back = model.project(rays, every, all_constants, xy).xy
     ideal: FloatArray = interior[1:3] - interior[0] * rays[:, :2] / rays[:, 2:]
     wrong = np.abs(back - xy).max(axis=1) > 1e-6 * interior[0]

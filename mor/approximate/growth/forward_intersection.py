@@ -62,7 +62,7 @@ def meet(
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
-    rays = (seen.pointers, seen.order, seen.frame, seen.rays, seen.sigma, seen.height)
+    rays = (seen.pointers, seen.frame, seen.rays, seen.sigma, seen.height)
     return Meetings(*kernels.meet(points, *rays, *posed, slack, smallest, rounds))
 
 

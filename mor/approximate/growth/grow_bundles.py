@@ -123,8 +123,10 @@ def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
     """Frames that contradict the points they see, which may be rough themselves: better a rough pose than none."""
     posed = False
     for number, frame in enumerate(frames):
+        if number in part.poses:
+            continue
         known = part.known(frame.points)
-        if number not in part.poses and np.count_nonzero(known) >= FEWEST:
+        if np.count_nonzero(known) >= FEWEST:
             posed |= pose_frame(part, frame, number, ROUGH) or _turned(part, frame, number, known)
     return posed
 

@@ -13,23 +13,26 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
-import scipy.sparse.linalg
 
 from mor.approximate.bundle import Bundle, direction_bundle
 from mor.approximate.growth.forward_intersection import PosedFrames
-from mor.approximate.growth.pose_frame import observed_centre
+from mor.approximate.growth.pose_frame import observed_centres
 from mor.approximate.parts.frames import SLACKS, Frame, loosened
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.sightings import Sightings
 from mor.approximate.reprojection import reproject
-from mor.approximate.resection.refinement import Pose
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry.rotations import cross_matrix, rotate
+from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+from mor.sparse.cholesky import NotFiniteError, factorise
+from mor.sparse.symbolic_factorisation import analyse
 
 _SAMPLE = 40
 """Points of a frame that take part."""
 _NEAR = 10.0
 """Misfit in units of σ up to which a ray has a say."""
+_POSE = 6
+"""Unknowns of a frame."""
 _LOOSE = 1e-9
 """Part of the diagonal added to it, so that what nothing ties stays where it is."""
 
@@ -58,8 +61,9 @@ def settle(
     column = np.full(seen.frames, -1, dtype=np.int64)
     column[list(moving)] = np.arange(len(moving))
     rays = _rays(part, seen, poses, points, column)
-    change = _step(part, frames, poses, rays, part.points[points], moving)
-    if not np.all(np.isfinite(change)):
+    try:
+        change = _step(part, frames, poses, rays, part.points[points], moving)
+    except NotFiniteError:
         return
     poses.centres[list(moving)] += change[:, :3]
     poses.turns[list(moving)] = rotate(poses.turns[list(moving)], change[:, 3:])
@@ -68,12 +72,20 @@ def settle(
 
 
 def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntArray:
+    """Of each frame the points that come first in an order without rule, so that frames have them in common."""
     chosen = [np.zeros(0, dtype=np.int64)]
     for number in moving:
         points = frames[number].points
         points = points[part.known(points)]
-        chosen.append(points[np.linspace(0, len(points) - 1, min(len(points), _SAMPLE)).astype(int)])
+        if len(points) > _SAMPLE:
+            points = points[np.argpartition(_shuffled(points), _SAMPLE)[:_SAMPLE]]
+        chosen.append(points)
     return np.unique(np.concatenate(chosen))
+
+
+def _shuffled(points: IntArray) -> IntArray:
+    """Places of points (n,) in an order that has nothing to do with their numbers (Fibonacci hashing)."""
+    return (points * 2654435769) % 2**32
 
 
 def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _Rays:
@@ -103,19 +115,21 @@ def _step(
     of_points += tie[:, None, None] * np.eye(3)
     inverse = np.linalg.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
-    m = rays.column >= 0
-    of_frames = _summed(by_pose[m], by_pose[m], rays.column[m], len(moving))
-    frame_side = _summed(by_pose[m], residuals[m][:, :, None], rays.column[m], len(moving))[:, :, 0]
-    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
-    order = np.flatnonzero(m)[np.argsort(rays.column[m], kind="stable")]
+    order = np.argsort(rays.column, kind="stable")[np.count_nonzero(rays.column < 0) :]
     row, column, shape = rays.column[order], rays.point[order], (len(moving), len(X))
-    mixed = by_pose[order].transpose(0, 2, 1) @ by_point[order]
+    by_pose = by_pose[order]
+    of_frames = _summed(by_pose, by_pose, row, len(moving))
+    frame_side = _summed(by_pose, residuals[order][:, :, None], row, len(moving))[:, :, 0]
+    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
+    own = np.einsum("nii->ni", of_frames)
+    own += np.where(own > 0.0, _LOOSE * own, 1.0)
+    mixed = by_pose.transpose(0, 2, 1) @ by_point[order]
     across = _blocks(mixed, row, column, shape)
     reach = _blocks(mixed @ inverse[column], row, column, shape)
     each = np.arange(len(moving))
     diagonal = _blocks(of_frames, each, each, (len(moving), len(moving)))
-    change = _solved((diagonal - reach @ across.T).tocsc(), frame_side.ravel() - reach @ point_side.ravel())
-    return change.reshape(-1, 6)
+    reduced = _lower_triangle((diagonal - reach @ across.T).tobsr())
+    return _solved(reduced, frame_side.ravel() - reach @ point_side.ravel()).reshape(-1, 6)
 
 
 def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -133,11 +147,11 @@ def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatAr
 
 
 def _summed(first: FloatArray, second: FloatArray, number: IntArray, count: int) -> FloatArray:
-    """Sums (count, i, j) of firstᵀ second of the rays of each number."""
-    products = np.einsum("nki,nkj->nij", first, second)
-    flat = products.reshape(len(products), -1)
-    sums = [np.bincount(number, weights=flat[:, k], minlength=count) for k in range(flat.shape[1])]
-    summed: FloatArray = np.stack(sums, axis=1).reshape(count, *products.shape[1:]).astype(np.float64)
+    """Sums (count, i, j) of firstᵀ second of the rays of each ``number`` (n,), which ascends."""
+    products = first.transpose(0, 2, 1) @ second
+    begins = np.flatnonzero(np.diff(number, prepend=-1))
+    summed = np.zeros((count, *products.shape[1:]))
+    summed[number[begins]] = np.add.reduceat(products, begins, axis=0)
     return summed
 
 
@@ -150,15 +164,13 @@ def _hold_by_positions(
     of_frames: FloatArray,
     side: FloatArray,
 ) -> None:
-    corners = np.stack(
-        [X.min(axis=0), X.max(axis=0)]
-    )  # nothing is farther away than one of them in one coordinate
-    for k, number in enumerate(moving):
-        pose = Pose(poses.centres[number], poses.turns[number])
-        known = observed_centre(part, frames[number], pose, corners)
-        if known is not None:
-            of_frames[k, :3, :3] += np.diag(known.sigma**-2)
-            side[k, :3] += (pose.position - known.place) / known.sigma**2
+    known, place, sigma = observed_centres(
+        part, [frames[number] for number in moving], poses.turns[list(moving)], X
+    )
+    held = np.flatnonzero(known)
+    weight = sigma[held] ** -2.0
+    of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
+    side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
 
 
 def _blocks(
@@ -171,15 +183,25 @@ def _blocks(
     return scipy.sparse.bsr_array((blocks, column, pointers), shape=size, blocksize=(height, width))
 
 
-def _solved(matrix: scipy.sparse.csc_array, side: FloatArray) -> FloatArray:
-    """Solution of matrix · x = −side, scaled to a unit diagonal."""
+def _lower_triangle(matrix: scipy.sparse.bsr_array) -> BlockMatrix:
+    """A symmetric matrix of square blocks as the factorisation takes it, which has an entry in every diagonal block."""
+    matrix.sort_indices()
+    count = len(matrix.indptr) - 1
+    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    kept = matrix.indices >= row
+    column_pointers = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
+    structure = BlockStructure(
+        _POSE * np.arange(count + 1),
+        column_pointers.astype(np.int64),
+        matrix.indices[kept].astype(np.int64),
+        _POSE**2 * np.arange(int(kept.sum()) + 1),
+    )
+    return BlockMatrix(structure, matrix.data[kept].transpose(0, 2, 1).ravel())
+
+
+def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
+    """Solution of matrix · x = −side, scaled to a unit diagonal. Raises :class:`NotFiniteError`."""
     diagonal = matrix.diagonal()
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaling = scipy.sparse.diags_array(scale)
-    loose = scipy.sparse.eye_array(len(scale), format="csc") * _LOOSE
-    scaled = (scaling @ matrix @ scaling + loose).tocsc()
-    factor = scipy.sparse.linalg.splu(
-        scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    solution: FloatArray = -scale * factor.solve(scale * side)
-    return solution
+    factor = factorise(matrix.scaled(scale), analyse(matrix.structure))
+    return -scale * factor.solve(scale * side)

@@ -26,8 +26,10 @@ def pose_by_three(part: Part, scene: Scene) -> bool:
     """Add the poses of frames that three known points and rays of others determine; true where any was."""
     frames, added = scene.rays_for(part)[0], False
     for number, frame in enumerate(frames):
+        if number in part.poses:
+            continue
         known = part.known(frame.points)
-        if number in part.poses or np.count_nonzero(known) != KNOWN:
+        if np.count_nonzero(known) != KNOWN:
             continue
         targets = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0])
         bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], SLACKS[1]))

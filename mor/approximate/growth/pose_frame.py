@@ -15,7 +15,7 @@ from mor.approximate.reprojection import misfits
 from mor.approximate.resection.outcome import Resection, ResectionOutcome
 from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, star_of
 from mor.approximate.resection.space_resection import AGREES, resect
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 
 NEIGHBOUR = 10
 """Known points from which the pose of a neighbour is tried as a start."""
@@ -83,8 +83,7 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
     neighbours = neighbours[neighbours >= 0]
     if len(neighbours) == 0:
         return False
-    values, counts = np.unique(neighbours, return_counts=True)
-    start = Pose(*part.poses[int(values[counts.argmax()])])
+    start = Pose(*part.poses[int(np.bincount(neighbours).argmax())])
     bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
     pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
     pose = _tied(part, frame, bundle, targets, pose)
@@ -102,11 +101,24 @@ def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: P
 
 
 def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
-    """Projection centre that a given position says at this attitude, O = X0 + h e_Z − Dᵀ r0*, and its σ."""
-    if not (frame.stands and part.fixed[frame.position]):
-        return None
-    lifted = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
-    centre = lifted - pose.rotation.T @ frame.offset[1:]
-    exact = _EXACT * float(np.max(np.abs(targets - centre)))
-    own = part.sigma[frame.position]
-    return Observed(centre, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact))
+    """Projection centre that a given position says at this attitude, and its σ."""
+    known, place, sigma = observed_centres(part, [frame], pose.rotation[None], targets)
+    return Observed(place[0], sigma[0]) if known[0] else None
+
+
+def observed_centres(
+    part: Part, frames: Sequence[Frame], turns: FloatArray, targets: FloatArray
+) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Of frames with rotations D (n, 3, 3) which have a given position, the centre it says (n, 3), and its σ (n, 3).
+
+    O = X0 + h e_Z − Dᵀ r0*. What is given as exact is held by some part of the distance to the targets (m, 3).
+    """
+    position = np.array([frame.position for frame in frames], dtype=np.int64)
+    known = part.fixed[position] & np.array([frame.stands for frame in frames])
+    offset = np.array([frame.offset for frame in frames])
+    place = part.points[position] - (turns.transpose(0, 2, 1) @ offset[:, 1:, None])[:, :, 0]
+    place[:, 2] += offset[:, 0]
+    away = np.maximum(np.abs(targets.min(axis=0) - place), np.abs(targets.max(axis=0) - place))
+    exact = _EXACT * away.max(axis=1, keepdims=True)
+    own = part.sigma[position]
+    return known, place, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact)

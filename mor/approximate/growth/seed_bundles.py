@@ -62,10 +62,10 @@ class Seed(NamedTuple):
 def common_pairs(seen: Sightings) -> Pairs:
     """All pairs of frames that see common points, as far as they are worth a count.
 
-    Sorted by point, the rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
+    The rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
     a point that ten thousand images see does not make fifty million pairs.
     """
-    frame, lengths = seen.frame[seen.order], np.diff(seen.pointers)
+    frame, lengths = seen.frame, np.diff(seen.pointers)
     rank = np.arange(len(frame)) - np.repeat(seen.pointers[:-1], lengths)
     windows = -(-lengths // WINDOW)
     column = np.repeat(np.cumsum(windows) - windows, lengths) + rank // WINDOW

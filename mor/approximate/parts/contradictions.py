@@ -13,7 +13,10 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.project.network.build import Network
+from mor.units import ANGLE_UNITS
 
+LARGE = 0.1
+"""Radians beyond which it is no small angle, and said in gon."""
 MOST = 0.5
 """Part of the rays of a frame that must agree with what they see."""
 FEWEST = 3
@@ -31,11 +34,14 @@ class Contradiction(NamedTuple):
     """Of the frame, or the block of the point."""
     name: str
     off: float
-    """Median angle (radians) by which the rays pass by."""
+    """Median difference of unit vectors, of the rays and where they should go: 2 sin(α/2)."""
     is_point: bool = False
 
     def __str__(self) -> str:
-        return f"{self.name}: the observations contradict it by {1e3 * self.off:.3g} mrad"
+        angle = 2.0 * float(np.arcsin(min(0.5 * self.off, 1.0)))
+        if angle > LARGE:
+            return f"{self.name}: the observations contradict it by {angle / ANGLE_UNITS['gon']:.0f} gon"
+        return f"{self.name}: the observations contradict it by {1e3 * angle:.3g} mrad"
 
 
 def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[Contradiction]:

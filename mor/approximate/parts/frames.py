@@ -87,10 +87,10 @@ def image_frames(network: Network) -> list[Frame]:
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
     found = [_measured_rays(network, group, owners, keys) for group in groups]
     together = found[0] if len(found) == 1 else _joined(found)
-    order = np.argsort(together.image, kind="stable")
-    together = together.take(order)
+    if (np.diff(together.image) < 0).any():
+        together = together.take(np.argsort(together.image, kind="stable"))
     cuts = np.flatnonzero(np.diff(together.image)) + 1
-    edges = np.concatenate([[0], cuts, [len(order)]])
+    edges = np.concatenate([[0], cuts, [len(together.image)]])
     up = frame_verticals(network)
     return [
         _image_frame(network, together.take(slice(start, end)), up)
@@ -123,7 +123,8 @@ def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, 
     rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])
     image = owners[np.searchsorted(keys, _pose_key(network, blocks))]
     point = group.blocks[-1].astype(np.int64)
-    return _Rays(image, point, rays, sigma).take(np.asarray(group.mask.all(axis=1)))
+    found, whole = _Rays(image, point, rays, sigma), np.asarray(group.mask.all(axis=1))
+    return found if whole.all() else found.take(whole)
 
 
 def _image_frame(network: Network, rays: _Rays, up: FloatArray) -> Frame:
@@ -159,9 +160,9 @@ def _image_rays(
 ) -> tuple[FloatArray, FloatArray]:
     """Unit rays (n, 3) of measured image coordinates, distortion taken off as far as it is known, and σ in radians."""
     slot = next(k for k, slot in enumerate(group.type.slots) if slot.part == "interior")
-    interior = network.start[group.type.slots[slot].kind][group.blocks[slot]]
-    rays = ideal_rays(model, interior, group.constants[:, 2:], group.observed)
-    sigma = np.nanmax(group.sigma, axis=1) / np.maximum(np.abs(interior[:, 0]), 1e-300)
+    interior, of = network.start[group.type.slots[slot].kind], group.blocks[slot]
+    rays = ideal_rays(model, interior, of, group.constants[:, 2:], group.observed)
+    sigma = np.fmax(*group.sigma.T) / np.maximum(np.abs(interior[of, 0]), 1e-300)
     return rays, 3.0 * sigma
 
 

@@ -11,6 +11,8 @@ from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.similarity import Similarity
 from mor.arrays import BoolArray, FloatArray, IntArray
 
+_SUM = np.ones(3)
+
 
 @dataclass(eq=False)
 class Part:
@@ -78,8 +80,8 @@ class Part:
 
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
-        x, y, z = np.isfinite(self.points[points]).T
-        return np.asarray(x & y & z)
+        # Whatever is not finite shows in the sum, and that is twice as fast.
+        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ _SUM))
 
     def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
         """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""

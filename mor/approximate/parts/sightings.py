@@ -16,7 +16,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 
 
 class Sightings(NamedTuple):
-    """Rays, frame after frame."""
+    """Rays, point after point, those of a point in the order of their frames."""
 
     frame: IntArray
     """(n,)"""
@@ -26,10 +26,8 @@ class Sightings(NamedTuple):
     """(n, 3) in the axes of the frame."""
     sigma: FloatArray
     height: FloatArray
-    order: IntArray
-    """(n,) rays sorted by point."""
     pointers: IntArray
-    """(points+1,) the rays of point p are ``order[pointers[p]:pointers[p+1]]``."""
+    """(points+1,) the rays of point p are those from ``pointers[p]`` to ``pointers[p+1]``."""
     frames: int
 
     def of_points(self, points: IntArray) -> IntArray:
@@ -37,7 +35,7 @@ class Sightings(NamedTuple):
         starts, lengths = self.pointers[points], self.pointers[points + 1] - self.pointers[points]
         total = int(lengths.sum())
         offsets = np.repeat(starts - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths)
-        return self.order[offsets + np.arange(total)]
+        return np.asarray(offsets + np.arange(total))
 
 
 def sightings(frames: Sequence[Frame], points: int) -> Sightings:
@@ -47,12 +45,11 @@ def sightings(frames: Sequence[Frame], points: int) -> Sightings:
     order = np.argsort(point, kind="stable")
     counts = np.bincount(point, minlength=points)
     return Sightings(
-        np.repeat(np.arange(len(frames)), [len(frame.points) for frame in frames]),
-        point,
-        np.concatenate([np.zeros((0, 3)), *(frame.rays for frame in frames)]),
-        np.concatenate([np.zeros(0), *(frame.sigma for frame in frames)]),
-        np.concatenate([np.zeros(0), *(frame.heights for frame in frames)]),
-        order,
+        np.repeat(np.arange(len(frames)), [len(frame.points) for frame in frames])[order],
+        point[order],
+        np.concatenate([np.zeros((0, 3)), *(frame.rays for frame in frames)])[order],
+        np.concatenate([np.zeros(0), *(frame.sigma for frame in frames)])[order],
+        np.concatenate([np.zeros(0), *(frame.heights for frame in frames)])[order],
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         len(frames),
     )

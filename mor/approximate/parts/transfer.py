@@ -175,6 +175,7 @@ def _contradicted(network: Network, start: dict[str, FloatArray]) -> set[tuple[s
     if "rotation" not in start or "point" not in start:
         return set()
     known = np.asarray(np.isfinite(start["point"][:, :2]).all(axis=1))
+    lost = np.asarray(~np.isfinite(start["rotation"]).all(axis=(1, 2)))
     seen = [np.zeros((0, 2), dtype=np.int64)]
     for group in network.groups:
         rotations = [
@@ -185,16 +186,14 @@ def _contradicted(network: Network, start: dict[str, FloatArray]) -> set[tuple[s
         positions = [slot.kind == "point" for slot in group.type.slots]
         if len(rotations) == 1 and sum(positions) > 1:
             target = group.blocks[target_slot(group.type)]
-            seen.append(np.stack([rotations[0], target], axis=1)[known[target]])
+            chosen = lost[rotations[0]] & known[target]
+            seen.append(np.stack([rotations[0][chosen], target[chosen]], axis=1))
     pairs = np.unique(np.concatenate(seen), axis=0)
     things: set[tuple[str, str]] = set()
-    if len(pairs):
-        count = np.bincount(pairs[:, 0])
-        lost = np.asarray(~np.isfinite(start["rotation"]).all(axis=(1, 2)))
-        for number in np.flatnonzero(lost[: len(count)]).tolist():
-            thing = thing_of("rotation", network.blocks["rotation"].ids[number])
-            if thing[0] in _ENOUGH and count[number] >= _ENOUGH[thing[0]]:
-                things.add(thing)
+    for number, count in zip(*np.unique(pairs[:, 0], return_counts=True), strict=True):
+        thing = thing_of("rotation", network.blocks["rotation"].ids[number])
+        if thing[0] in _ENOUGH and count >= _ENOUGH[thing[0]]:
+            things.add(thing)
     return things
 
 

@@ -8,6 +8,7 @@ they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import combinations
 from math import comb
 
@@ -24,7 +25,11 @@ from mor.approximate.resection.three_points import nearly_resect_three_points
 from mor.arrays import BoolArray, FloatArray, IntArray
 
 SAMPLES = 80
-"""Three-point samples; all triples are taken where they are not more."""
+"""Three-point samples at the most; all triples are taken where they are not more."""
+BATCH = 10
+"""Samples that are drawn before it is asked whether more are needed."""
+MISSED = 1e-6
+"""Probability, at the share of points that agree with the best sample, that all samples had a wrong point."""
 SEEDS = 6
 """Best solutions that are refined."""
 TRUNCATION = 12.0
@@ -68,30 +73,43 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
     return None
 
 
-def _triples(count: int, generator: np.random.Generator) -> IntArray:
+def _triples(count: int, generator: np.random.Generator) -> Iterator[IntArray]:
+    """Samples (k, 3) of so many points, as long as more are asked for: all of them, where they are few."""
     if comb(count, 3) <= SAMPLES:
-        return np.array(list(combinations(range(count), 3)), dtype=np.int64)
-    return np.stack([generator.permutation(count)[:3] for _ in range(SAMPLES)]).astype(np.int64)
+        yield np.array(list(combinations(range(count), 3)), dtype=np.int64)
+        return
+    for _ in range(0, SAMPLES, BATCH):
+        yield np.stack([generator.permutation(count)[:3] for _ in range(BATCH)]).astype(np.int64)
 
 
 def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -> list[Pose]:
+    """The best poses of samples, of which so many are drawn as it takes for one without a wrong point (RANSAC)."""
     spend(work.SAMPLES)
-    triples = _triples(len(points), generator)
+    planar = resect_plane(bundle, points) if len(points) >= 4 and is_plane(object_plane(points)) else None
+    poses, drawn = [] if planar is None else [Pose(*planar)], 0
+    costs = [_truncated(bundle, points, poses)]
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)
-    found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
-    poses = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
-    if len(points) >= 4 and is_plane(object_plane(points)):
-        planar = resect_plane(bundle, points)
-        if planar is not None:
-            poses.append(Pose(*planar))
+    for triples in _triples(len(points), generator):
+        found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
+        fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
+        poses, drawn = [*poses, *fresh], drawn + len(triples)
+        costs.append(_truncated(bundle, points, fresh))
+        # Of the points that agree, each counts the less the worse it does.
+        share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
+        if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
+            break
+    return _apart([poses[index] for index in np.argsort(np.concatenate(costs), kind="stable")])
+
+
+def _truncated(bundle: Bundle, points: FloatArray, poses: list[Pose]) -> FloatArray:
+    """(m,) sums of the squared residuals of all points, truncated, of m poses."""
     if not poses:
-        return []
+        return np.zeros(0)
     positions = np.stack([pose.position for pose in poses])
     rotations = np.stack([pose.rotation for pose in poses])
     star = np.einsum("mij,mnj->mni", rotations, points - positions[:, None])
-    costs = np.sum(np.minimum(misfits(bundle, star), TRUNCATION) ** 2, axis=1)
-    return _apart([poses[index] for index in np.argsort(costs, kind="stable")])
+    return np.asarray(np.sum(np.minimum(misfits(bundle, star), TRUNCATION) ** 2, axis=1))
 
 
 def _apart(poses: list[Pose]) -> list[Pose]:

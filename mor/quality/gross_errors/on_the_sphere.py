@@ -48,15 +48,15 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
 def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGroup, FloatArray]:
     """The group as directions, and radians per image unit (n, 2)."""
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
-    interior = next(
-        values[slot.kind][numbers]
+    interior, of = next(
+        (values[slot.kind], numbers)
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
         if slot.kind.startswith(_INTERIOR)
     )
     whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)
-    rays = ideal_rays(model, interior, group.constants[:, 2:], measured)
-    scale = image_scale(model, rays, interior, group.constants)
+    rays = ideal_rays(model, interior, of, group.constants[:, 2:], measured)
+    scale = image_scale(model, rays, interior[of], group.constants)
     used: BoolArray = np.asarray(whole & np.isfinite(scale) & (scale > 0.0))
     type_ = on_the_sphere(group.type)
     assert type_ is not None

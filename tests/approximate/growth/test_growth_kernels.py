@@ -189,3 +189,33 @@ def test_frames_settle_to_the_truth_together(given):
     for number in moving:
         np.testing.assert_allclose(part.poses[number][0], truth[number][0], atol=1e-5)
         np.testing.assert_allclose(part.poses[number][1], truth[number][1], atol=1e-5)
+
+
+def test_a_frame_whose_rays_all_pass_by_stays_where_it_is():
+    """Nothing tells of it; its block of the normal equations is zero, and the others settle all the same."""
+    frames, truth, wrong = block(np.random.default_rng(4), held=3)
+    seen = sightings(frames, 310)
+    part = empty_part(310)
+    part.poses = wrong | {9: (wrong[9][0] + 500.0, wrong[9][1])}
+    poses = posed_frames(part.poses, 10)
+    stays = part.poses[9]
+    for _ in range(8):
+        known = posed_frames({k: pose for k, pose in part.poses.items() if k != 9}, 10)
+        part.points[:300] = meet(np.arange(300), seen, known, 2e-3).X
+        settle(part, frames, seen, poses, list(range(3, 10)))
+    np.testing.assert_allclose(part.poses[9][0], stays[0], rtol=1e-12)
+    np.testing.assert_allclose(part.poses[9][1], stays[1], atol=1e-12)
+    for number in range(3, 8):
+        np.testing.assert_allclose(part.poses[number][0], truth[number][0], atol=1e-5)
+
+
+def test_rays_are_found_by_their_points():
+    frames, _, _ = block(np.random.default_rng(4), held=3)
+    seen = sightings(frames, 310)
+    for point in (0, 150, 299, 305):
+        rays = seen.of_points(np.array([point]))
+        assert (seen.point[rays] == point).all()
+        assert seen.frame[rays].tolist() == [k for k, frame in enumerate(frames) if point in frame.points]
+        for ray, number in zip(rays, seen.frame[rays], strict=True):
+            own = frames[number].rays[frames[number].points == point][0]
+            np.testing.assert_array_equal(seen.rays[ray], own)

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from mor.approximate.bundle import direction_bundle, image_bundle
+from mor.approximate.resection import space_resection
 from mor.approximate.resection.outcome import ResectionOutcome
 from mor.approximate.resection.plane_object import resect_plane
 from mor.approximate.resection.refinement import Pose, adjust_pose, pose_design
 from mor.approximate.resection.space_resection import resect
-from mor.approximate.resection.three_points import quartic, resect_three_points
+from mor.approximate.resection.three_points import nearly_resect_three_points, quartic, resect_three_points
 from mor.geometry.rotations import rotate
 
 
@@ -114,6 +115,30 @@ def test_wrong_points_are_left_out(scenes):
         assert np.all(
             np.abs(found.position - made.cameras[0][0]) < 6 * np.sqrt(np.diag(found.covariance)[:3])
         )
+
+
+def test_samples_are_drawn_until_one_without_a_wrong_point_is_among_them(scenes, monkeypatch):
+    """Ten of them do where all points are right; with two fifths wrong they do not, and more are drawn."""
+    drawn = []
+
+    def counted(points, rays):
+        drawn.append(len(points))
+        return nearly_resect_three_points(points, rays)
+
+    monkeypatch.setattr(space_resection, "nearly_resect_three_points", counted)
+    for seed in range(10):
+        made = scenes.scene(seed, 0.005, n=40)
+        bundle = image_bundle(made.rays[0], 0.005)
+        drawn.clear()
+        assert resect(bundle, made.points).outcome.usable
+        assert sum(drawn) == space_resection.BATCH
+        points = made.points.copy()
+        points[:16] = np.roll(points[:16], 1, axis=0)
+        drawn.clear()
+        found = resect(bundle, points)
+        assert sum(drawn) >= 3 * space_resection.BATCH
+        assert np.linalg.norm(found.rotation - made.cameras[0][1]) < 0.01
+        assert found.agreeing[16:].all()
 
 
 def test_coordinates_of_a_map_cost_no_digits(scenes):

@@ -15,7 +15,6 @@ PAIRED = 16
 def meet(
     points: IntArray,
     pointers: IntArray,
-    order: IntArray,
     frame: IntArray,
     rays: FloatArray,
     sigma: FloatArray,
@@ -37,8 +36,7 @@ def meet(
     for m in range(len(points)):
         p = points[m]
         count = 0
-        for at in range(pointers[p], pointers[p + 1]):
-            ray = order[at]
+        for ray in range(pointers[p], pointers[p + 1]):
             f = frame[ray]
             if not np.isfinite(centres[f, 0]):
                 continue

@@ -15,7 +15,7 @@ from mor.approximate.parts.joining import place_of
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.approximate.resection.space_resection import AGREES
-from mor.arrays import FloatArray
+from mor.arrays import BoolArray, FloatArray
 
 SLACKS_OF_TEST = SLACKS[2:]
 """Radians by which rays may be off: parts are bent a little."""
@@ -33,13 +33,14 @@ def pose_again(part: Part, scene: Scene) -> bool:
     moved: list[int] = []
     for number in list(part.poses):
         frame = frames[number]
-        known = int(np.count_nonzero(part.known(frame.points)))
-        if not frame.stands or known < ENOUGH or known <= part.posed_again.get(number, 0):
+        known = part.known(frame.points)
+        count = int(np.count_nonzero(known))
+        if not frame.stands or count < ENOUGH or count <= part.posed_again.get(number, 0):
             continue
         sets = _sets(part, scene, frame)
         if frame.name not in part.how and not sets:
             continue
-        part.posed_again[number] = known
+        part.posed_again[number] = count
         before, how = part.poses[number], part.how.get(frame.name)
         if not _another(part, frame, number, known):
             continue
@@ -55,18 +56,19 @@ def pose_again(part: Part, scene: Scene) -> bool:
     return bool(moved)
 
 
-def _another(part: Part, frame: Frame, number: int, known: int) -> bool:
+def _another(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
     """Look for another pose with the least slack with which one stands the test; true where the present one does not.
 
-    The present one stays where none does.
+    ``known`` (n,) are the rays of the frame to known points. The present pose stays where none stands the test.
     """
     before, failed = part.poses[number], False
+    least = least_agreeing(int(np.count_nonzero(known)))
     for slack in (slack for slack in SLACKS_OF_TEST if slack >= part.slack):
-        if _agreeing(part, frame, number, slack) >= least_agreeing(known):
+        if _agreeing(part, frame, number, known, slack) >= least:
             return failed
         failed = True
         if pose_frame(part, frame, number, (slack,)):
-            if _agreeing(part, frame, number, slack) >= least_agreeing(known):
+            if _agreeing(part, frame, number, known, slack) >= least:
                 return True
             part.poses[number] = before
     return failed
@@ -86,10 +88,9 @@ def _forget_place(part: Part, frame: Frame, before: Pose, after: Pose) -> None:
         here[:] = np.nan
 
 
-def _agreeing(part: Part, frame: Frame, number: int, slack: float) -> int:
+def _agreeing(part: Part, frame: Frame, number: int, known: BoolArray, slack: float) -> int:
     """How many rays of a posed frame go to the known points they see."""
     centre, D = part.poses[number]
-    known = part.known(frame.points)
     star = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
     star = star @ D.T
     star /= np.maximum(np.linalg.norm(star, axis=1, keepdims=True), 1e-300)
