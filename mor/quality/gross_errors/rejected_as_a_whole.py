@@ -29,16 +29,16 @@ class MostlyOut(NamedTuple):
 
 def mostly_out(snooping: Snooping) -> list[MostlyOut]:
     """Frames and points of which more than half of the observations were taken out."""
-    before, after = (quality.adjustment.problem for quality in (snooping.before, snooping.quality))
+    after = snooping.quality.adjustment.problem
     found = []
     for kind in ("rotation", "point"):
         if kind not in after.index.blocks:
             continue
         count = len(after.index.blocks[kind].ids)
         out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-        for earlier, group in zip(before.groups, after.groups, strict=True):
-            inside = (earlier.mask & ~earlier.left_out).any(axis=1)
-            gone = inside & (group.left_out & ~earlier.left_out).any(axis=1)
+        for kept_out, group in zip(snooping.kept_out, after.groups, strict=True):
+            inside = (group.mask & ~kept_out).any(axis=1)
+            gone = inside & (group.left_out & ~kept_out).any(axis=1)
             for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
                 if slot.kind == kind and (kind == "rotation" or slot.of not in _FRAMES):
                     out += np.bincount(blocks[gone], minlength=count)

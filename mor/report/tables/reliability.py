@@ -117,7 +117,7 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
     return {
         "clean": snooping.clean,
         "mostly_out": [_mostly_out(solved, one) for one in mostly_out(snooping)],
-        "sigma0_before": snooping.before.sigma0,
+        "sigma0_before": snooping.sigma0_before,
         "steps": [_step(solved, step) for step in snooping.steps],
     }
 

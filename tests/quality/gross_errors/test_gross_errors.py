@@ -337,7 +337,7 @@ def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypa
     rows, spoil = _spoiled(np.random.default_rng(seed), 20)
     problem, quality = _assessed(scene, start, seed, spoil)
     together = snoop(problem, quality, Levels(), True)
-    monkeypatch.setattr("mor.quality.gross_errors.data_snooping._BESIDE_THE_WORST", 1.0)
+    monkeypatch.setattr("mor.quality.gross_errors.worst_first._BESIDE_THE_WORST", 1.0)
     alone = snoop(problem, quality, Levels(), True)
     assert set(rows) <= set(_out(together.quality))
     assert list(_out(together.quality)) == list(_out(alone.quality))
