@@ -113,7 +113,7 @@ def _bytes_of_tables(document: Document, folder: Path) -> int:
 
 def _refuse(wanted: Wanted) -> None:
     """Options that domains do not do."""
-    asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--full": wanted.full}
+    asked = {"--json": wanted.as_json, "--full": wanted.full}
     problems = [
         Mistake(
             f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
@@ -135,7 +135,6 @@ def adjust_in_domains(
     files: Mapping[Path, ReadFile],
 ) -> int:
     """Adjust a project in domains, write and tell its results. Returns the exit code."""
-    from mor.adjustment.domains.store import FileStore
     from mor.domains.results import Told, exit_code, write
     from mor.domains.room import check_scratch, has_page, rays_of, rays_of_domain
     from mor.machine import available
@@ -152,13 +151,10 @@ def adjust_in_domains(
     with _scratch(wanted, place) as scratch:
         check_scratch(rays, scratch)
         with _engine(wanted, scratch, 2 * rays) as engine:
-            found = _adjusted(engine, document, folder, scratch, size, memory, how, say)
+            found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")
         of = Identity(tuple(files.values()), folder, how.options)
-        store = FileStore(scratch / "state")
-        told = write(
-            found, store, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of)
-        )
+        told = write(found, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of))
     code = exit_code(told, how.strict)
     say.event("done", outcome=told.outcome, exit_code=int(code), folder=str(place.folder))
     if not how.quiet or told.solution is None:
@@ -201,6 +197,7 @@ def _adjusted(
     scratch: Path,
     size: int,
     memory: float,
+    snoop: bool,
     how: Results,
     say: Progress,
 ) -> Outcomes:
@@ -208,12 +205,13 @@ def _adjusted(
     import numpy as np
 
     from mor.compilation import chosen_by_size
+    from mor.domains.prepared import prepared
     from mor.domains.room import check_boundaries, wide_borders
-    from mor.domains.story import divided, prepared, solved
+    from mor.domains.story import divided, solved
     from mor.sparse.blas_threads import one_thread
 
     say.phase("dividing")
-    found = divided(document, folder, scratch, size)
+    found = divided(document, folder, scratch, size, snoop)
     with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
         say.phase("reading")
         ready = prepared(engine, found)

@@ -21,8 +21,6 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     if project.pairs:
         found.append(("stereo pairs", ("pairs",)))
     settings = project.settings
-    if settings.snooping:
-        found.append(("data snooping", ("settings", "snooping")))
     if settings.robust is not None:
         found.append(("a robust solution", ("settings", "robust")))
     if settings.variance_components == "iterate":

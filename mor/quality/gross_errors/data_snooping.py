@@ -14,7 +14,7 @@ A network may be at hand in parts (:class:`Tried`): the rounds are the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Set
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -97,20 +97,23 @@ class Tried(Protocol):
     def worst(self, cannot: Collection[Entry]) -> list[Tested]:
         """What goes in a round, the worst first, entries in ``cannot`` apart; nothing where nothing is flagged."""
 
-    def without(self, out: Out) -> Tried | None:
+    def without(self, out: Out) -> Self | None:
         """The same without other entries, or nothing where that is no solution.
 
         Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
         """
 
-    def elsewhere(self, out: Out) -> tuple[Tried, Out] | None:
+    def elsewhere(self, out: Out) -> tuple[Self, Out] | None:
         """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
 
 
-class Ended(NamedTuple):
+T = TypeVar("T", bound=Tried)
+
+
+class Ended(NamedTuple, Generic[T]):
     """How the rounds of data snooping ended."""
 
-    tried: Tried
+    tried: T
     steps: tuple[Snooped, ...]
     clean: bool
 
@@ -134,12 +137,11 @@ def snoop(
     tried, out = (begun, out) if begun is not None else (first, Out())
     further = Allowance(allowed(problem.observations, ADJUSTMENTS, LEAST // 2))
     ended = rounds(tried, out, first.redundancy, further)
-    assert isinstance(ended.tried, _Whole)
     kept_out = tuple(group.left_out for group in problem.groups)
     return Snooping(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
 
 
-def rounds(tried: Tried, out: Out, redundancy: int, further: Allowance) -> Ended:
+def rounds(tried: T, out: Out, redundancy: int, further: Allowance) -> Ended[T]:
     """Take out and put back until nothing else is to be done, or all is spent that it may take.
 
     ``redundancy`` is that of all observations.
@@ -267,6 +269,11 @@ class _Whole(NamedTuple):
         return self._replace(quality=quality) if complete else None
 
 
+def without_entries(problem: Problem, out: Collection[Entry]) -> Problem:
+    """A problem that keeps nothing out, without some entries."""
+    return exclude(problem, _masks(tuple(group.left_out for group in problem.groups), out))
+
+
 def _entries(masks: Masks) -> Out:
     return Out(
         Entry(number, int(row), int(component))
@@ -275,7 +282,7 @@ def _entries(masks: Masks) -> Out:
     )
 
 
-def _masks(kept_out: Masks, out: Out) -> Masks:
+def _masks(kept_out: Masks, out: Collection[Entry]) -> Masks:
     masks = tuple(mask.copy() for mask in kept_out)
     for entry in out:
         masks[entry.group][entry.row, entry.component] = True

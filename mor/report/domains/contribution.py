@@ -27,7 +27,7 @@ from mor.report.tables.estimates import (
     variance_components,
 )
 from mor.report.tables.features import feature_table
-from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.reliability import fixed_point_rows, gross_errors, taken_out_rows
 from mor.report.verdict.reliability_map import (
     KINDS,
     MOST,
@@ -73,6 +73,8 @@ class Contribution(NamedTuple):
     interiors: dict[str, dict[str, Any]]
     """Of images that have one of their own."""
     gross_errors: dict[str, Any]
+    taken_out: list[tuple[str, dict[str, Any]]]
+    """By data snooping: everything that it took an observation of, and what others have, too."""
     reliability: dict[str, Any] | None
     shared: dict[str, list[Shared]]
     """By ``points``, ``images``."""
@@ -84,6 +86,8 @@ class Contribution(NamedTuple):
     untested: int
     """Fixed points that other domains observe, too: no single domain can test them."""
     tests: list[Test]
+    steps: tuple[int, ...] = ()
+    """Numbers of its steps of data snooping among those of all domains."""
 
 
 def contribution(
@@ -112,6 +116,7 @@ def contribution(
         checks=check_rows(solved),
         interiors=image_interiors(solved),
         gross_errors=gross_errors(solved),
+        taken_out=taken_out_rows(solved, _blocks_of_several(shared)),
         **_reliability(solved, shared),
         fixed_points=[row for row in fixed_point_rows(solved) if row["id"] not in shared["point"]],
         fixed=sum(counted.values()),
@@ -119,6 +124,12 @@ def contribution(
         untested=sum(name in shared["point"] for name in counted),
         tests=_tests(solved, quality, domain, images),
     )
+
+
+def _blocks_of_several(shared: dict[str, frozenset[str]]) -> set[tuple[str, str]]:
+    """Kind and name of the blocks that are counted as points and images that others have, too."""
+    points = {("point", name) for name in shared["point"]}
+    return points | {("rotation", f"image {name}") for name in shared["image"]}
 
 
 def _fixed(solved: Solved) -> dict[str, int]:

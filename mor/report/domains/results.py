@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from mor.errors import Problem
+from mor.project.domains.parts import group_names
 from mor.project.file.model import Project
 from mor.project.network.build import datum_name
-from mor.project.network.reading import table_label
 from mor.quality.assess import Whole
 from mor.quality.tests.group_tests import TestedWhole
 from mor.quality.tests.test_statistics import global_test
@@ -64,10 +64,11 @@ def results_of_domains(
         "flagged": flagged,
         "uncontrolled": uncontrolled,
     }
-    groups = group_rows([part.groups for part in parts], _names_of_groups(project))
+    groups = group_rows([part.groups for part in parts], group_names(project))
     places = {"group": [row["name"] for row in groups], "image": order}
     judged, remarks = _verdict(parts, ended, whole, uncontrolled, places)
     notes = [*said["notes"], *({"message": str(one), "file": "", "line": 0} for one in remarks)]
+    names = {"images": order, "points": _ids(inlined.points)}
     interiors = {name: one for part in parts for name, one in part.interiors.items()}
     images = inlined.images.to_dicts() if inlined.images is not None else None
     return {
@@ -75,7 +76,7 @@ def results_of_domains(
         **said,
         "notes": notes,
         "verdict": judged,
-        "reliability": reliability(parts, {"images": order, "points": _ids(inlined.points)}),
+        "reliability": reliability(parts, names),
         **_NOTHING_MORE,
         "points": inlined.points.to_dicts() if inlined.points is not None else None,
         "images": with_interiors(images, interiors) if images is not None else None,
@@ -86,7 +87,7 @@ def results_of_domains(
         "others": distinct((row for part in parts for row in part.others), "kind", "id"),
         "groups": groups,
         "variance_components": parts[0].variance_components,
-        "gross_errors": gross_errors(parts, flagged),
+        "gross_errors": gross_errors(parts, flagged, names),
         "fixed_points": [row for part in parts for row in part.fixed_points],
         "checks": check_rows(parts),
         "tables": dict(tables),
@@ -109,16 +110,6 @@ def ended_of(
 
 def _ids(frame: pl.DataFrame | None) -> list[str]:
     return frame["id"].to_list() if frame is not None else []
-
-
-def _names_of_groups(project: Project) -> list[str]:
-    """Names of observation groups in the order of their entries: those of tables, then of what is known beforehand."""
-    sections = ("observations", "points", "images", "stations", "systems")
-    return [
-        table_label(section, number, table)
-        for section in sections
-        for number, table in enumerate(getattr(project, section))
-    ]
 
 
 def _verdict(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from mor.observations import ObservationGroup
 from mor.quality.gross_errors.data_snooping import Snooped
-from mor.quality.gross_errors.rejected_as_a_whole import MostlyOut, mostly_out
+from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out, taken_out
 from mor.quality.reliability.effects import Effect
 from mor.quality.solved import Solved
 from mor.quality.tests.fixed_coordinates import fixed_point_tests
@@ -116,13 +117,21 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
         return None
     return {
         "clean": snooping.clean,
-        "mostly_out": [_mostly_out(solved, one) for one in mostly_out(snooping)],
+        "mostly_out": [_taken_out(solved, one) for one in mostly_out(snooping)],
         "sigma0_before": snooping.sigma0_before,
         "steps": [_step(solved, step) for step in snooping.steps],
     }
 
 
-def _mostly_out(solved: Solved, one: MostlyOut) -> dict[str, Any]:
+def taken_out_rows(solved: Solved, also: Collection[tuple[str, str]]) -> list[tuple[str, dict[str, Any]]]:
+    """Kind and row of everything that data snooping took an observation of, and of some blocks (kind, name) besides."""
+    snooping = solved.treatment.snooping if solved.treatment else None
+    if snooping is None:
+        return []
+    return [(one.kind, _taken_out(solved, one)) for one in taken_out(snooping, also)]
+
+
+def _taken_out(solved: Solved, one: TakenOut) -> dict[str, Any]:
     name = solved.network.blocks[one.kind].ids[one.block]
     space, _, own = name.partition(" ")
     of, name = (space, own) if space in _FRAMES and own else (one.kind, name)
