@@ -14,7 +14,8 @@ from mor.adjustment.domains.domain import Domain, Key
 from mor.adjustment.domains.store import Store
 from mor.adjustment.domains.tree import Engine
 from mor.adjustment.state import Watcher
-from mor.allowance import LEAST, Allowance, allowed, of_iteration, spend
+from mor.allowance import LEAST, Allowance, allowed, of_iteration, spend, uncounted
+from mor.domains.elsewhere import STAGE, out_where_moved, seen
 from mor.domains.prepared import Prepared, numbered
 from mor.domains.preparing import Head, take_out
 from mor.domains.settling import Solution, quality_of, solution_of, with_cofactors
@@ -136,31 +137,54 @@ class InDomains(NamedTuple):
 
     def without(self, out: Out) -> InDomains | None:
         """The same without other entries, or nothing where that is no solution."""
+        found = self._tried(out, self.joined.values)
+        if found is not None:
+            self._forget()
+        return found
+
+    def elsewhere(self, out: Out) -> tuple[InDomains, Out] | None:
+        """The same with points where all their observations put them, if that costs less."""
+        if not out:
+            return None
+        count, stage = self.joined.sizes.observations + len(self.excluded), self.joined.values
+        with uncounted():
+            here = seen(self.engine, self.joined.domains, stage, count)
+            others = out_where_moved(self.engine, here, stage, self._by_domain(out))
+        found = self._tried(others, STAGE) if others is not None else None
+        if found is None or others is None:
+            return None
+        with uncounted():
+            there = seen(found.engine, self.joined.domains, found.joined.values, count)
+        if there.cost < here.cost:
+            self._forget()
+            return found, others
+        found.engine.store.clear()
+        return None
+
+    def _tried(self, out: Out, stage: str) -> InDomains | None:
+        """The same without other entries, from the values of a stage; nothing where that is no solution."""
         engine, last = self.engine.layer(f"{next(self.numbers)}"), self.engine.store
-        of_domain: list[set[Entry]] = [set() for _ in self.parts]
-        for entry in out:
-            of_domain[entry.part].add(entry)
-        tasks = [
-            engine.submit(take_out, d, some, last, self.joined.values) for d, some in enumerate(of_domain)
-        ]
-        heads: list[Head] = [engine.result(task) for task in tasks]
-        ready = numbered(engine, engine.store.load("divided"), heads)
-        joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free, watch=self.watch)
+        with uncounted():
+            tasks = [
+                engine.submit(take_out, d, some, last, stage) for d, some in enumerate(self._by_domain(out))
+            ]
+            heads: list[Head] = [engine.result(task) for task in tasks]
+            ready = numbered(engine, engine.store.load("divided"), heads)
+            joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free, watch=self.watch)
+            found = None
+            if joined.outcome.is_solution:
+                solution = solution_of(engine, joined, ready.project.settings)
+                found = tested(engine, ready, joined, solution, self.numbers, self.watch)
         count = ready.sizes.observations + len(out)
-        work = of_iteration(count, sum(head.work for head in heads) / count)
-        spend((len(joined.iterations) + 1 + ASSESSING * joined.outcome.is_solution) * work)
-        found = None
-        if joined.outcome.is_solution:
-            solution = solution_of(engine, joined, ready.project.settings)
-            found = tested(engine, ready, joined, solution, self.numbers, self.watch)
+        iterations = len(joined.iterations) + 1 + ASSESSING * joined.outcome.is_solution
+        spend(iterations * of_iteration(count, sum(head.work for head in heads) / count))
         if found is None or not is_complete(found.redundancy_sum, found.redundancy):
             engine.store.clear()
             return None
-        self._forget()
         return found
 
-    def elsewhere(self, out: Out) -> None:
-        """Nothing: whether all observations of a point put it elsewhere is not looked for."""
+    def _by_domain(self, out: Out) -> list[set[Entry]]:
+        return [{entry for entry in out if entry.part == d} for d in self.joined.domains]
 
     def _forget(self) -> None:
         """The base keeps what is the same in all layers, the networks and their plans."""
@@ -170,7 +194,7 @@ class InDomains(NamedTuple):
 
 _OF_SOLUTION = (
     *("values", "stage", "step", "node", "null", "half", "half of B", "half of rows"),
-    *("datum", "through", "outer", "flagged"),
+    *("datum", "through", "outer", "flagged", "sizes"),
 )
 """What a store has of one adjustment."""
 

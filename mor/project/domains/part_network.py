@@ -63,10 +63,11 @@ class PartNetwork(NamedTuple):
         if len(group.lines) or group.type.key not in _PRIOR:
             return True
         kind, ids = group.type.slots[-1].kind, self.network.blocks[group.type.slots[-1].kind].ids
-        mine = [self._counts(kind, ids[block]) for block in group.blocks[-1].tolist()]
+        mine = [self.owns(kind, ids[block]) for block in group.blocks[-1].tolist()]
         return True if all(mine) else np.flatnonzero(mine)
 
-    def _counts(self, kind: str, name: str) -> bool:
+    def owns(self, kind: str, name: str) -> bool:
+        """True where this domain is the first to have a block."""
         if name.startswith("image "):
             return name[6:] not in self.foreign["image"]
         if kind == "point":

@@ -130,7 +130,7 @@ def snoop(
     first = _Whole(problem, levels, aposteriori, watch, quality)
     begun, out = None, Out()
     if excluded is not None:
-        out = _entries(
+        out = entries_of(
             tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True))
         )
         begun = first.without(out)
@@ -239,11 +239,11 @@ class _Whole(NamedTuple):
         return worst_first(candidates(flagged_rows(self.quality), cannot), {})
 
     def without(self, out: Out) -> _Whole | None:
-        return self._from(self.quality.adjustment.values, _masks(self._kept_out, out))
+        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
 
     def elsewhere(self, out: Out) -> tuple[_Whole, Out] | None:
         values = self.quality.adjustment.values
-        other = other_places(self.problem, values, _masks(self._kept_out, out))
+        other = other_places(self.problem, values, masks_of(self._kept_out, out))
         if other is None:
             return None
         found = self._from(other.values, other.out)
@@ -252,7 +252,7 @@ class _Whole(NamedTuple):
         there = found.quality.adjustment.values
         better = cost_at(self.problem, there) < cost_at(self.problem, values)
         others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
-        return (found, _entries(others)) if better else None
+        return (found, entries_of(others)) if better else None
 
     @property
     def _kept_out(self) -> Masks:
@@ -271,18 +271,20 @@ class _Whole(NamedTuple):
 
 def without_entries(problem: Problem, out: Collection[Entry]) -> Problem:
     """A problem that keeps nothing out, without some entries."""
-    return exclude(problem, _masks(tuple(group.left_out for group in problem.groups), out))
+    return exclude(problem, masks_of(tuple(group.left_out for group in problem.groups), out))
 
 
-def _entries(masks: Masks) -> Out:
+def entries_of(masks: Masks, part: int = 0) -> Out:
+    """The entries that are true in masks (n, m) of each group."""
     return Out(
-        Entry(number, int(row), int(component))
+        Entry(number, int(row), int(component), part)
         for number, mask in enumerate(masks)
         for row, component in np.argwhere(mask)
     )
 
 
-def _masks(kept_out: Masks, out: Collection[Entry]) -> Masks:
+def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
+    """Masks (n, m) of each group that are true for what is kept out, and for some entries."""
     masks = tuple(mask.copy() for mask in kept_out)
     for entry in out:
         masks[entry.group][entry.row, entry.component] = True
