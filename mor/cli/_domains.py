@@ -143,13 +143,14 @@ def adjust_in_domains(
     from mor.report.identity import Identity
 
     assert place is not None  # --json, which may do without a folder, is refused
-    rays = rays_of(validate(document), document, folder)
+    project = validate(document)
+    rays = rays_of(project, document, folder)
     memory = wanted.memory or available() or 4e9
     size = rays_of_domain(rays, memory, wanted.workers or 1)
     html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
     say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
-        check_scratch(rays, scratch)
+        check_scratch(rays, scratch, wanted.snoop or project.settings.snooping)
         with _engine(wanted, scratch, 2 * rays) as engine:
             found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")

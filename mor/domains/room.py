@@ -120,12 +120,15 @@ def wide_borders(widest: int, rays: int) -> bool:
     return OF_OUTER * float(widest) ** 2 > OF_RAY_IN_DOMAIN * float(rays)
 
 
-def check_scratch(rays: int, folder: Path) -> None:
-    """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes."""
+def check_scratch(rays: int, folder: Path, snooping: bool = False) -> None:
+    """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes.
+
+    Data snooping keeps an adjustment until the next one is a solution: the state is there twice.
+    """
     status = os.statvfs(folder) if hasattr(os, "statvfs") else None
     if status is None:
         return
-    free, need = status.f_bavail * status.f_frsize, _OF_RAY_ON_DISK * rays
+    free, need = status.f_bavail * status.f_frsize, _OF_RAY_ON_DISK * rays * (1 + snooping)
     if free < need:
         words = f"the state of the domains takes about {need / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free there"
         raise InputError([Mistake(f"{words}; --scratch names another folder", str(folder))])

@@ -13,7 +13,6 @@ from mor.adjustment.domains.adjust import Joined, adjust
 from mor.adjustment.domains.domain import Domain, Key
 from mor.adjustment.domains.store import Store
 from mor.adjustment.domains.tree import Engine
-from mor.adjustment.state import Watcher
 from mor.allowance import LEAST, Allowance, allowed, of_iteration, spend, uncounted
 from mor.domains.elsewhere import STAGE, out_where_moved, seen
 from mor.domains.prepared import Prepared, numbered
@@ -101,7 +100,6 @@ class InDomains(NamedTuple):
     parts: tuple[Part, ...]
     numbers: Iterator[int]
     """Of layers: none is used twice, for what is late may still write into the one before."""
-    watch: Watcher | None
 
     @property
     def redundancy(self) -> int:
@@ -170,11 +168,11 @@ class InDomains(NamedTuple):
             ]
             heads: list[Head] = [engine.result(task) for task in tasks]
             ready = numbered(engine, engine.store.load("divided"), heads)
-            joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free, watch=self.watch)
+            joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free)
             found = None
             if joined.outcome.is_solution:
                 solution = solution_of(engine, joined, ready.project.settings)
-                found = tested(engine, ready, joined, solution, self.numbers, self.watch)
+                found = tested(engine, ready, joined, solution, self.numbers)
         count = ready.sizes.observations + len(out)
         iterations = len(joined.iterations) + 1 + ASSESSING * joined.outcome.is_solution
         spend(iterations * of_iteration(count, sum(head.work for head in heads) / count))
@@ -189,14 +187,7 @@ class InDomains(NamedTuple):
     def _forget(self) -> None:
         """The base keeps what is the same in all layers, the networks and their plans."""
         store = self.engine.store
-        store.clear(*(_OF_SOLUTION if store is store.base else ()))
-
-
-_OF_SOLUTION = (
-    *("values", "stage", "step", "node", "null", "half", "half of B", "half of rows"),
-    *("datum", "through", "outer", "flagged", "sizes"),
-)
-"""What a store has of one adjustment."""
+        store.clear(*(("divided", "network", "domain") if store is store.base else ()))
 
 
 def tested(
@@ -205,11 +196,10 @@ def tested(
     joined: Joined,
     solution: Solution,
     numbers: Iterator[int],
-    watch: Watcher | None,
 ) -> InDomains:
     """Test the observations of an adjustment that is a solution."""
     parts = with_cofactors(engine, joined, lambda d: engine.submit(tests_of_domain, d, solution))
-    return InDomains(engine, ready, joined, solution, tuple(parts), numbers, watch)
+    return InDomains(engine, ready, joined, solution, tuple(parts), numbers)
 
 
 def snoop(first: InDomains) -> Ended[InDomains]:

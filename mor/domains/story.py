@@ -83,7 +83,7 @@ def solved(
     first = solution_of(engine, joined, settings)
     order = Order(first, folder, kind, residuals, ready.parts.images)
     if settings.snooping:
-        return _snooped(tested(engine, ready, joined, first, count(1), watch), order)
+        return _snooped(tested(engine, ready, joined, first, count(1)), order)
     assessed = with_cofactors(engine, joined, lambda d: engine.submit(assess_domain, d, order))
     useless = tuple(key for one in assessed for key in one.useless)
     sums = sum(one.redundancy for one in assessed)

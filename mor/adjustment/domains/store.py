@@ -42,8 +42,8 @@ class Store(Protocol):
     def drop(self, name: str) -> None:
         """Forget an object, if there is one."""
 
-    def clear(self, *kinds: str) -> None:
-        """Forget all objects of some kinds (what their names begin with, up to the first ``/``), or all there are."""
+    def clear(self, *but: str) -> None:
+        """Forget all objects but those of some kinds: what their names begin with, up to the first ``/``."""
 
     @property
     def base(self) -> Store:
@@ -74,9 +74,9 @@ class MemoryStore:
         """Forget an object, if there is one."""
         self.things.pop(name, None)
 
-    def clear(self, *kinds: str) -> None:
-        """Forget all objects of some kinds, or all there are."""
-        for name in [name for name in self.things if not kinds or name.partition("/")[0] in kinds]:
+    def clear(self, *but: str) -> None:
+        """Forget all objects but those of some kinds."""
+        for name in [name for name in self.things if name.partition("/")[0] not in but]:
             del self.things[name]
 
     @property
@@ -133,10 +133,13 @@ class FileStore(NamedTuple):
         """Delete the file of an object, if there is one."""
         self._path(name).unlink(missing_ok=True)
 
-    def clear(self, *kinds: str) -> None:
-        """Delete the files of all objects of some kinds, or of all there are."""
-        for folder in [self.folder / kind for kind in kinds] or [self.folder]:
-            shutil.rmtree(folder, ignore_errors=True)
+    def clear(self, *but: str) -> None:
+        """Delete the files of all objects but those of some kinds."""
+        for path in self.folder.iterdir():
+            if path.is_dir() and path.name not in but:
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.is_file() and path.stem not in but:
+                path.unlink(missing_ok=True)
 
     @property
     def base(self) -> FileStore:
@@ -145,7 +148,7 @@ class FileStore(NamedTuple):
 
     def layer(self, name: str) -> FileStore:
         """A store above the base."""
-        return FileStore(self.base.folder / f"layer {name}", self.base)
+        return FileStore(self.base.folder.with_name(f"{self.base.folder.name}-{name}"), self.base)
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.pickle"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -95,6 +96,13 @@ def _snooping(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]])
     places = {of: {name: k for k, name in enumerate(order[f"{of}s"])} for of in ("image", "point")}
     mostly.sort(key=lambda row: (row["of"] == "point", places.get(row["of"], {}).get(row["id"], 0)))
     return {**told, "steps": [row for _, row in steps], "mostly_out": mostly}
+
+
+def points_in_several(parts: Sequence[Contribution]) -> int:
+    """Number of points of which data snooping took something out, and that several domains observe."""
+    rows = [(row["id"], row["excluded"]) for one in parts for kind, row in one.taken_out if kind == "point"]
+    observed = Counter(name for name, _ in rows)
+    return len({name for name, excluded in rows if excluded and observed[name] > 1})
 
 
 def reliability(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]]) -> Row | None:

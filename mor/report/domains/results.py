@@ -21,6 +21,7 @@ from mor.report.domains.joined_rows import (
     distinct,
     gross_errors,
     group_rows,
+    points_in_several,
     reliability,
     tests_of_groups,
 )
@@ -140,6 +141,12 @@ def _verdict(
     if untested:
         remarks.append(
             Problem(f"domains: fixed points without a test, as several domains observe them: {untested}")
+        )
+    if unlooked := points_in_several(parts):
+        remarks.append(
+            Problem(
+                f"domains: points that are not intersected anew, as several domains observe them: {unlooked}"
+            )
         )
     return rows, remarks
 
