@@ -67,24 +67,25 @@ def prepare(store: Store, d: int) -> Head:
     store.save(f"network/{d}", part)
     store.save(f"domain/{d}", domain)
     store.save(f"values/0/{d}", start)
-    return _head(domain, network.notes if d == 0 else ())
+    return head_of(domain, part, d)
 
 
 def take_out(store: Store, d: int, out: Collection[Entry], last: Store, stage: str) -> Head:
     """Begin anew without some entries, at the values of a stage of another layer ``last``, in the layer ``store``."""
     values = last.load(f"values/{stage}/{d}")
     domain: Domain = store.base.load(f"domain/{d}")
+    part: PartNetwork = store.load(f"network/{d}")
     store.save(f"values/0/{d}", values)
     if out:
-        part: PartNetwork = store.load(f"network/{d}")
         problem = without_entries(domain.problem, out)
         domain = plan_domain(problem, values, part.common(problem.index))
         store.save(f"domain/{d}", domain)
-    return _head(domain, ())
+    return head_of(domain, part, d)
 
 
-def _head(domain: Domain, notes: tuple[Mistake, ...]) -> Head:
-    problem = domain.problem
+def head_of(domain: Domain, part: PartNetwork, d: int) -> Head:
+    """What is known of a planned domain; the first one has the notes."""
+    problem, notes = domain.problem, part.network.notes if d == 0 else ()
     inner = problem.index.count - len(domain.outer)
     work = sum(np.count_nonzero(group.mask) * group.type.work for group in problem.groups)
     need = memory_of_adjustment(domain.plan) + 3.0 * 8.0 * len(domain.outer) ** 2

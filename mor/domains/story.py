@@ -17,6 +17,7 @@ from mor.adjustment.state import Watcher
 from mor.domains.assessing import Assessed, Kind, Order, Rounds, assess_domain
 from mor.domains.prepared import Prepared
 from mor.domains.preparing import Divided
+from mor.domains.settled_sigma import with_settled_sigma
 from mor.domains.settling import checked, solution_of, with_cofactors
 from mor.domains.snooping import InDomains, snoop, tested
 from mor.machine import largest_resident
@@ -77,6 +78,7 @@ def solved(
     settings = ready.project.settings
     free = ready.project.datum != "fixed"
     joined = adjust(engine, ready.boundaries, ready.sizes, free, settings.max_iterations, watch)
+    ready, joined = with_settled_sigma(engine, ready, joined, watch)
     if not joined.outcome.is_solution:
         return Outcomes(ready, joined, engine.store)
     assessing()

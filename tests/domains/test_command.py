@@ -62,11 +62,6 @@ def test_german(tmp_path: Path) -> None:
     [
         ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
         ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
-        (
-            "{type: image, file: rays.parquet,",
-            "{type: image, ppm: 2, file: rays.parquet,",
-            "σ that depend on distances",
-        ),
     ],
 )
 def test_what_domains_do_not_do_is_said_before_the_work(

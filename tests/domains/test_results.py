@@ -139,3 +139,26 @@ def test_gross_errors_reject_the_same_groups_and_move_the_same_points(tmp_path: 
     assert one["verdict"]["all_alike"] == several["verdict"]["all_alike"]
     assert several["verdict"]["explanations"] == []  # not looked for, which a note says
     assert any("is not looked for" in note["message"] for note in several["notes"])
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_sigma_of_distances_are_those_of_the_result(tmp_path: Path) -> None:
+    """Start values that are far off have σ that the results must not have."""
+    given = "{type: distance, file: distances.parquet,"
+    grows = "{type: distance, ppm: 50, centring: {instrument: 0.002, target: 0.003}, file: distances.parquet,"
+    kind = Kind(control=6, sights=30)
+    one, several = both(tmp_path, kind, **{given: grows})
+    project, table = tmp_path / "block" / "project.yaml", tmp_path / "block" / "points.parquet"
+    moved = pl.read_parquet(table).with_columns(x=pl.col("x") + 40.0 * (pl.int_range(pl.len()) % 3 - 1))
+    moved.write_parquet(table)
+    for folder, options in (("one", ()), ("several", ("--memory", "400MB"))):
+        done = command("adjust", project, "-o", tmp_path / folder, "--force", "--no-html", *options)
+        assert done.exit_code == 0, done.stderr
+    far = results(tmp_path / "one"), results(tmp_path / "several")
+    for found in (several, *far):
+        assert found["sigma0"]["aposteriori"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-9)
+        assert differences(one["points"], found["points"]) == []
+    tables = [pl.read_csv(tmp_path / name / "residuals.csv") for name in ("one", "several")]
+    sigma = [table.filter(pl.col("type") == "distance").sort("from", "to")["sigma"] for table in tables]
+    assert sigma[0].n_unique() > 10
+    assert sigma[0].to_numpy() == pytest.approx(sigma[1].to_numpy(), rel=1e-9)
