@@ -30,6 +30,7 @@ from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
 from mor.report.tables.observations import SHOWN
+from mor.report.tables.reliability import fixed_point_row
 from mor.report.words.language import Words, words_of_page
 
 
@@ -87,7 +88,16 @@ def _results(found: Outcomes, parts: Path, names: dict[str, str], told: Told) ->
     added = [one.added for one in found.assessed]
     inlined = _inlined(ready, parts) if solution else Inlined()
     order = names_in_order(project, ready.document, ready.source, "images") if solution else []
-    return results_of_domains(project, ended, found.whole, added, inlined, names, said, order, _loose(joined))
+    fixed = _fixed(found)
+    return results_of_domains(
+        project, ended, found.whole, added, inlined, names, said, order, _loose(joined), fixed
+    )
+
+
+def _fixed(found: Outcomes) -> list[dict[str, Any]]:
+    """Rows of the fixed points that several domains observe."""
+    axes = found.store.load(f"network/{found.prepared.parts.lonely}").network.edge.matrix
+    return [fixed_point_row(name, test, axes) for name, test in found.fixed if test.freedom]
 
 
 def _loose(joined: Joined) -> tuple[str, ...]:

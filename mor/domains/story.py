@@ -15,6 +15,7 @@ from mor.adjustment.domains.store import Store
 from mor.adjustment.domains.tree import Engine
 from mor.adjustment.state import Watcher
 from mor.domains.assessing import Assessed, Kind, Order, Rounds, assess_domain
+from mor.domains.fixed_points import Fixed, tests_of_shared
 from mor.domains.prepared import Prepared
 from mor.domains.preparing import Divided
 from mor.domains.settled_sigma import with_settled_sigma
@@ -37,6 +38,8 @@ class Outcomes(NamedTuple):
     """Where the domains have what they know."""
     whole: Whole | None = None
     assessed: tuple[Assessed, ...] = ()
+    fixed: tuple[Fixed, ...] = ()
+    """Tests of fixed points that several domains observe."""
 
     @property
     def redundancy_sum(self) -> float:
@@ -92,7 +95,8 @@ def solved(
     sound = checked(joined, useless, sums)
     if not sound.outcome.is_solution:
         return Outcomes(ready, sound, engine.store)
-    return Outcomes(ready, joined, engine.store, first.whole, tuple(assessed))
+    fixed = tests_of_shared(engine, joined, first)
+    return Outcomes(ready, joined, engine.store, first.whole, tuple(assessed), fixed)
 
 
 def _snooped(first: InDomains, order: Order) -> Outcomes:
@@ -107,4 +111,5 @@ def _snooped(first: InDomains, order: Order) -> Outcomes:
     tasks = [engine.submit(assess_domain, d, order) for d in last.joined.domains]
     assessed = tuple(engine.result(task) for task in tasks)
     joined = last.joined._replace(iterations=first.joined.iterations)
-    return Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed)
+    fixed = tests_of_shared(engine, last.joined, last.solution)
+    return Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed, fixed)

@@ -108,10 +108,12 @@ def test_no_solution_has_results_without_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small_domains")
-def test_fixed_points_are_tested(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sights", [0, 200])
+def test_fixed_points_are_tested(sights: int, tmp_path: Path) -> None:
+    """Sights are in a domain of their own, and name most points."""
     observed = "{sigma_x: '0.02', sigma_y: '0.02', sigma_z: '0.02'}"
     fixed = "{sigma_x: '0', sigma_y: '0', sigma_z: '0'}"
-    one, several = both(tmp_path, Kind(control=8), **{observed: fixed})
+    one, several = both(tmp_path, Kind(control=8, sights=sights), **{observed: fixed})
     assert len(one["fixed_points"]) == 8
     assert differences(one["fixed_points"], several["fixed_points"]) == []
 

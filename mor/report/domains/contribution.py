@@ -82,9 +82,7 @@ class Contribution(NamedTuple):
     fixed: int
     """Fixed coordinates that the domain counts."""
     tests_of_fixed: int
-    """Degrees of freedom of their tests."""
-    untested: int
-    """Fixed points that other domains observe, too: no single domain can test them."""
+    """Degrees of freedom of the tests of those that no other domain observes."""
     tests: list[Test]
     steps: tuple[int, ...] = ()
     """Numbers of its steps of data snooping among those of all domains."""
@@ -102,8 +100,8 @@ def contribution(
     assert quality is not None
     fixed = _fixed(solved)
     counted = {name: count for name, count in fixed.items() if name not in foreign}
-    alone = not any(name in shared["point"] for name in fixed)
-    tests = fixed_point_tests(quality) if alone else []
+    ids = solved.network.blocks["point"].ids
+    tests = [test for test in fixed_point_tests(quality) if ids[test.point] not in shared["point"]]
     return Contribution(
         statistics={**statistics(solved), "uncontrolled": uncontrolled_count(quality)},
         groups=group_table(solved).to_dicts(),
@@ -121,7 +119,6 @@ def contribution(
         fixed_points=[row for row in fixed_point_rows(solved) if row["id"] not in shared["point"]],
         fixed=sum(counted.values()),
         tests_of_fixed=sum(test.freedom for test in tests),
-        untested=sum(name in shared["point"] for name in counted),
         tests=_tests(solved, quality, domain, images),
     )
 

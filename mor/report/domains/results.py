@@ -47,8 +47,11 @@ def results_of_domains(
     said: Mapping[str, Any],
     order: Sequence[str],
     loose: Sequence[str] = (),
+    fixed: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
     """Content of ``results.json``; ``said`` are identity and notes, ``loose`` unknowns that nothing determines.
+
+    ``fixed`` are the tests of fixed points that several domains observe.
 
     ``order`` are the names of the images as the project has them. Residuals are in their table alone.
     """
@@ -67,7 +70,7 @@ def results_of_domains(
     }
     groups = group_rows([part.groups for part in parts], group_names(project))
     places = {"group": [row["name"] for row in groups], "image": order}
-    judged, remarks = _verdict(parts, ended, whole, uncontrolled, places)
+    judged, remarks = _verdict(parts, ended, whole, uncontrolled, places, fixed)
     notes = [*said["notes"], *({"message": str(one), "file": "", "line": 0} for one in remarks)]
     names = {"images": order, "points": _ids(inlined.points)}
     interiors = {name: one for part in parts for name, one in part.interiors.items()}
@@ -89,7 +92,7 @@ def results_of_domains(
         "groups": groups,
         "variance_components": parts[0].variance_components,
         "gross_errors": gross_errors(parts, flagged, names),
-        "fixed_points": [row for part in parts for row in part.fixed_points],
+        "fixed_points": [*(row for part in parts for row in part.fixed_points), *fixed],
         "checks": check_rows(parts),
         "tables": dict(tables),
         "residuals": None,
@@ -119,15 +122,14 @@ def _verdict(
     whole: Whole,
     uncontrolled: int,
     places: Mapping[str, Sequence[str]],
+    fixed: Sequence[dict[str, Any]],
 ) -> tuple[dict[str, Any], list[Problem]]:
     """The verdict, and what domains cannot say of it."""
     overall = whole.levels.overall
     tested = TestedWhole(ended.observations, whole.redundancy, whole.omega, overall)
     tests, open_ = tests_of_groups(parts, tested, places)
-    untested = sum(part.untested for part in parts)
-    only = untested == 0 and only_chosen_of(
-        sum(part.fixed for part in parts), sum(part.tests_of_fixed for part in parts)
-    )
+    freedom = sum(part.tests_of_fixed for part in parts) + sum(row["freedom"] for row in fixed)
+    only = only_chosen_of(sum(part.fixed for part in parts), freedom)
     judged = Verdict(tests, (), tests.all_alike, only)
     test = global_test(whole.omega, whole.redundancy, overall)
     accepted = test.accepted and not judged.contradicted if whole.redundancy > 0 else None
@@ -138,10 +140,6 @@ def _verdict(
         remarks.append(Problem(f"domains: {words}: p is an upper bound there"))
     if tests.rejected:
         remarks.append(Problem("domains: what would explain the groups that reject is not looked for"))
-    if untested:
-        remarks.append(
-            Problem(f"domains: fixed points without a test, as several domains observe them: {untested}")
-        )
     if unlooked := points_in_several(parts):
         remarks.append(
             Problem(

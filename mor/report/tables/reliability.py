@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.gross_errors.data_snooping import Snooped
 from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out, taken_out
 from mor.quality.reliability.effects import Effect
 from mor.quality.solved import Solved
-from mor.quality.tests.fixed_coordinates import fixed_point_tests
+from mor.quality.tests.fixed_coordinates import FixedPointTest, fixed_point_tests
 from mor.quality.tests.levels import chi2_level
 from mor.report.edge import said, said_differences, said_signs, said_sizes
 from mor.report.tables.observations import named_places
@@ -50,18 +51,23 @@ def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
         return []
     M, ids = solved.network.edge.matrix, solved.network.blocks["point"].ids
     return [
-        {
-            "id": ids[test.point],
-            "movement": (test.movement @ M).tolist(),
-            "freedom": test.freedom,
-            "test": test.statistic,
-            "p": float(np.exp(test.log_p)),
-            "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
-            "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
-        }
+        fixed_point_row(ids[test.point], test, M)
         for test in fixed_point_tests(solved.quality)
         if test.freedom
     ]
+
+
+def fixed_point_row(name: str, test: FixedPointTest, axes: FloatArray) -> dict[str, Any]:
+    """The test of a point; ``axes`` (3, 3) turn its movement into those of the project."""
+    return {
+        "id": name,
+        "movement": (test.movement @ axes).tolist(),
+        "freedom": test.freedom,
+        "test": test.statistic,
+        "p": float(np.exp(test.log_p)),
+        "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
+        "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
+    }
 
 
 def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
