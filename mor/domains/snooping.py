@@ -6,6 +6,7 @@ where it is no solution.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
@@ -57,6 +58,7 @@ class Part(NamedTuple):
 
 def tests_of_domain(store: Store, d: int, solution: Solution) -> Part:
     """Test the observations of a domain; the flagged ones are kept."""
+    gc.collect()  # what is left of the domain before goes first
     quality = quality_of(store, d, solution)
     problem, part = quality.adjustment.problem, store.load(f"network/{d}")
     flagged = flagged_rows(quality)
