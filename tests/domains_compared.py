@@ -20,7 +20,7 @@ NAMES = (("id",), ("of", "name"), ("name", "type"), ("group", "component"), ("ty
 def have_small_domains(monkeypatch: pytest.MonkeyPatch, rays: int = 700) -> None:
     """Let every project be adjusted in domains, of so many image points."""
     monkeypatch.setattr(room, "rays_of_domain", lambda all_rays, memory, workers=1: rays)
-    monkeypatch.setattr(room, "need_of_all", lambda all_rays, html=None: 1e18)
+    monkeypatch.setattr(room, "need_of_all", lambda all_rays, html=None, snooping=False: 1e18)
     monkeypatch.setattr(room, "PROGRAM", 0.0)
     monkeypatch.setattr(room, "OF_OUTER", 0)
 

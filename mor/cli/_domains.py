@@ -94,7 +94,8 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
 
     memory = wanted.memory if wanted.memory is not None else available()
     project = validate(document)
-    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html) <= memory:
+    snooping = wanted.snoop or project.settings.snooping
+    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html, snooping) <= memory:
         return False
     try:
         _refuse(wanted)

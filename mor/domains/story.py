@@ -19,7 +19,7 @@ from mor.domains.fixed_points import Fixed, tests_of_shared
 from mor.domains.prepared import Prepared
 from mor.domains.preparing import Divided
 from mor.domains.settled_sigma import with_settled_sigma
-from mor.domains.settling import checked, solution_of, with_cofactors
+from mor.domains.settling import Solution, checked, solution_of, with_cofactors
 from mor.domains.snooping import InDomains, snoop, tested
 from mor.machine import largest_resident
 from mor.project.domains.parts import divide
@@ -95,8 +95,7 @@ def solved(
     sound = checked(joined, useless, sums)
     if not sound.outcome.is_solution:
         return Outcomes(ready, sound, engine.store)
-    fixed = tests_of_shared(engine, joined, first)
-    return Outcomes(ready, joined, engine.store, first.whole, tuple(assessed), fixed)
+    return _with_fixed(engine, Outcomes(ready, joined, engine.store, first.whole, tuple(assessed)), first)
 
 
 def _snooped(first: InDomains, order: Order) -> Outcomes:
@@ -111,5 +110,12 @@ def _snooped(first: InDomains, order: Order) -> Outcomes:
     tasks = [engine.submit(assess_domain, d, order) for d in last.joined.domains]
     assessed = tuple(engine.result(task) for task in tasks)
     joined = last.joined._replace(iterations=first.joined.iterations)
-    fixed = tests_of_shared(engine, last.joined, last.solution)
-    return Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed, fixed)
+    found = Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed)
+    return _with_fixed(engine, found, last.solution)
+
+
+def _with_fixed(engine: Engine, found: Outcomes, solution: Solution) -> Outcomes:
+    """With tests of the fixed points that several domains observe, where there are any."""
+    if not any(one.added.fixed_in_several for one in found.assessed):
+        return found
+    return found._replace(fixed=tests_of_shared(engine, found.joined, solution))

@@ -83,6 +83,8 @@ class Contribution(NamedTuple):
     """Fixed coordinates that the domain counts."""
     tests_of_fixed: int
     """Degrees of freedom of the tests of those that no other domain observes."""
+    fixed_in_several: int
+    """Fixed points that other domains have, too: no single domain can test them."""
     tests: list[Test]
     steps: tuple[int, ...] = ()
     """Numbers of its steps of data snooping among those of all domains."""
@@ -119,6 +121,7 @@ def contribution(
         fixed_points=[row for row in fixed_point_rows(solved) if row["id"] not in shared["point"]],
         fixed=sum(counted.values()),
         tests_of_fixed=sum(test.freedom for test in tests),
+        fixed_in_several=sum(name in shared["point"] for name in counted),
         tests=_tests(solved, quality, domain, images),
     )
 
