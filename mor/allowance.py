@@ -96,6 +96,16 @@ def counted_in(allowance: Allowance) -> AbstractContextManager[None]:
     return within(allowance, float("inf"))
 
 
+@contextmanager
+def uncounted() -> Iterator[None]:
+    """Within, nothing is counted: what is done by others, here or in other processes, is told as a whole."""
+    before = _account.set(None)
+    try:
+        yield
+    finally:
+        _account.reset(before)
+
+
 def _accounts() -> Iterator[_Account]:
     """The allowance that is spent at the moment, and those that it is part of."""
     account = _account.get()

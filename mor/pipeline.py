@@ -58,7 +58,7 @@ from mor.quality.treatment import Wanted, treat
 from mor.sparse.blas_threads import one_thread
 from mor.sparse.cholesky import NotFiniteError
 
-_SIGMA_ROUNDS = 4
+SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
 
@@ -331,19 +331,10 @@ def _with_settled_sigma(
 
     So are the knots about rows that a rolling shutter reads out on a trajectory.
     """
-    for _ in range(_SIGMA_ROUNDS):
+    for _ in range(SIGMA_ROUNDS):
         problem = make_problem(network, adjustment.start, adjustment.values)
         problem = left_out(problem, suspects) if suspects is not None else problem
-        pairs = zip(problem.groups, adjustment.problem.groups, strict=True)
-        same = all(
-            (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
-            and all(
-                one is other or np.array_equal(one, other)
-                for one, other in zip(a.blocks, b.blocks, strict=True)
-            )
-            for a, b in pairs
-        )
-        if same or not adjustment.outcome.is_solution:
+        if same_sigma(problem, adjustment.problem) or not adjustment.outcome.is_solution:
             break
         settings = Settings(network.project.settings.max_iterations)
         count = len(adjustment.iterations)
@@ -351,3 +342,15 @@ def _with_settled_sigma(
         further = tuple(step._replace(number=step.number + count) for step in again.iterations)
         adjustment = again._replace(start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment
+
+
+def same_sigma(one: Problem, other: Problem) -> bool:
+    """True where two problems have the same σ and, of trajectories, rows between the same knots."""
+    return all(
+        (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
+        and all(
+            mine is theirs or np.array_equal(mine, theirs)
+            for mine, theirs in zip(a.blocks, b.blocks, strict=True)
+        )
+        for a, b in zip(one.groups, other.groups, strict=True)
+    )

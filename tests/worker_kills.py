@@ -158,7 +158,7 @@ def main() -> int:
     parser.add_argument("--schedulers", type=int, default=0)
     chosen = parser.parse_args()
     room.rays_of_domain = lambda rays, memory, workers=1: 500  # type: ignore[assignment]
-    room.need_of_all = lambda rays, html=None: 1e18  # type: ignore[assignment]
+    room.need_of_all = lambda rays, html=None, snooping=False: 1e18  # type: ignore[assignment]
     room.OF_OUTER = 0
     draw, kills, wrong = random.Random(chosen.seed), 0, 0
     with tempfile.TemporaryDirectory() as held:

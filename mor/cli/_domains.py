@@ -94,7 +94,8 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
 
     memory = wanted.memory if wanted.memory is not None else available()
     project = validate(document)
-    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html) <= memory:
+    snooping = wanted.snoop or project.settings.snooping
+    if memory is None or need_of_all(rays_of(project, document, folder), wanted.html, snooping) <= memory:
         return False
     try:
         _refuse(wanted)
@@ -113,7 +114,7 @@ def _bytes_of_tables(document: Document, folder: Path) -> int:
 
 def _refuse(wanted: Wanted) -> None:
     """Options that domains do not do."""
-    asked = {"--json": wanted.as_json, "--snoop": wanted.snoop, "--full": wanted.full}
+    asked = {"--json": wanted.as_json, "--full": wanted.full}
     problems = [
         Mistake(
             f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
@@ -135,7 +136,6 @@ def adjust_in_domains(
     files: Mapping[Path, ReadFile],
 ) -> int:
     """Adjust a project in domains, write and tell its results. Returns the exit code."""
-    from mor.adjustment.domains.store import FileStore
     from mor.domains.results import Told, exit_code, write
     from mor.domains.room import check_scratch, has_page, rays_of, rays_of_domain
     from mor.machine import available
@@ -144,21 +144,19 @@ def adjust_in_domains(
     from mor.report.identity import Identity
 
     assert place is not None  # --json, which may do without a folder, is refused
-    rays = rays_of(validate(document), document, folder)
+    project = validate(document)
+    rays = rays_of(project, document, folder)
     memory = wanted.memory or available() or 4e9
     size = rays_of_domain(rays, memory, wanted.workers or 1)
     html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
     say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
-        check_scratch(rays, scratch)
+        check_scratch(rays, scratch, wanted.snoop or project.settings.snooping)
         with _engine(wanted, scratch, 2 * rays) as engine:
-            found = _adjusted(engine, document, folder, scratch, size, memory, how, say)
+            found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")
         of = Identity(tuple(files.values()), folder, how.options)
-        store = FileStore(scratch / "state")
-        told = write(
-            found, store, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of)
-        )
+        told = write(found, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of))
     code = exit_code(told, how.strict)
     say.event("done", outcome=told.outcome, exit_code=int(code), folder=str(place.folder))
     if not how.quiet or told.solution is None:
@@ -201,6 +199,7 @@ def _adjusted(
     scratch: Path,
     size: int,
     memory: float,
+    snoop: bool,
     how: Results,
     say: Progress,
 ) -> Outcomes:
@@ -208,12 +207,13 @@ def _adjusted(
     import numpy as np
 
     from mor.compilation import chosen_by_size
+    from mor.domains.prepared import prepared
     from mor.domains.room import check_boundaries, wide_borders
-    from mor.domains.story import divided, prepared, solved
+    from mor.domains.story import divided, solved
     from mor.sparse.blas_threads import one_thread
 
     say.phase("dividing")
-    found = divided(document, folder, scratch, size)
+    found = divided(document, folder, scratch, size, snoop)
     with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
         say.phase("reading")
         ready = prepared(engine, found)

@@ -10,17 +10,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.adjustment.datum.defect import Defect
-from mor.adjustment.datum.s_transformation import STransformation
-from mor.adjustment.domains.domain import Stage, cofactors_of, inverse_of
 from mor.adjustment.domains.store import Store
-from mor.adjustment.domains.tasks import Role, role
-from mor.adjustment.state import Adjustment, Outcome, Stride
-from mor.arrays import FloatArray
+from mor.domains.settling import Solution, quality_of
+from mor.domains.snooping import kept_out
 from mor.machine import largest_resident
 from mor.project.domains.part_network import PartNetwork
-from mor.quality.assess import Whole, assessed
+from mor.quality.assess import Quality
 from mor.quality.diagnosis.self_check import beyond_use
+from mor.quality.gross_errors.data_snooping import Snooped, Snooping
 from mor.quality.solved import Solved
 from mor.quality.treatment import Treatment
 from mor.quality.variance_components.simplified import components
@@ -38,18 +35,18 @@ Kind = Literal["csv", "parquet"]
 WORST = 10_000
 
 
+class Rounds(NamedTuple):
+    """What data snooping did, in all domains."""
+
+    sigma0_before: float
+    steps: tuple[Snooped, ...]
+    clean: bool
+
+
 class Order(NamedTuple):
     """What is wanted of every domain."""
 
-    stage: str
-    values: str
-    """Stage of the values of the solution."""
-    whole: Whole
-    binding: FloatArray
-    """(d, d) H = (BᵀG)⁻¹."""
-    core: FloatArray
-    """(d, d) BᵀQB."""
-    movements: tuple[str, ...]
+    solution: Solution
     folder: Path
     """Where the parts of the tables are written."""
     kind: Kind
@@ -57,6 +54,7 @@ class Order(NamedTuple):
     """True for the table of all residuals, false for the worst."""
     images: int
     """Number of images of the whole."""
+    rounds: Rounds | None = None
 
 
 class Assessed(NamedTuple):
@@ -81,10 +79,10 @@ class Assessed(NamedTuple):
 def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     """Quality of a domain, cofactors of its outer unknowns being in the store; its parts of the tables are written."""
     gc.collect()  # what is left of the domain before goes first
-    mine, part = role(store, d), store.load(f"network/{d}")
-    solved = _solved(store, d, order, mine, part, store.load(f"outer/{d}"))
-    quality = solved.quality
-    assert quality is not None
+    part: PartNetwork = store.load(f"network/{d}")
+    quality = quality_of(store, d, order.solution)
+    snooping, numbers = _snooping(store, d, quality, order.rounds)
+    solved = Solved(part.network, quality.adjustment, quality, Treatment(components(quality), snooping))
     tables = {
         "points": point_table(solved),
         "images": image_table(solved),
@@ -101,7 +99,9 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     assessed = Assessed(
         quality.redundancy_sum,
         int(sum(int(np.count_nonzero(flags)) for flags in quality.flagged)),
-        contribution(solved, dict(part.shared), part.foreign["point"], d, order.images),
+        contribution(solved, dict(part.shared), part.foreign["point"], d, order.images)._replace(
+            steps=numbers
+        ),
         tuple(start for start, _ in starts),
         worst_residuals(solved, WORST),
         {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
@@ -128,28 +128,12 @@ def _written(write: Writer, path: Path) -> None:
     beside.replace(path)
 
 
-def _solved(store: Store, d: int, order: Order, mine: Role, part: PartNetwork, outer: FloatArray) -> Solved:
-    """The domain as if it were a network of its own, what it cannot know by itself given."""
-    domain = mine.domain
-    at: Stage = store.load(f"stage/{order.stage}/{d}")
-    null, bound = store.load(f"datum/{d}")
-    inverse = inverse_of(domain, at, null, outer)
-    values = store.load(f"values/{order.values}/{d}")
-    adjustment = Adjustment(
-        problem=domain.problem,
-        plan=domain.plan,
-        outcome=Outcome.CONVERGED,
-        reason="",
-        start=values,
-        values=values,
-        normals=at.normals.spent()._replace(objective=order.whole.omega),
-        anchors=np.zeros(0, dtype=np.int64),
-        inverse=inverse,
-        defect=Defect(order.movements, null),
-        constraint=bound,
-        iterations=(),
-        stride=Stride(np.zeros(0)),
-    )
-    datum = STransformation(null, order.binding, store.load(f"through/{d}"), order.core)
-    quality = assessed(adjustment, cofactors_of(at, outer), datum, order.whole)
-    return Solved(part.network, adjustment, quality, Treatment(components(quality)))
+def _snooping(
+    store: Store, d: int, quality: Quality, rounds: Rounds | None
+) -> tuple[Snooping | None, tuple[int, ...]]:
+    """What data snooping did in a domain, and the numbers of these steps among those of all."""
+    if rounds is None:
+        return None, ()
+    numbers = tuple(k for k, step in enumerate(rounds.steps) if step.part == d)
+    steps = tuple(rounds.steps[k] for k in numbers)
+    return Snooping(rounds.sigma0_before, kept_out(store, d), quality, steps, rounds.clean), numbers

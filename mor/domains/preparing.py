@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.domains.domain import Key, plan_domain
+from mor.adjustment.domains.domain import Domain, Key, plan_domain
 from mor.adjustment.domains.store import Store
 from mor.adjustment.memory import memory_of_adjustment
 from mor.arrays import BoolArray, IntArray
@@ -20,6 +21,8 @@ from mor.project.domains.part_network import PartNetwork, read_part
 from mor.project.domains.parts import Parts
 from mor.project.file.model import Project
 from mor.project.file.nodes import Document
+from mor.quality.gross_errors.data_snooping import without_entries
+from mor.quality.gross_errors.worst_first import Entry
 
 
 class Divided(NamedTuple):
@@ -42,6 +45,8 @@ class Head(NamedTuple):
     inner: int
     """Number of the other ones."""
     observations: int
+    work: float
+    """Work of an iteration, in units of an observation (:mod:`mor.allowance`)."""
     need: float
     """Bytes that iterations and statistics take, by the estimate."""
     resident: float
@@ -62,10 +67,29 @@ def prepare(store: Store, d: int) -> Head:
     store.save(f"network/{d}", part)
     store.save(f"domain/{d}", domain)
     store.save(f"values/0/{d}", start)
+    return head_of(domain, part, d)
+
+
+def take_out(store: Store, d: int, out: Collection[Entry], last: Store, stage: str) -> Head:
+    """Begin anew without some entries, at the values of a stage of another layer ``last``, in the layer ``store``."""
+    values = last.load(f"values/{stage}/{d}")
+    domain: Domain = store.base.load(f"domain/{d}")
+    part: PartNetwork = store.load(f"network/{d}")
+    store.save(f"values/0/{d}", values)
+    if out:
+        problem = without_entries(domain.problem, out)
+        domain = plan_domain(problem, values, part.common(problem.index))
+        store.save(f"domain/{d}", domain)
+    return head_of(domain, part, d)
+
+
+def head_of(domain: Domain, part: PartNetwork, d: int) -> Head:
+    """What is known of a planned domain; the first one has the notes."""
+    problem, notes = domain.problem, part.network.notes if d == 0 else ()
     inner = problem.index.count - len(domain.outer)
-    notes = network.notes if d == 0 else ()
+    work = sum(np.count_nonzero(group.mask) * group.type.work for group in problem.groups)
     need = memory_of_adjustment(domain.plan) + 3.0 * 8.0 * len(domain.outer) ** 2
-    return Head(domain.keys(), inner, problem.observations, need, largest_resident(), notes)
+    return Head(domain.keys(), inner, problem.observations, float(work), need, largest_resident(), notes)
 
 
 def _without_start(part: PartNetwork) -> str:

@@ -9,9 +9,9 @@ import numpy as np
 import polars as pl
 
 from mor.adjustment.domains.adjust import Joined
-from mor.adjustment.domains.store import Store
 from mor.domains.assessing import WORST
-from mor.domains.story import Outcomes, Prepared
+from mor.domains.prepared import Prepared
+from mor.domains.story import Outcomes
 from mor.errors import ExitCode
 from mor.project.domains.parts import names_in_order
 from mor.quality.tests.test_statistics import critical_value, global_test
@@ -30,6 +30,7 @@ from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
 from mor.report.tables.observations import SHOWN
+from mor.report.tables.reliability import fixed_point_row
 from mor.report.words.language import Words, words_of_page
 
 
@@ -43,7 +44,7 @@ class Told(NamedTuple):
     of: Identity
 
 
-def write(found: Outcomes, store: Store, parts: Path, place: Reservation, told: Told) -> Summary:
+def write(found: Outcomes, parts: Path, place: Reservation, told: Told) -> Summary:
     """Write tables, reports and the adjusted project into a folder; the summary, to be told."""
     tables: dict[str, Writer] = {}
     names: dict[str, str] = {}
@@ -66,7 +67,7 @@ def write(found: Outcomes, store: Store, parts: Path, place: Reservation, told: 
     if found.whole is not None and told.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = _text(_page(found, parts, results, file, told.words))
-    adjusted = _adjusted(found, store, parts, place.folder) if found.whole is not None else {}
+    adjusted = _adjusted(found, parts, place.folder) if found.whole is not None else {}
     listed = [*reports, *tables, *adjusted, "README.txt"]
     # The parts of the long tables are moved: what reads them comes first.
     write_folder(place, {**reports, **adjusted, **tables, "README.txt": _text(readme(listed, told.words))})
@@ -87,7 +88,16 @@ def _results(found: Outcomes, parts: Path, names: dict[str, str], told: Told) ->
     added = [one.added for one in found.assessed]
     inlined = _inlined(ready, parts) if solution else Inlined()
     order = names_in_order(project, ready.document, ready.source, "images") if solution else []
-    return results_of_domains(project, ended, found.whole, added, inlined, names, said, order, _loose(joined))
+    fixed = _fixed(found)
+    return results_of_domains(
+        project, ended, found.whole, added, inlined, names, said, order, _loose(joined), fixed
+    )
+
+
+def _fixed(found: Outcomes) -> list[dict[str, Any]]:
+    """Rows of the fixed points that several domains observe."""
+    axes = found.store.load(f"network/{found.prepared.parts.lonely}").network.edge.matrix
+    return [fixed_point_row(name, test, axes) for name, test in found.fixed if test.freedom]
 
 
 def _loose(joined: Joined) -> tuple[str, ...]:
@@ -125,11 +135,11 @@ def _height(parts: Path, name: str) -> int:
     return int(pl.scan_parquet(parts / name / "*.parquet").select(pl.len()).collect().item())
 
 
-def _adjusted(found: Outcomes, store: Store, parts: Path, folder: Path) -> dict[str, Writer]:
+def _adjusted(found: Outcomes, parts: Path, folder: Path) -> dict[str, Writer]:
     """Writers of the adjusted project and its tables."""
-    ready = found.prepared
-    lonely = ready.parts.lonely
-    placed = Placed(store.load(f"network/{lonely}").network, store.load(f"values/{found.values}/{lonely}"))
+    ready, store, lonely = found.prepared, found.store, found.prepared.parts.lonely
+    values = store.load(f"values/{found.joined.values}/{lonely}")
+    placed = Placed(store.load(f"network/{lonely}").network, values, ready.project.settings.snooping)
     starts, of_parts = joined_starts([start for one in found.assessed for start in one.starts], parts)
     text, frames = adjusted_project(placed, ready.document, ready.source, folder, starts)
     writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in frames.items()}
@@ -184,6 +194,7 @@ def _solution(found: Outcomes, results: dict[str, Any]) -> Solution | None:
         verdict=results["verdict"],
         reliability=results["reliability"],
         checks=results["checks"],
+        snooping=results["gross_errors"]["snooping"],
         length=results["units"]["length"],
     )
 

@@ -18,8 +18,8 @@ from mor.project.file.nodes import Document
 
 PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
-OF_RAY, OF_RAY_ON_PAGE = 700, 1200
-"""Bytes of an image point on one machine, all in memory; and on the page."""
+OF_RAY, OF_RAY_ON_PAGE, OF_RAY_SNOOPED = 700, 1200, 1400
+"""Bytes of an image point on one machine, all in memory; on the page; and of two adjustments while data snooping."""
 OF_RAY_IN_DOMAIN = 1300
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
 OF_RAY_DIVIDED = 15
@@ -71,10 +71,10 @@ def rays_of(project: Project, document: Document, folder: Path) -> int:
     return total
 
 
-def need_of_all(rays: int, html: bool | None = None) -> float:
+def need_of_all(rays: int, html: bool | None = None, snooping: bool = False) -> float:
     """Bytes that a project takes on one machine, all of it in memory; with a page where wanted, or by its size."""
     page = html if html is not None else 2 * rays <= MOST_ON_PAGE
-    return PROGRAM + (OF_RAY + OF_RAY_ON_PAGE * page) * rays
+    return PROGRAM + (OF_RAY + max(OF_RAY_ON_PAGE * page, OF_RAY_SNOOPED * snooping)) * rays
 
 
 MOST_ON_PAGE = 2_000_000
@@ -120,12 +120,15 @@ def wide_borders(widest: int, rays: int) -> bool:
     return OF_OUTER * float(widest) ** 2 > OF_RAY_IN_DOMAIN * float(rays)
 
 
-def check_scratch(rays: int, folder: Path) -> None:
-    """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes."""
+def check_scratch(rays: int, folder: Path, snooping: bool = False) -> None:
+    """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes.
+
+    Data snooping keeps an adjustment until the next one is a solution: the state is there twice.
+    """
     status = os.statvfs(folder) if hasattr(os, "statvfs") else None
     if status is None:
         return
-    free, need = status.f_bavail * status.f_frsize, _OF_RAY_ON_DISK * rays
+    free, need = status.f_bavail * status.f_frsize, _OF_RAY_ON_DISK * rays * (1 + snooping)
     if free < need:
         words = f"the state of the domains takes about {need / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free there"
         raise InputError([Mistake(f"{words}; --scratch names another folder", str(folder))])

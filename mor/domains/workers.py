@@ -11,7 +11,7 @@ import secrets
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,6 +56,10 @@ class Workers:
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""
         return self.client.submit(_done, task, self.store, self.observations, *arguments, pure=False)
+
+    def layer(self, name: str) -> Workers:
+        """The same with a layer of the store."""
+        return replace(self, store=self.store.layer(name))
 
     def result(self, submitted: Any) -> Any:
         """What the task has returned; it is waited for as long as somebody is at work.

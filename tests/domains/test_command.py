@@ -60,14 +60,8 @@ def test_german(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("datum: fixed", "datum: fixed\nsettings: {snooping: true}", "data snooping"),
         ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
         ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
-        (
-            "{type: image, file: rays.parquet,",
-            "{type: image, ppm: 2, file: rays.parquet,",
-            "σ that depend on distances",
-        ),
     ],
 )
 def test_what_domains_do_not_do_is_said_before_the_work(
@@ -81,7 +75,7 @@ def test_what_domains_do_not_do_is_said_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("option", ["--json", "--snoop", "--full"])
+@pytest.mark.parametrize("option", ["--json", "--full"])
 def test_options_domains_do_not_have(tmp_path: Path, option: str) -> None:
     project = write_block(tmp_path / "block", Kind())
     done = adjust(project, "--memory", "1MB", option)

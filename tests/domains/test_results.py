@@ -3,81 +3,19 @@
 from __future__ import annotations
 
 import json
-from math import isclose
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 import pytest
-from domains_blocks import Ended, Kind, command, write_block
-
-from mor.domains import room
-from mor.report.results.models.model import Results
-
-NAMES = (("id",), ("of", "name"), ("name", "type"), ("group", "component"), ("type", "names", "component"))
-"""Keys by which rows of a list are told apart."""
+from domains_blocks import Kind, command, write_block
+from domains_compared import ELSEWHERE, both, differences, have_small_domains, results
 
 
 @pytest.fixture
 def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "rays_of_domain", lambda rays, memory, workers=1: 700)
-    monkeypatch.setattr(room, "need_of_all", lambda rays, html=None: 1e18)
-    monkeypatch.setattr(room, "PROGRAM", 0.0)
-    monkeypatch.setattr(room, "OF_OUTER", 0)
+    have_small_domains(monkeypatch)
 
 
-def results(folder: Path) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    Results.model_validate(data)
-    return data
-
-
-def both(tmp_path: Path, kind: Kind, seed: int = 1, **changed: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Results of one adjustment of everything, and of domains; texts of the project are ``changed``."""
-    project = write_block(tmp_path / "block", kind, seed)
-    text = project.read_text(encoding="utf-8")
-    for before, after in changed.items():
-        assert before in text
-        text = text.replace(before, after)
-    project.write_text(text, encoding="utf-8")
-    for folder, options in (("one", ()), ("several", ("--memory", "400MB"))):
-        done: Ended = command("adjust", project, "-o", tmp_path / folder, *options)
-        assert done.exit_code == 0, done.stderr
-    return results(tmp_path / "one"), results(tmp_path / "several")
-
-
-def named(rows: list[Any]) -> dict[str, Any] | None:
-    """Rows by what tells them apart."""
-    if not rows or not isinstance(rows[0], dict):
-        return None
-    keys = next((keys for keys in NAMES if all(key in rows[0] for key in keys)), None)
-    return {json.dumps([row[key] for key in keys], sort_keys=True): row for row in rows} if keys else None
-
-
-def differences(one: Any, other: Any, path: str = "") -> list[str]:
-    """Places where two results differ, numbers by more than a millionth."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        lost = [f"{path}/{key} in one only" for key in one.keys() ^ other.keys()]
-        return lost + [
-            line
-            for key in one.keys() & other.keys()
-            for line in differences(one[key], other[key], f"{path}/{key}")
-        ]
-    if isinstance(one, list) and isinstance(other, list):
-        if (here := named(one)) is not None and (there := named(other)) is not None:
-            return differences(here, there, path)
-        long = [f"{path}: {len(one)} and {len(other)}"] if len(one) != len(other) else []
-        pairs = enumerate(zip(one, other, strict=False))
-        return long + [line for k, (a, b) in pairs for line in differences(a, b, f"{path}/{k}")]
-    if isinstance(one, float) and isinstance(other, float):
-        same = isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
-    else:
-        same = one == other
-    return [] if same else [f"{path}: {one} and {other}"]
-
-
-ELSEWHERE = ("identity", "notes", "residuals", "iteration_log")
-"""Order of the files read; what domains note; residuals are in their table alone; other unknowns hold a free datum."""
 BLOCKS = {
     "control and sights": Kind(control=6, sights=30),
     "free": Kind(convergent=True, points=150, gnss=False, datum="free"),
@@ -170,10 +108,12 @@ def test_no_solution_has_results_without_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small_domains")
-def test_fixed_points_are_tested(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sights", [0, 200])
+def test_fixed_points_are_tested(sights: int, tmp_path: Path) -> None:
+    """Sights are in a domain of their own, and name most points."""
     observed = "{sigma_x: '0.02', sigma_y: '0.02', sigma_z: '0.02'}"
     fixed = "{sigma_x: '0', sigma_y: '0', sigma_z: '0'}"
-    one, several = both(tmp_path, Kind(control=8), **{observed: fixed})
+    one, several = both(tmp_path, Kind(control=8, sights=sights), **{observed: fixed})
     assert len(one["fixed_points"]) == 8
     assert differences(one["fixed_points"], several["fixed_points"]) == []
 
@@ -201,3 +141,26 @@ def test_gross_errors_reject_the_same_groups_and_move_the_same_points(tmp_path: 
     assert one["verdict"]["all_alike"] == several["verdict"]["all_alike"]
     assert several["verdict"]["explanations"] == []  # not looked for, which a note says
     assert any("is not looked for" in note["message"] for note in several["notes"])
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_sigma_of_distances_are_those_of_the_result(tmp_path: Path) -> None:
+    """Start values that are far off have σ that the results must not have."""
+    given = "{type: distance, file: distances.parquet,"
+    grows = "{type: distance, ppm: 50, centring: {instrument: 0.002, target: 0.003}, file: distances.parquet,"
+    kind = Kind(control=6, sights=30)
+    one, several = both(tmp_path, kind, **{given: grows})
+    project, table = tmp_path / "block" / "project.yaml", tmp_path / "block" / "points.parquet"
+    moved = pl.read_parquet(table).with_columns(x=pl.col("x") + 40.0 * (pl.int_range(pl.len()) % 3 - 1))
+    moved.write_parquet(table)
+    for folder, options in (("one", ()), ("several", ("--memory", "400MB"))):
+        done = command("adjust", project, "-o", tmp_path / folder, "--force", "--no-html", *options)
+        assert done.exit_code == 0, done.stderr
+    far = results(tmp_path / "one"), results(tmp_path / "several")
+    for found in (several, *far):
+        assert found["sigma0"]["aposteriori"] == pytest.approx(one["sigma0"]["aposteriori"], rel=1e-9)
+        assert differences(one["points"], found["points"]) == []
+    tables = [pl.read_csv(tmp_path / name / "residuals.csv") for name in ("one", "several")]
+    sigma = [table.filter(pl.col("type") == "distance").sort("from", "to")["sigma"] for table in tables]
+    assert sigma[0].n_unique() > 10
+    assert sigma[0].to_numpy() == pytest.approx(sigma[1].to_numpy(), rel=1e-9)

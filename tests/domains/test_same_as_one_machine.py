@@ -12,7 +12,8 @@ from domains_blocks import Kind, write_block
 from mor.adjustment.domains.store import FileStore, MemoryStore
 from mor.adjustment.domains.tree import Here
 from mor.compilation import chosen_by_size
-from mor.domains.story import Outcomes, divided, prepared, solved
+from mor.domains.prepared import prepared
+from mor.domains.story import Outcomes, divided, solved
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
 from mor.report.domains.tables import completed

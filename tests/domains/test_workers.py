@@ -8,6 +8,7 @@ import threading
 from concurrent.futures import CancelledError
 from pathlib import Path
 
+import polars as pl
 import pytest
 from domains_blocks import Kind, command, write_block
 
@@ -38,7 +39,7 @@ def test_same_bytes_though_workers_are_killed(tmp_path: Path) -> None:
     from distributed import Client, LocalCluster
 
     project = write_block(tmp_path / "project", Kind(control=6, sights=20))
-    alone = adjust(project, tmp_path / "alone", "--memory", "1MB")
+    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", "--snoop")
     assert {"points.csv", "images.csv", "residuals.csv", "domains.json", "report.txt"} <= alone.keys()
     over = threading.Event()
     killed = []
@@ -58,7 +59,7 @@ def test_same_bytes_though_workers_are_killed(tmp_path: Path) -> None:
         killer = threading.Thread(target=kill_now_and_then)
         killer.start()
         try:
-            shared = adjust(project, tmp_path / "shared", "--cluster", cluster.scheduler_address)
+            shared = adjust(project, tmp_path / "shared", "--cluster", cluster.scheduler_address, "--snoop")
         finally:
             over.set()
             killer.join()
@@ -71,11 +72,16 @@ def _forgive(dask_scheduler: object = None) -> None:
 
 
 @pytest.mark.usefixtures("small_domains")
-def test_two_workers_of_this_machine(tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [(), ("--snoop",)])
+def test_two_workers_of_this_machine(tmp_path: Path, options: tuple[str, ...]) -> None:
     project = write_block(tmp_path / "project", Kind())
-    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", "--table-format", "csv")
-    shared = adjust(project, tmp_path / "shared", "--workers", "2")
+    rays = pl.read_parquet(project.parent / "rays.parquet")
+    wrong = pl.int_range(pl.len()) % 97 == 5
+    rays.with_columns(x=pl.col("x") + 0.1 * wrong).write_parquet(project.parent / "rays.parquet")
+    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", "--table-format", "csv", *options)
+    shared = adjust(project, tmp_path / "shared", "--workers", "2", *options)
     assert shared == alone
+    assert (b"Data snooping" in alone["report.txt"]) == bool(options)
 
 
 def test_nobody_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

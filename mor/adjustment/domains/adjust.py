@@ -70,6 +70,11 @@ class Joined(NamedTuple):
     """True where the solution lies a last step away from the stage, at the values of ``solution``."""
 
     @property
+    def values(self) -> str:
+        """Stage whose values are those of the solution."""
+        return "solution" if self.moved else self.stage
+
+    @property
     def defect(self) -> int:
         """Number of free movements of the network."""
         return len(self.null_space.movements)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import secrets
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -41,12 +42,23 @@ class Store(Protocol):
     def drop(self, name: str) -> None:
         """Forget an object, if there is one."""
 
+    def clear(self, *but: str) -> None:
+        """Forget all objects but those of some kinds: what their names begin with, up to the first ``/``."""
+
+    @property
+    def base(self) -> Store:
+        """The store that this one lies above, or itself."""
+
+    def layer(self, name: str) -> Store:
+        """A store above the base: what is not in it is found there, and what is saved in it leaves the base alone."""
+
 
 @dataclass(frozen=True)
 class MemoryStore:
     """Objects as they are, in this process."""
 
     things: dict[str, Any] = field(default_factory=dict)
+    below: MemoryStore | None = None
 
     def save(self, name: str, thing: Any) -> None:
         """Keep an object."""
@@ -54,11 +66,27 @@ class MemoryStore:
 
     def load(self, name: str) -> Any:
         """An object that was kept."""
+        if name not in self.things and self.below is not None:
+            return self.below.load(name)
         return self.things[name]
 
     def drop(self, name: str) -> None:
         """Forget an object, if there is one."""
         self.things.pop(name, None)
+
+    def clear(self, *but: str) -> None:
+        """Forget all objects but those of some kinds."""
+        for name in [name for name in self.things if name.partition("/")[0] not in but]:
+            del self.things[name]
+
+    @property
+    def base(self) -> MemoryStore:
+        """The store that this one lies above, or itself."""
+        return self.below or self
+
+    def layer(self, name: str) -> MemoryStore:
+        """A store above the base."""
+        return MemoryStore(below=self.base)
 
 
 class _Pickler(pickle.Pickler):
@@ -82,6 +110,7 @@ class FileStore(NamedTuple):
     """One file for each object in a folder; a file is there as a whole or not at all."""
 
     folder: Path
+    below: FileStore | None = None
 
     def save(self, name: str, thing: Any) -> None:
         """Write an object, beside its place first."""
@@ -94,12 +123,32 @@ class FileStore(NamedTuple):
 
     def load(self, name: str) -> Any:
         """Read an object."""
-        with self._path(name).open("rb") as file:
+        path = self._path(name)
+        if self.below is not None and not path.is_file():
+            return self.below.load(name)
+        with path.open("rb") as file:
             return pickle.load(file)
 
     def drop(self, name: str) -> None:
         """Delete the file of an object, if there is one."""
         self._path(name).unlink(missing_ok=True)
+
+    def clear(self, *but: str) -> None:
+        """Delete the files of all objects but those of some kinds."""
+        for path in self.folder.iterdir():
+            if path.is_dir() and path.name not in but:
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.is_file() and path.stem not in but:
+                path.unlink(missing_ok=True)
+
+    @property
+    def base(self) -> FileStore:
+        """The store that this one lies above, or itself."""
+        return self.below or self
+
+    def layer(self, name: str) -> FileStore:
+        """A store above the base."""
+        return FileStore(self.base.folder.with_name(f"{self.base.folder.name}-{name}"), self.base)
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.pickle"

@@ -37,6 +37,9 @@ class Engine(Protocol):
     def result(self, submitted: Any) -> Any:
         """What a task has returned."""
 
+    def layer(self, name: str) -> Engine:
+        """The same with a layer of the store, which tasks leave the rest of it alone with."""
+
 
 class Here(NamedTuple):
     """Tasks one after the other, in this process."""
@@ -50,6 +53,10 @@ class Here(NamedTuple):
     def result(self, submitted: Any) -> Any:
         """What it has returned."""
         return submitted
+
+    def layer(self, name: str) -> Here:
+        """The same with a layer of the store."""
+        return Here(self.store.layer(name))
 
 
 def domains_of(tree: Tree) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ import polars as pl
 from mor.arrays import BoolArray, IntArray
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
 from mor.parameters.index import Index
-from mor.project.domains.parts import OWNED, SHARED, Parts, Section
+from mor.project.domains.parts import OWNED, SHARED, Parts, Section, group_names
 from mor.project.domains.refusals import is_divided
 from mor.project.file.model import Datum, Project
 from mor.project.file.model import Report as NoReport
@@ -38,33 +38,36 @@ class PartNetwork(NamedTuple):
     """True for the domain that counts what all have, the cameras."""
     tables: Mapping[str, tuple[int, ...]]
     """Numbers in the project of its tables of ``points`` and ``images``."""
+    places: tuple[int, ...]
+    """Of its groups of observations among those of the project."""
 
     def common(self, index: Index) -> BoolArray:
         """(u,) unknowns that other domains have, too."""
         found = np.zeros(index.count, dtype=bool)
-        cameras = set(self.network.project.cameras)
         for kind, blocks in index.blocks.items():
-            mine = np.array([self._is_common(kind, name, cameras) for name in blocks.ids], dtype=bool)
+            mine = np.array([self.is_common(kind, name) for name in blocks.ids], dtype=bool)
             columns = index.columns[kind][mine]
             found[columns[columns >= 0]] = True
         return found
 
-    def _is_common(self, kind: str, name: str, cameras: set[str]) -> bool:
+    def is_common(self, kind: str, name: str) -> bool:
+        """True where other domains have a block, too."""
         if name.startswith("image "):
             return name[6:] in self.shared["image"]
         if kind == "point":
             return name in self.shared["point"]
-        return name in cameras
+        return name in self.network.project.cameras
 
     def counts(self, group: ObservationGroup) -> bool | IntArray:
         """Rows of a group that this domain counts; ``True`` where it counts all."""
         if len(group.lines) or group.type.key not in _PRIOR:
             return True
         kind, ids = group.type.slots[-1].kind, self.network.blocks[group.type.slots[-1].kind].ids
-        mine = [self._counts(kind, ids[block]) for block in group.blocks[-1].tolist()]
+        mine = [self.owns(kind, ids[block]) for block in group.blocks[-1].tolist()]
         return True if all(mine) else np.flatnonzero(mine)
 
-    def _counts(self, kind: str, name: str) -> bool:
+    def owns(self, kind: str, name: str) -> bool:
+        """True where this domain is the first to have a block."""
         if name.startswith("image "):
             return name[6:] not in self.foreign["image"]
         if kind == "point":
@@ -104,8 +107,11 @@ def read_part(project: Project, document: Document, parts: Parts, domain: int, s
     foreign = {space: frozenset(mark["foreign"]) for space, mark in marks.items()}
     shared = {space: frozenset(mark["shared"]) for space, mark in marks.items()}
     numbers = {section: tuple(tables) for section, tables in things.items()}
-    found = PartNetwork(network, foreign, shared, domain == 0, numbers)
-    return found._replace(network=replace(network, groups=_counted(found)))
+    found = PartNetwork(network, foreign, shared, domain == 0, numbers, ())
+    groups = _counted(found)
+    order = group_names(project)
+    places = tuple(order.index(group.name) if group.name in order else len(order) for group in groups)
+    return found._replace(network=replace(network, groups=groups), places=places)
 
 
 def _counted(part: PartNetwork) -> tuple[ObservationGroup, ...]:

@@ -21,6 +21,7 @@ from mor.project.domains.refusals import is_divided
 from mor.project.domains.tables import pieces
 from mor.project.file.model import Project
 from mor.project.file.nodes import Document
+from mor.project.network.reading import table_label
 from mor.project.tables.columns import Place
 
 Rows: TypeAlias = Callable[[str, int], Iterator[pl.DataFrame]]
@@ -103,6 +104,16 @@ def names_in_order(project: Project, document: Document, source: Path, section: 
         for number, table in enumerate(getattr(project, section))
         for frame in pieces(table, Place(document, (section, number), source))
         for name in frame["id"].to_list()
+    ]
+
+
+def group_names(project: Project) -> list[str]:
+    """Names of observation groups in the order of their entries: those of tables, then of what is known beforehand."""
+    sections = ("observations", "points", "images", "stations", "systems")
+    return [
+        table_label(section, number, table)
+        for section in sections
+        for number, table in enumerate(getattr(project, section))
     ]
 
 

@@ -21,8 +21,6 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     if project.pairs:
         found.append(("stereo pairs", ("pairs",)))
     settings = project.settings
-    if settings.snooping:
-        found.append(("data snooping", ("settings", "snooping")))
     if settings.robust is not None:
         found.append(("a robust solution", ("settings", "robust")))
     if settings.variance_components == "iterate":
@@ -35,9 +33,6 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         found.append(("relative precision of pairs of points", ("report", "relative")))
     if not isinstance(project.datum, str) and project.datum.minimal is not None:
         found.append(("a minimal datum", ("datum", "minimal")))
-    for number, entry in enumerate(project.observations):
-        if entry.ppm or entry.centring is not None:
-            found.append(("σ that depend on distances", ("observations", number)))
     problems = [
         Problem(f"domains do not do this: {words}; {_INSTEAD}", document.file_of(path), document.line(path))
         for words, path in found

@@ -7,33 +7,29 @@ What goes out a second time stays out until nothing else is to be done; then it 
 may have gone since, and what still does not bear the company of the rest stays out for good. Points at which it may
 have been the wrong ones are looked at in the end (:mod:`mor.quality.gross_errors.other_places`). The two coordinates of
 a ray are one pointing and go together, as long as both are controlled.
+
+A network may be at hand in parts (:class:`Tried`): the rounds are the same.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Set
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment, Iteration
+from mor.adjustment.state import Iteration
 from mor.allowance import LEAST, Allowance, allowed, counted_in, spend
-from mor.arrays import BoolArray, FloatArray
-from mor.observations import is_image_point
+from mor.arrays import BoolArray
+from mor.parameters.index import Values
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.diagnosis.self_check import is_complete
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.other_places import Masks, cost_at, other_places
-from mor.quality.reliability.observation_quality import ObservationQuality
-from mor.quality.tests.test_statistics import comparable
+from mor.quality.gross_errors.worst_first import Entry, Tested, candidates, flagged_rows, worst_first
 
-_BESIDE_THE_WORST = 0.5
-"""Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
-_OF_ITS_ROWS = 10
-"""One of so many rows of a frame or a point may go in a round beside others of it, so that the rest outvotes them."""
 _MOST_ROUNDS = 500
 ADJUSTMENTS = 100
 """Adjustments that snooping may take where a network is large."""
@@ -41,12 +37,10 @@ ASSESSING = 3
 """Iterations that are as much work as assessing an adjustment."""
 _MOST_OUT = 0.5
 """Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
-_LOCAL = ("point", "rotation", "base")
-"""Kinds of blocks by which the error of one observation shows in another one."""
 
 Watcher = Callable[[Iteration], None]
-Block = tuple[str, int]
-"""Kind and number."""
+Out = frozenset[Entry]
+"""What is taken out."""
 
 
 class Snooped(NamedTuple):
@@ -58,13 +52,17 @@ class Snooped(NamedTuple):
     component: int
     test: float
     taken_out: bool
+    part: int = 0
+    """Of the network, where it is in parts."""
 
 
 class Snooping(NamedTuple):
     """Outcome of data snooping."""
 
-    before: Quality
-    """Quality of the adjustment of all observations."""
+    sigma0_before: float
+    """σ0 of the adjustment of all observations."""
+    kept_out: Masks
+    """What took no part even then."""
     quality: Quality
     """Quality of the adjustment without the excluded ones."""
     steps: tuple[Snooped, ...]
@@ -73,7 +71,51 @@ class Snooping(NamedTuple):
 
     def after(self, earlier: Snooping) -> Snooping:
         """Both together, this one being the later."""
-        return self._replace(before=earlier.before, steps=(*earlier.steps, *self.steps))
+        return earlier._replace(quality=self.quality, steps=(*earlier.steps, *self.steps), clean=self.clean)
+
+
+class Excluded(NamedTuple):
+    """An entry that was taken out, against the rest."""
+
+    entry: Entry
+    test: float
+    fits: bool
+    """True where its row may come back: every entry of it that is out fits the rest."""
+
+
+class Tried(Protocol):
+    """An assessed adjustment without what is out; of a network as a whole, or of one in parts."""
+
+    @property
+    def redundancy(self) -> int:
+        """n − u + d."""
+
+    @property
+    def excluded(self) -> tuple[Excluded, ...]:
+        """What is out, in order."""
+
+    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+        """What goes in a round, the worst first, entries in ``cannot`` apart; nothing where nothing is flagged."""
+
+    def without(self, out: Out) -> Self | None:
+        """The same without other entries, or nothing where that is no solution.
+
+        Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
+        """
+
+    def elsewhere(self, out: Out) -> tuple[Self, Out] | None:
+        """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
+
+
+T = TypeVar("T", bound=Tried)
+
+
+class Ended(NamedTuple, Generic[T]):
+    """How the rounds of data snooping ended."""
+
+    tried: T
+    steps: tuple[Snooped, ...]
+    clean: bool
 
 
 def snoop(
@@ -81,213 +123,169 @@ def snoop(
     quality: Quality,
     levels: Levels,
     aposteriori: bool,
-    excluded: tuple[BoolArray, ...] | None = None,
+    excluded: Masks | None = None,
     watch: Watcher | None = None,
 ) -> Snooping:
     """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
-    state = _State(problem, levels, aposteriori, watch)
-    kept_out = tuple(group.left_out for group in problem.groups)
-    first, out = quality, tuple(mask.copy() for mask in kept_out)
+    first = _Whole(problem, levels, aposteriori, watch, quality)
+    begun, out = None, Out()
     if excluded is not None:
-        wanted = tuple(a | b for a, b in zip(out, excluded, strict=True))
-        begun = state.assessed(quality.adjustment, wanted)
-        if begun is not None:
-            quality, out = begun, wanted
+        out = entries_of(
+            tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True))
+        )
+        begun = first.without(out)
+    tried, out = (begun, out) if begun is not None else (first, Out())
+    further = Allowance(allowed(problem.observations, ADJUSTMENTS, LEAST // 2))
+    ended = rounds(tried, out, first.redundancy, further)
+    kept_out = tuple(group.left_out for group in problem.groups)
+    return Snooping(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
+
+
+def rounds(tried: T, out: Out, redundancy: int, further: Allowance) -> Ended[T]:
+    """Take out and put back until nothing else is to be done, or all is spent that it may take.
+
+    ``redundancy`` is that of all observations.
+    """
     steps: list[Snooped] = []
-    stays_out, for_good, cannot = (tuple(np.zeros_like(mask) for mask in out) for _ in range(3))
-    clean, further = False, Allowance(allowed(problem.observations, ADJUSTMENTS, LEAST // 2))
+    stays_out, for_good, cannot = set[Entry](), set[Entry](), set[Entry]()
+    clean = False
     for number in range(1, _MOST_ROUNDS + 1):
-        chosen = _worst(quality, cannot)
-        fitting = _fitting(quality, kept_out, stays_out)
+        chosen = tried.worst(cannot)
+        fitting = _fitting(tried, stays_out)
         if not chosen and not fitting:
-            fitting = _fitting(quality, kept_out, for_good)
-            _mark(for_good, fitting)
+            fitting = _fitting(tried, for_good)
+            for_good.update(one.entry for one in fitting)
         if not chosen and not fitting:
             with counted_in(further):
-                elsewhere = state.elsewhere(quality, out) if further.is_left else None
+                elsewhere = tried.elsewhere(out) if further.is_left else None
             if elsewhere is not None:
                 there, others = elsewhere
-                _remember(steps, number, quality, _but(out, others), out)
-                _remember(steps, number, there, _but(others, out), out)
-                quality, out = there, others
+                steps += _steps(number, _tested(tried, out - others), out)
+                steps += _steps(number, _tested(there, others - out), out)
+                tried, out = there, others
                 continue
-            clean = not any((flags & ~bad).any() for flags, bad in zip(quality.flagged, cannot, strict=True))
-            clean = clean and not any(bad.any() for bad in cannot)
+            clean = not cannot
             break
-        if _taken_out(out, kept_out) > _MOST_OUT * first.redundancy:
+        if len(out) > _MOST_OUT * redundancy:
             break  # it is not single errors that do not fit
         if not further.is_left:
             break
         for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
-            tried = _changed(out, change)
+            wanted = out ^ {one.entry for one in change}
             with counted_in(further):
-                found = state.assessed(quality.adjustment, tried)
+                found = tried.without(wanted)
             if found is not None:
-                _remember(steps, number, quality, change, out)
-                _mark(stays_out, [entry for entry in change if out[entry[0]][entry[1:]]])
-                quality, out = found, tried
+                steps += _steps(number, change, out)
+                stays_out |= out - wanted
+                tried, out = found, wanted
                 break
         else:
-            _mark(cannot if chosen else stays_out, chosen[:1] or fitting[:1])
-            _mark(for_good, [] if chosen else fitting[:1])
-    return Snooping(first, quality, tuple(steps), clean)
+            (cannot if chosen else stays_out).add((chosen or fitting)[0].entry)
+            for_good.update(one.entry for one in ([] if chosen else fitting[:1]))
+    return Ended(tried, tuple(steps), clean)
 
 
-Entries = list[tuple[int, int, int]]
+def _fitting(tried: Tried, stays_out: Set[Entry]) -> list[Tested]:
+    """Excluded entries that may come back."""
+    return [Tested(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out]
 
 
-class _State(NamedTuple):
-    """What every round needs."""
+def _tested(tried: Tried, entries: Set[Entry]) -> list[Tested]:
+    return [Tested(one.entry, one.test) for one in tried.excluded if one.entry in entries]
+
+
+def _steps(number: int, changed: list[Tested], out: Out) -> list[Snooped]:
+    return [
+        Snooped(number, *one.entry[:3], one.test, one.entry not in out, one.entry.part) for one in changed
+    ]
+
+
+def excluded_entries(quality: Quality, kept_out: Masks, part: int = 0) -> tuple[Excluded, ...]:
+    """What is out of an adjustment, and not kept out of it, in the order of groups and rows."""
+    found: list[Excluded] = []
+    for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, kept_out, strict=True)):
+        out: BoolArray = group.left_out & ~kept
+        rows = np.flatnonzero(out.any(axis=1))
+        if not len(rows):
+            continue
+        tests = quality.reliability[number].at(rows).test
+        fits: BoolArray = np.asarray(~(out[rows] & ~(np.abs(tests) < quality.critical)).any(axis=1))
+        found += [
+            Excluded(Entry(number, int(rows[k]), int(c), part), float(tests[k, c]), bool(fits[k]))
+            for k, c in np.argwhere(out[rows])
+        ]
+    return tuple(found)
+
+
+class _Whole(NamedTuple):
+    """A network as a whole."""
 
     problem: Problem
+    """With nothing out but what is kept out."""
     levels: Levels
     aposteriori: bool
     watch: Watcher | None
+    quality: Quality
 
-    def assessed(self, last: Adjustment, out: tuple[BoolArray, ...]) -> Quality | None:
-        """Quality without the entries ``out``, or nothing where that is no solution.
+    @property
+    def redundancy(self) -> int:
+        return self.quality.redundancy
 
-        Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
-        """
-        adjustment = adjust(exclude(self.problem, out), last.values, watch=self.watch)
+    @property
+    def excluded(self) -> tuple[Excluded, ...]:
+        return excluded_entries(self.quality, self._kept_out)
+
+    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+        return worst_first(candidates(flagged_rows(self.quality), cannot), {})
+
+    def without(self, out: Out) -> _Whole | None:
+        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
+
+    def elsewhere(self, out: Out) -> tuple[_Whole, Out] | None:
+        values = self.quality.adjustment.values
+        other = other_places(self.problem, values, masks_of(self._kept_out, out))
+        if other is None:
+            return None
+        found = self._from(other.values, other.out)
+        if found is None:
+            return None
+        there = found.quality.adjustment.values
+        better = cost_at(self.problem, there) < cost_at(self.problem, values)
+        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
+        return (found, entries_of(others)) if better else None
+
+    @property
+    def _kept_out(self) -> Masks:
+        return tuple(group.left_out for group in self.problem.groups)
+
+    def _from(self, values: Values, out: Masks) -> _Whole | None:
+        """From other values, without other entries."""
+        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
         if not adjustment.outcome.is_solution:
             return None
         spend(ASSESSING * adjustment.plan.work)
         quality = assess(adjustment, self.levels, self.aposteriori)
-        return quality if is_complete(quality.redundancy_sum, quality.redundancy) else None
-
-    def elsewhere(self, quality: Quality, out: Masks) -> tuple[Quality, Masks] | None:
-        """Quality with points where all their observations put them, and what is out then; nothing where they stay."""
-        values = quality.adjustment.values
-        other = other_places(self.problem, values, out)
-        if other is None:
-            return None
-        found = self.assessed(quality.adjustment._replace(values=other.values), other.out)
-        better = found is not None and cost_at(self.problem, found.adjustment.values) < cost_at(
-            self.problem, values
-        )
-        return (found, other.out) if found is not None and better else None
+        complete = is_complete(quality.redundancy_sum, quality.redundancy)
+        return self._replace(quality=quality) if complete else None
 
 
-def _but(masks: Masks, others: Masks) -> Entries:
-    """Entries of the masks that are not in the others."""
-    pairs = zip(masks, others, strict=True)
-    return [(k, int(row), int(entry)) for k, (a, b) in enumerate(pairs) for row, entry in np.argwhere(a & ~b)]
+def without_entries(problem: Problem, out: Collection[Entry]) -> Problem:
+    """A problem that keeps nothing out, without some entries."""
+    return exclude(problem, masks_of(tuple(group.left_out for group in problem.groups), out))
 
 
-def _taken_out(out: tuple[BoolArray, ...], kept_out: tuple[BoolArray, ...]) -> int:
-    return sum(int(np.count_nonzero(now & ~before)) for now, before in zip(out, kept_out, strict=True))
+def entries_of(masks: Masks, part: int = 0) -> Out:
+    """The entries that are true in masks (n, m) of each group."""
+    return Out(
+        Entry(number, int(row), int(component), part)
+        for number, mask in enumerate(masks)
+        for row, component in np.argwhere(mask)
+    )
 
 
-def _mark(masks: tuple[BoolArray, ...], entries: Entries) -> None:
-    for group, row, component in entries:
-        masks[group][row, component] = True
-
-
-def _changed(out: tuple[BoolArray, ...], entries: Entries) -> tuple[BoolArray, ...]:
-    changed = tuple(mask.copy() for mask in out)
-    for group, row, component in entries:
-        changed[group][row, component] ^= True
-    return changed
-
-
-def _remember(
-    steps: list[Snooped], number: int, quality: Quality, entries: Entries, out: tuple[BoolArray, ...]
-) -> None:
-    for group, row, component in entries:
-        value = float(quality.reliability[group].at(np.array([row])).test[0, component])
-        steps.append(Snooped(number, group, row, component, value, not out[group][row, component]))
-
-
-def _worst(quality: Quality, cannot: tuple[BoolArray, ...]) -> Entries:
-    """The worst observation, and others nearly as bad that are not so for its error, nor for each other's."""
-    sizes = [
-        comparable(np.where(flags & ~bad, np.abs(one.test), 0.0))
-        for flags, bad, one in zip(quality.flagged, cannot, quality.reliability, strict=True)
-    ]
-    rows = [size.max(axis=1) if size.size else np.zeros(0) for size in sizes]
-    largest = max((float(row.max()) for row in rows if row.size), default=0.0)
-    if largest == 0.0:
-        return []
-    candidates = [
-        (float(row[i]), group, int(i))
-        for group, row in enumerate(rows)
-        for i in np.flatnonzero(row >= max(_BESIDE_THE_WORST * largest, np.nextafter(0.0, 1.0)))
-    ]
-    absorbed = [_absorbed_of_controlled(one) for one in quality.groups]
-    room = _room(quality.adjustment.problem)
-    used: dict[Block, float] = {}
-    chosen: Entries = []
-    for _, group, row in sorted(candidates, key=lambda candidate: (-candidate[0], *candidate[1:])):
-        blocks, own = _local_blocks(quality, group, row), float(absorbed[group][row])
-        shared = blocks & used.keys()
-        if not shared or (
-            own * max(used[block] for block in shared) <= _BESIDE_THE_WORST**2
-            and min(room[block] for block in shared) > 0
-        ):
-            for block in blocks:
-                used[block], room[block] = max(own, used.get(block, 0.0)), room[block] - 1
-            chosen += _together(quality, group, row, sizes[group][row])
-    return chosen
-
-
-def _room(problem: Problem) -> Counter[Block]:
-    """How many rows of each block may go in one round."""
-    rows: Counter[Block] = Counter()
-    for group in problem.groups:
-        taking_part = (group.mask & ~group.left_out).any(axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind in _LOCAL:
-                counts = np.bincount(blocks[taking_part])
-                rows.update(
-                    {(slot.kind, block): int(counts[block]) for block in np.flatnonzero(counts).tolist()}
-                )
-    return Counter({block: count // _OF_ITS_ROWS for block, count in rows.items()})
-
-
-def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
-    """(n,) the largest (1 − r)/r of a row's components; infinite for correlated ones.
-
-    An error shows in another observation by the correlation ρ of their residuals, wᵢ = ρᵢⱼ wⱼ, and as that of adjusted
-    observations is 1 at most, ρ² ≤ (1 − rᵢ)/rᵢ · (1 − rⱼ)/rⱼ.
-    """
-    r = np.nan_to_num(one.r, nan=1.0)
-    found: FloatArray = np.max((1.0 - r) / np.maximum(r, np.finfo(float).tiny), axis=1, initial=0.0)
-    if one.correlated is not None:
-        found[one.correlated.rows] = np.inf
-    return found
-
-
-def _local_blocks(quality: Quality, group: int, row: int) -> set[Block]:
-    """Free points and frames of an observation."""
-    problem = quality.adjustment.problem
-    one = problem.groups[group]
-    return {
-        (slot.kind, int(blocks[row]))
-        for slot, blocks in zip(one.type.slots, one.blocks, strict=True)
-        if slot.kind in _LOCAL and (problem.index.columns[slot.kind][blocks[row]] >= 0).any()
-    }
-
-
-def _together(quality: Quality, group: int, row: int, sizes: FloatArray) -> Entries:
-    """The worst component of a row; all components of a ray, where each is controlled for itself."""
-    one = quality.adjustment.problem.groups[group]
-    active = np.flatnonzero(one.mask[row] & ~one.left_out[row])
-    if is_image_point(one.type) and quality.groups[group].at(np.array([row])).freedom[0, active].max() >= len(
-        active
-    ):
-        return [(group, row, int(component)) for component in active]
-    return [(group, row, int(np.argmax(sizes)))]
-
-
-def _fitting(quality: Quality, kept_out: tuple[BoolArray, ...], stays_out: tuple[BoolArray, ...]) -> Entries:
-    """Excluded rows of which every entry fits the rest."""
-    entries: Entries = []
-    for number, group in enumerate(quality.adjustment.problem.groups):
-        out = group.left_out & ~kept_out[number]
-        if not out.any():
-            continue
-        misfits: BoolArray = out & ~(np.abs(quality.reliability[number].test) < quality.critical)
-        fits = out & ~stays_out[number] & ~np.any(misfits, axis=1, keepdims=True)
-        entries += [(number, int(row), int(component)) for row, component in np.argwhere(fits)]
-    return entries
+def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
+    """Masks (n, m) of each group that are true for what is kept out, and for some entries."""
+    masks = tuple(mask.copy() for mask in kept_out)
+    for entry in out:
+        masks[entry.group][entry.row, entry.component] = True
+    return masks

@@ -14,6 +14,7 @@ the part of the changed observations that is controlled (``hypotheses/controlled
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,14 +41,39 @@ def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.
     ``most``: what k may be at most, told by all observations, where these are only some: a few that contradict each
     other would have any k at a place that fits none of them.
     """
-    every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
+    every = observed(sizes)
     factor = min(factor_of_sigmas(sizes), most)
-    plain = float(np.sum(costs_of_sizes(every, count)))
+    return cost_of_sums(sums_of_costs(every, factor, count), factor)
+
+
+class Costs(NamedTuple):
+    """Sums over some observations."""
+
+    plain: float
+    """Σ min(s², 2 ln n + 2 ln s) with k = 1."""
+    scaled: float
+    """The same with another k."""
+    size: int
+    """Their number."""
+
+
+def sums_of_costs(sizes: FloatArray, factor: float, count: int) -> Costs:
+    """Sums over |v|/σ (s,) out of ``count`` observations, with k = 1 and with ``factor``, where that is larger."""
+    plain = float(np.sum(costs_of_sizes(sizes, count)))
+    scaled = float(np.sum(costs_of_sizes(sizes / factor, count))) if factor > 1.0 else plain
+    return Costs(plain, scaled, sizes.size)
+
+
+def cost_of_sums(sums: Costs, factor: float) -> float:
+    """What observations cost, with the better of k = 1 and k = ``factor``."""
     if factor <= 1.0:
-        return plain
-    return min(
-        plain, float(np.sum(costs_of_sizes(every / factor, count))) + 2.0 * every.size * float(np.log(factor))
-    )
+        return sums.plain
+    return min(sums.plain, sums.scaled + 2.0 * sums.size * float(np.log(factor)))
+
+
+def observed(sizes: Sequence[FloatArray]) -> FloatArray:
+    """(s,) all |v|/σ of groups that are not 0."""
+    return np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
 
 
 def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
@@ -59,7 +85,7 @@ def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
 
 def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
     """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
-    every = np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
+    every = observed(sizes)
     return robust_sigma(every) if every.size else 1.0
 
 

@@ -18,7 +18,7 @@ from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import cost_of_residuals, sizes_of
 from mor.quality.gross_errors.reintersection import SUSPECT, reintersected, slots_of_ends
 
-_BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
+BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
 """What another place must cost less, that chance does not put it first at the level 0.001."""
 
 Masks = tuple[BoolArray, ...]
@@ -42,16 +42,21 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
         (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
     ):
         return None
-    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=_BEYOND_CHANCE)
+    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BEYOND_CHANCE)
+    return out_elsewhere(problem, values, moved, out)
+
+
+def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -> Elsewhere | None:
+    """What is out where points have moved: of these all that is suspect there, of the others what was out."""
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():
         return None
     sizes = sizes_of(problem.groups, moved)
     masks = tuple(mask.copy() for mask in out)
-    for group, size, kept, mask in zip(problem.groups, sizes, kept_out, masks, strict=True):
+    for group, size, mask in zip(problem.groups, sizes, masks, strict=True):
         rows = _of(group, points)
         suspect = (size > SUSPECT).any(axis=1, keepdims=True)
-        mask[rows] = (kept | (group.mask & suspect))[rows]
+        mask[rows] = (group.left_out | (group.mask & suspect))[rows]
     return Elsewhere(moved, masks)
 
 

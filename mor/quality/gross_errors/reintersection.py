@@ -27,7 +27,7 @@ from mor.quality.gross_errors.description_length import (
 
 SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
-_POINTS = 200
+POINTS = 200
 """Points that are looked at, the most doubtful first."""
 _SHARED = 3
 """Components of observations that may fit a point at two places."""
@@ -86,21 +86,44 @@ def reintersected(
     ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
     cost less. ``but``: points that are not looked at.
     """
-    points = values["point"].copy()
+    middle = np.nanmedian(values["point"], axis=0)
+    among = Among(problem.observations, middle, factor_of_sigmas(sizes))
+    return intersected_anew(problem, values, points_in_doubt(problem, sizes, but), among, starts, gain)
+
+
+class Among(NamedTuple):
+    """What is to be known of all observations and points to look at one."""
+
+    observations: int
+    """Their number."""
+    middle: FloatArray
+    """(3,) median of all points."""
+    most: float
+    """Robust factor of all σ."""
+
+
+def intersected_anew(
+    problem: Problem,
+    values: Values,
+    points: Collection[int],
+    among: Among,
+    starts: Starts | None = None,
+    gain: float = 0.0,
+) -> dict[str, FloatArray]:
+    """Values with some points where they cost least, as :func:`reintersected`."""
+    moved = values["point"].copy()
     columns = problem.index.columns["point"]
-    middle = np.nanmedian(points, axis=0)
-    most = factor_of_sigmas(sizes)
-    for point in points_in_doubt(problem, sizes, but):
+    for point in points:
         told = _told_of(problem, point)
         if (columns[point] >= 0).any() and len(_components(told)) > 3:
-            places = np.array([points[point], *_meetings(told, values, [points[point], middle])])
-            costs = _costs(told, values, places, problem.observations, most)
+            places = np.array([moved[point], *_meetings(told, values, [moved[point], among.middle])])
+            costs = _costs(told, values, places, among.observations, among.most)
             costs[0] -= gain
             if starts is not None:
-                costs += starts.costs(places, np.full(len(places), point), problem.observations)
+                costs += starts.costs(places, np.full(len(places), point), among.observations)
             found = places[int(np.argmin(costs))]
-            points[point] = np.where(columns[point] >= 0, found, points[point])
-    return {**values, "point": points}
+            moved[point] = np.where(columns[point] >= 0, found, moved[point])
+    return {**values, "point": moved}
 
 
 def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:
@@ -137,6 +160,14 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
     two rays meet once, a ray and a distance or three distances twice. So as many components as are suspect, and three,
     are outvoted by what fits, if that is more. So many as are looked at, less the others (``but``).
     """
+    points, _ = doubtful_points(problem, sizes, but)
+    return [int(k) for k in points[: max(POINTS - len(but), 0)]]
+
+
+def doubtful_points(
+    problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()
+) -> tuple[IntArray, IntArray]:
+    """All points in doubt (k,), the most doubtful first, and by how much more fits than is suspect at each (k,)."""
     bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
         used = group.mask & ~group.left_out
@@ -147,8 +178,9 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
             np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
     in_doubt = (bad > 0) & (good <= bad + _SHARED)
     in_doubt[list(but)] = False
-    order = np.argsort(np.where(in_doubt, good - bad, np.iinfo(np.int64).max), kind="stable")
-    return [int(k) for k in order[: min(max(_POINTS - len(but), 0), np.count_nonzero(in_doubt))]]
+    points = np.flatnonzero(in_doubt)
+    points = points[np.argsort((good - bad)[points], kind="stable")]
+    return points, (good - bad)[points]
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:

@@ -6,10 +6,12 @@ half: it agrees with itself, and no test of what was taken out against the rest 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
+from mor.arrays import IntArray
 from mor.quality.gross_errors.data_snooping import Snooping
 
 _FRAMES = ("image", "station", "system")
@@ -17,7 +19,7 @@ _AT_LEAST = 3
 """Observations taken out from which on something is told."""
 
 
-class MostlyOut(NamedTuple):
+class TakenOut(NamedTuple):
     """A thing and its observation rows."""
 
     kind: str
@@ -26,23 +28,47 @@ class MostlyOut(NamedTuple):
     excluded: int
     observations: int
 
+    @property
+    def mostly(self) -> bool:
+        """True where more than half were taken out."""
+        return is_mostly_out(self.excluded, self.observations)
 
-def mostly_out(snooping: Snooping) -> list[MostlyOut]:
+
+def is_mostly_out(excluded: int, observations: int) -> bool:
+    """True where more than half of some rows were taken out, and enough to tell."""
+    return 2 * excluded > observations and excluded >= _AT_LEAST
+
+
+def mostly_out(snooping: Snooping) -> list[TakenOut]:
     """Frames and points of which more than half of the observations were taken out."""
-    before, after = (quality.adjustment.problem for quality in (snooping.before, snooping.quality))
+    return [one for one in taken_out(snooping) if one.mostly]
+
+
+def taken_out(snooping: Snooping, also: Collection[tuple[str, str]] = ()) -> list[TakenOut]:
+    """Frames and points of which observations were taken out; ``also`` some others (kind, name), where observed."""
+    blocks = snooping.quality.adjustment.problem.index.blocks
     found = []
     for kind in ("rotation", "point"):
-        if kind not in after.index.blocks:
+        if kind not in blocks:
             continue
-        count = len(after.index.blocks[kind].ids)
-        out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-        for earlier, group in zip(before.groups, after.groups, strict=True):
-            inside = (earlier.mask & ~earlier.left_out).any(axis=1)
-            gone = inside & (group.left_out & ~earlier.left_out).any(axis=1)
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-                if slot.kind == kind and (kind == "rotation" or slot.of not in _FRAMES):
-                    out += np.bincount(blocks[gone], minlength=count)
-                    whole += np.bincount(blocks[inside], minlength=count)
-        most = np.flatnonzero((2 * out > whole) & (out >= _AT_LEAST))
-        found += [MostlyOut(kind, int(b), int(out[b]), int(whole[b])) for b in most]
+        ids = blocks[kind].ids
+        out, whole = _counted(snooping, kind, len(ids))
+        told = out > 0
+        if also:
+            told |= (whole > 0) & np.array([(kind, name) in also for name in ids], dtype=bool)
+        found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in np.flatnonzero(told)]
     return found
+
+
+def _counted(snooping: Snooping, kind: str, count: int) -> tuple[IntArray, IntArray]:
+    """(b,) rows of each block of a kind that were taken out, and that there were."""
+    out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    groups = snooping.quality.adjustment.problem.groups
+    for kept_out, group in zip(snooping.kept_out, groups, strict=True):
+        inside = (group.mask & ~kept_out).any(axis=1)
+        gone = inside & (group.left_out & ~kept_out).any(axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind and (kind == "rotation" or slot.of not in _FRAMES):
+                out += np.bincount(blocks[gone], minlength=count)
+                whole += np.bincount(blocks[inside], minlength=count)
+    return out, whole

@@ -27,7 +27,7 @@ from mor.report.tables.estimates import (
     variance_components,
 )
 from mor.report.tables.features import feature_table
-from mor.report.tables.reliability import fixed_point_rows, gross_errors
+from mor.report.tables.reliability import fixed_point_rows, gross_errors, taken_out_rows
 from mor.report.verdict.reliability_map import (
     KINDS,
     MOST,
@@ -73,6 +73,8 @@ class Contribution(NamedTuple):
     interiors: dict[str, dict[str, Any]]
     """Of images that have one of their own."""
     gross_errors: dict[str, Any]
+    taken_out: list[tuple[str, dict[str, Any]]]
+    """By data snooping: everything that it took an observation of, and what others have, too."""
     reliability: dict[str, Any] | None
     shared: dict[str, list[Shared]]
     """By ``points``, ``images``."""
@@ -80,10 +82,12 @@ class Contribution(NamedTuple):
     fixed: int
     """Fixed coordinates that the domain counts."""
     tests_of_fixed: int
-    """Degrees of freedom of their tests."""
-    untested: int
-    """Fixed points that other domains observe, too: no single domain can test them."""
+    """Degrees of freedom of the tests of those that no other domain observes."""
+    fixed_in_several: int
+    """Fixed points that other domains have, too: no single domain can test them."""
     tests: list[Test]
+    steps: tuple[int, ...] = ()
+    """Numbers of its steps of data snooping among those of all domains."""
 
 
 def contribution(
@@ -98,8 +102,8 @@ def contribution(
     assert quality is not None
     fixed = _fixed(solved)
     counted = {name: count for name, count in fixed.items() if name not in foreign}
-    alone = not any(name in shared["point"] for name in fixed)
-    tests = fixed_point_tests(quality) if alone else []
+    ids = solved.network.blocks["point"].ids
+    tests = [test for test in fixed_point_tests(quality) if ids[test.point] not in shared["point"]]
     return Contribution(
         statistics={**statistics(solved), "uncontrolled": uncontrolled_count(quality)},
         groups=group_table(solved).to_dicts(),
@@ -112,13 +116,20 @@ def contribution(
         checks=check_rows(solved),
         interiors=image_interiors(solved),
         gross_errors=gross_errors(solved),
+        taken_out=taken_out_rows(solved, _blocks_of_several(shared)),
         **_reliability(solved, shared),
         fixed_points=[row for row in fixed_point_rows(solved) if row["id"] not in shared["point"]],
         fixed=sum(counted.values()),
         tests_of_fixed=sum(test.freedom for test in tests),
-        untested=sum(name in shared["point"] for name in counted),
+        fixed_in_several=sum(name in shared["point"] for name in counted),
         tests=_tests(solved, quality, domain, images),
     )
+
+
+def _blocks_of_several(shared: dict[str, frozenset[str]]) -> set[tuple[str, str]]:
+    """Kind and name of the blocks that are counted as points and images that others have, too."""
+    points = {("point", name) for name in shared["point"]}
+    return points | {("rotation", f"image {name}") for name in shared["image"]}
 
 
 def _fixed(solved: Solved) -> dict[str, int]:

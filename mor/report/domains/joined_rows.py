@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from mor.quality.gross_errors.rejected_as_a_whole import is_mostly_out
 from mor.quality.reliability.effects import AT_LEAST
 from mor.quality.reliability.effects import MOST as EXPLAINED
 from mor.quality.tests.group_tests import GroupTests, Summed, TestedWhole, tests_of_sums
@@ -62,11 +64,45 @@ def check_rows(parts: Iterable[Contribution]) -> list[Row]:
     return [row for part in parts for row in part.checks]
 
 
-def gross_errors(parts: Sequence[Contribution], flagged: int) -> Row:
-    """Levels, and the worst of the suspicious observations of all domains."""
+def gross_errors(parts: Sequence[Contribution], flagged: int, order: Mapping[str, Sequence[str]]) -> Row:
+    """Levels, the worst of the suspicious observations of all domains, what data snooping did.
+
+    ``order`` has the names of points and images as they are to be listed where there are few.
+    """
     rows = [row for part in parts for row in part.gross_errors["suspicious"]]
     worst = sorted(rows, key=lambda row: -abs(row["w"]))[: min(flagged, EXPLAINED) or AT_LEAST]
-    return {**parts[0].gross_errors, "suspicious": worst}
+    return {**parts[0].gross_errors, "suspicious": worst, "snooping": _snooping(parts, order)}
+
+
+def _snooping(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]]) -> Row | None:
+    """Steps of all domains in their order, and of what most observations are out in all of them together."""
+    told = parts[0].gross_errors["snooping"]
+    if told is None:
+        return None
+    steps = sorted(
+        (
+            pair
+            for one in parts
+            for pair in zip(one.steps, one.gross_errors["snooping"]["steps"], strict=True)
+        ),
+        key=lambda pair: pair[0],
+    )
+    sums: dict[tuple[str, str], Row] = {}
+    for kind, row in (pair for one in parts for pair in one.taken_out):
+        known = sums.setdefault((kind, row["id"]), {**row, "excluded": 0, "observations": 0})
+        for key in ("excluded", "observations"):
+            known[key] += row[key]
+    mostly = [row for row in sums.values() if is_mostly_out(row["excluded"], row["observations"])]
+    places = {of: {name: k for k, name in enumerate(order[f"{of}s"])} for of in ("image", "point")}
+    mostly.sort(key=lambda row: (row["of"] == "point", places.get(row["of"], {}).get(row["id"], 0)))
+    return {**told, "steps": [row for _, row in steps], "mostly_out": mostly}
+
+
+def points_in_several(parts: Sequence[Contribution]) -> int:
+    """Number of points of which data snooping took something out, and that several domains observe."""
+    rows = [(row["id"], row["excluded"]) for one in parts for kind, row in one.taken_out if kind == "point"]
+    observed = Counter(name for name, _ in rows)
+    return len({name for name, excluded in rows if excluded and observed[name] > 1})
 
 
 def reliability(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]]) -> Row | None:

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from mor.errors import Problem
+from mor.project.domains.parts import group_names
 from mor.project.file.model import Project
 from mor.project.network.build import datum_name
-from mor.project.network.reading import table_label
 from mor.quality.assess import Whole
 from mor.quality.tests.group_tests import TestedWhole
 from mor.quality.tests.test_statistics import global_test
@@ -21,6 +21,7 @@ from mor.report.domains.joined_rows import (
     distinct,
     gross_errors,
     group_rows,
+    points_in_several,
     reliability,
     tests_of_groups,
 )
@@ -46,8 +47,11 @@ def results_of_domains(
     said: Mapping[str, Any],
     order: Sequence[str],
     loose: Sequence[str] = (),
+    fixed: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
     """Content of ``results.json``; ``said`` are identity and notes, ``loose`` unknowns that nothing determines.
+
+    ``fixed`` are the tests of fixed points that several domains observe.
 
     ``order`` are the names of the images as the project has them. Residuals are in their table alone.
     """
@@ -64,10 +68,11 @@ def results_of_domains(
         "flagged": flagged,
         "uncontrolled": uncontrolled,
     }
-    groups = group_rows([part.groups for part in parts], _names_of_groups(project))
+    groups = group_rows([part.groups for part in parts], group_names(project))
     places = {"group": [row["name"] for row in groups], "image": order}
-    judged, remarks = _verdict(parts, ended, whole, uncontrolled, places)
+    judged, remarks = _verdict(parts, ended, whole, uncontrolled, places, fixed)
     notes = [*said["notes"], *({"message": str(one), "file": "", "line": 0} for one in remarks)]
+    names = {"images": order, "points": _ids(inlined.points)}
     interiors = {name: one for part in parts for name, one in part.interiors.items()}
     images = inlined.images.to_dicts() if inlined.images is not None else None
     return {
@@ -75,7 +80,7 @@ def results_of_domains(
         **said,
         "notes": notes,
         "verdict": judged,
-        "reliability": reliability(parts, {"images": order, "points": _ids(inlined.points)}),
+        "reliability": reliability(parts, names),
         **_NOTHING_MORE,
         "points": inlined.points.to_dicts() if inlined.points is not None else None,
         "images": with_interiors(images, interiors) if images is not None else None,
@@ -86,8 +91,8 @@ def results_of_domains(
         "others": distinct((row for part in parts for row in part.others), "kind", "id"),
         "groups": groups,
         "variance_components": parts[0].variance_components,
-        "gross_errors": gross_errors(parts, flagged),
-        "fixed_points": [row for part in parts for row in part.fixed_points],
+        "gross_errors": gross_errors(parts, flagged, names),
+        "fixed_points": [*(row for part in parts for row in part.fixed_points), *fixed],
         "checks": check_rows(parts),
         "tables": dict(tables),
         "residuals": None,
@@ -111,31 +116,20 @@ def _ids(frame: pl.DataFrame | None) -> list[str]:
     return frame["id"].to_list() if frame is not None else []
 
 
-def _names_of_groups(project: Project) -> list[str]:
-    """Names of observation groups in the order of their entries: those of tables, then of what is known beforehand."""
-    sections = ("observations", "points", "images", "stations", "systems")
-    return [
-        table_label(section, number, table)
-        for section in sections
-        for number, table in enumerate(getattr(project, section))
-    ]
-
-
 def _verdict(
     parts: Sequence[Contribution],
     ended: Ended,
     whole: Whole,
     uncontrolled: int,
     places: Mapping[str, Sequence[str]],
+    fixed: Sequence[dict[str, Any]],
 ) -> tuple[dict[str, Any], list[Problem]]:
     """The verdict, and what domains cannot say of it."""
     overall = whole.levels.overall
     tested = TestedWhole(ended.observations, whole.redundancy, whole.omega, overall)
     tests, open_ = tests_of_groups(parts, tested, places)
-    untested = sum(part.untested for part in parts)
-    only = untested == 0 and only_chosen_of(
-        sum(part.fixed for part in parts), sum(part.tests_of_fixed for part in parts)
-    )
+    freedom = sum(part.tests_of_fixed for part in parts) + sum(row["freedom"] for row in fixed)
+    only = only_chosen_of(sum(part.fixed for part in parts), freedom)
     judged = Verdict(tests, (), tests.all_alike, only)
     test = global_test(whole.omega, whole.redundancy, overall)
     accepted = test.accepted and not judged.contradicted if whole.redundancy > 0 else None
@@ -146,9 +140,11 @@ def _verdict(
         remarks.append(Problem(f"domains: {words}: p is an upper bound there"))
     if tests.rejected:
         remarks.append(Problem("domains: what would explain the groups that reject is not looked for"))
-    if untested:
+    if unlooked := points_in_several(parts):
         remarks.append(
-            Problem(f"domains: fixed points without a test, as several domains observe them: {untested}")
+            Problem(
+                f"domains: points that are not intersected anew, as several domains observe them: {unlooked}"
+            )
         )
     return rows, remarks
 

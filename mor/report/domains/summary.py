@@ -14,6 +14,7 @@ from mor.quality.tests.test_statistics import GlobalTest
 from mor.report.columns import paragraphs
 from mor.report.layout import fixed, heading, short, table
 from mor.report.text import checks
+from mor.report.text.reliability import snooped_in_words
 from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
@@ -36,6 +37,7 @@ class Solution(NamedTuple):
     verdict: dict[str, Any]
     reliability: dict[str, Any] | None
     checks: list[dict[str, Any]]
+    snooping: dict[str, Any] | None
     """As ``results.json`` has them."""
     length: str
     """Unit of lengths."""
@@ -129,6 +131,7 @@ def as_text(summary: Summary, words: Words = ENGLISH) -> str:
             _groups(one, words),
             _cameras(one, words),
             _worst(one, words),
+            "\n".join(snooped_in_words(one.snooping, words)),
         ]
     sections += [_iterations(summary, words), _domains(summary, words)]
     return escaped("\n\n".join(section for section in sections if section) + "\n")

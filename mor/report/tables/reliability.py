@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
+from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.gross_errors.data_snooping import Snooped
-from mor.quality.gross_errors.rejected_as_a_whole import MostlyOut, mostly_out
+from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out, taken_out
 from mor.quality.reliability.effects import Effect
 from mor.quality.solved import Solved
-from mor.quality.tests.fixed_coordinates import fixed_point_tests
+from mor.quality.tests.fixed_coordinates import FixedPointTest, fixed_point_tests
 from mor.quality.tests.levels import chi2_level
 from mor.report.edge import said, said_differences, said_signs, said_sizes
 from mor.report.tables.observations import named_places
@@ -49,18 +51,23 @@ def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
         return []
     M, ids = solved.network.edge.matrix, solved.network.blocks["point"].ids
     return [
-        {
-            "id": ids[test.point],
-            "movement": (test.movement @ M).tolist(),
-            "freedom": test.freedom,
-            "test": test.statistic,
-            "p": float(np.exp(test.log_p)),
-            "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
-            "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
-        }
+        fixed_point_row(ids[test.point], test, M)
         for test in fixed_point_tests(solved.quality)
         if test.freedom
     ]
+
+
+def fixed_point_row(name: str, test: FixedPointTest, axes: FloatArray) -> dict[str, Any]:
+    """The test of a point; ``axes`` (3, 3) turn its movement into those of the project."""
+    return {
+        "id": name,
+        "movement": (test.movement @ axes).tolist(),
+        "freedom": test.freedom,
+        "test": test.statistic,
+        "p": float(np.exp(test.log_p)),
+        "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
+        "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
+    }
 
 
 def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
@@ -116,13 +123,21 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
         return None
     return {
         "clean": snooping.clean,
-        "mostly_out": [_mostly_out(solved, one) for one in mostly_out(snooping)],
-        "sigma0_before": snooping.before.sigma0,
+        "mostly_out": [_taken_out(solved, one) for one in mostly_out(snooping)],
+        "sigma0_before": snooping.sigma0_before,
         "steps": [_step(solved, step) for step in snooping.steps],
     }
 
 
-def _mostly_out(solved: Solved, one: MostlyOut) -> dict[str, Any]:
+def taken_out_rows(solved: Solved, also: Collection[tuple[str, str]]) -> list[tuple[str, dict[str, Any]]]:
+    """Kind and row of everything that data snooping took an observation of, and of some blocks (kind, name) besides."""
+    snooping = solved.treatment.snooping if solved.treatment else None
+    if snooping is None:
+        return []
+    return [(one.kind, _taken_out(solved, one)) for one in taken_out(snooping, also)]
+
+
+def _taken_out(solved: Solved, one: TakenOut) -> dict[str, Any]:
     name = solved.network.blocks[one.kind].ids[one.block]
     space, _, own = name.partition(" ")
     of, name = (space, own) if space in _FRAMES and own else (one.kind, name)

@@ -37,7 +37,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     lines += [f"  {_sentence(row, unit, words)}" for row in (flagged or data["suspicious"])[:shown]]
     parts = (
         _fixed_points(solved, unit, words, shown),
-        _snooping(data["snooping"], words, shown),
+        snooped_in_words(data["snooping"], words, shown),
         _robust(data["robust"], unit, words, shown),
     )
     for part in parts:
@@ -103,7 +103,8 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
     return lines
 
 
-def _snooping(data: dict[str, Any] | None, words: Words, shown: int) -> list[str]:
+def snooped_in_words(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> list[str]:
+    """What data snooping took out and put back; nothing where it was not asked for."""
     if data is None:
         return []
     out = sum(step["action"] == "excluded" for step in data["steps"])

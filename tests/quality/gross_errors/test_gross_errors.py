@@ -16,7 +16,7 @@ from mor.adjustment.state import Outcome
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.data_snooping import snoop
 from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.rejected_as_a_whole import MostlyOut, mostly_out
+from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out
 from mor.quality.gross_errors.robust_estimation import robust_estimate
 
 
@@ -305,7 +305,7 @@ def test_an_image_that_loses_most_of_its_rays_is_named(block, count):
     found = snoop(problem, quality, Levels(), aposteriori=True)
     assert set(rows) <= set(_out(found.quality))
     told = [one for one in mostly_out(found) if one.kind == "rotation"]
-    assert told == ([MostlyOut("rotation", 4, 20, 30)] if count == 20 else [])
+    assert told == ([TakenOut("rotation", 4, 20, 30)] if count == 20 else [])
     assert [one for one in mostly_out(found) if one.kind == "point"] == []
 
 
@@ -337,7 +337,7 @@ def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypa
     rows, spoil = _spoiled(np.random.default_rng(seed), 20)
     problem, quality = _assessed(scene, start, seed, spoil)
     together = snoop(problem, quality, Levels(), True)
-    monkeypatch.setattr("mor.quality.gross_errors.data_snooping._BESIDE_THE_WORST", 1.0)
+    monkeypatch.setattr("mor.quality.gross_errors.worst_first._BESIDE_THE_WORST", 1.0)
     alone = snoop(problem, quality, Levels(), True)
     assert set(rows) <= set(_out(together.quality))
     assert list(_out(together.quality)) == list(_out(alone.quality))

@@ -1,0 +1,75 @@
+"""Domains that are ready to be adjusted: planned, with numbers for what several of them have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.domains.adjust import Sizes
+from mor.adjustment.domains.domain import Key
+from mor.adjustment.domains.tree import Boundaries, Engine
+from mor.domains.preparing import Divided, Head, number_outer, prepare
+from mor.errors import Problem as Mistake
+from mor.project.domains.parts import Parts
+from mor.project.file.model import Project
+from mor.project.file.nodes import Document
+
+
+class Prepared(NamedTuple):
+    """Domains that are ready to be adjusted."""
+
+    project: Project
+    parts: Parts
+    heads: tuple[Head, ...]
+    boundaries: Boundaries
+    sizes: Sizes
+    document: Document
+    source: Path
+    """Folder of the project."""
+    keys: tuple[Key, ...]
+    """Names of the outer unknowns by their numbers."""
+
+    @property
+    def notes(self) -> tuple[Mistake, ...]:
+        """What was assumed on reading."""
+        return tuple(note for head in self.heads for note in head.notes)
+
+    @property
+    def largest_boundary(self) -> int:
+        """Most outer unknowns of a domain."""
+        return max(len(numbers) for numbers in self.boundaries.numbers)
+
+
+def prepared(engine: Engine, found: Divided) -> Prepared:
+    """Read and plan all domains, and number what several of them have."""
+    engine.store.save("divided", found)
+    tasks = [engine.submit(prepare, d) for d in range(found.parts.count)]
+    return numbered(engine, found, [engine.result(task) for task in tasks])
+
+
+def numbered(engine: Engine, found: Divided, heads: Sequence[Head]) -> Prepared:
+    """Planned domains with numbers for what several of them have."""
+    number_of: dict[Key, int] = {}
+    numbers = tuple(
+        np.array([number_of.setdefault(key, len(number_of)) for key in head.keys], dtype=np.int64)
+        for head in heads
+    )
+    boundaries = Boundaries(found.parts.tree, numbers, len(number_of))
+    tasks = [engine.submit(number_outer, d, numbers[d], first) for d, first in enumerate(boundaries.firsts())]
+    for task in tasks:
+        engine.result(task)
+    unknowns = sum(head.inner for head in heads) + len(number_of)
+    sizes = Sizes(sum(head.observations for head in heads), unknowns)
+    return Prepared(
+        found.project,
+        found.parts,
+        tuple(heads),
+        boundaries,
+        sizes,
+        found.document,
+        found.source,
+        tuple(number_of),
+    )
