@@ -45,6 +45,8 @@ class Kind(NamedTuple):
     sights: int = 0
     """Distances and height differences between points, some of them across the whole block."""
     convergent: bool = False
+    eccentric: bool = False
+    """An observed eccentricity, which all images of the camera have."""
     datum: str = "fixed"
     table: str = "parquet"
 
@@ -94,9 +96,12 @@ def write_block(folder: Path, kind: Kind, seed: int = 1) -> Path:
         path = folder / f"{name}.{kind.table}"
         frame.write_parquet(path) if kind.table == "parquet" else frame.write_csv(path)
     path = folder / "project.yaml"
+    eccentricity = "eccentricity: {rz: {observed: 0, sigma: 0.02}}, " if kind.eccentric else ""
     path.write_text(
         "mor: 1\ntitle: Block\nunits: {length: m, angle: rad}\n"
-        "cameras:\n  K: {r0: 0, interior: {c: {free: 100.01}, xh: {free: 0}, yh: {free: 0}, A1: {free: 0}}}\n"
+        "cameras:\n"
+        f"  K: {{{eccentricity}r0: 0, "
+        "interior: {c: {free: 100.01}, xh: {free: 0}, yh: {free: 0}, A1: {free: 0}}}\n"
         f"images: [{{file: images.{kind.table}}}]\npoints:\n{''.join(points)}observations:\n{''.join(entries)}"
         f"datum: {kind.datum}\n",
         encoding="utf-8",

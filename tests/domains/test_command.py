@@ -62,6 +62,7 @@ def test_german(tmp_path: Path) -> None:
     [
         ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
         ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
+        ("K: {r0: 0,", "K: {readout: 20 ms, r0: 0,", "a rolling shutter"),
     ],
 )
 def test_what_domains_do_not_do_is_said_before_the_work(
@@ -73,6 +74,17 @@ def test_what_domains_do_not_do_is_said_before_the_work(
     assert done.exit_code == 2
     assert words in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_images_that_share_a_block_are_not_divided(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind())
+    text = project.read_text(encoding="utf-8")
+    shared = text.replace("images.parquet}", "images.parquet, values: {shared_eccentricity: head}}")
+    project.write_text(shared, encoding="utf-8")
+    done = adjust(project, "--memory", "1MB", "-o", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert "images that share something" in done.stderr
 
 
 @pytest.mark.parametrize("option", ["--json", "--full"])

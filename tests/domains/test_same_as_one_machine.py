@@ -30,6 +30,7 @@ BLOCKS = {
     "free, over named points": Kind(
         convergent=True, points=150, gnss=False, datum="{free: [P1, P2, P3, P5, P7, P11, P40]}"
     ),
+    "eccentric, with control": Kind(control=6, eccentric=True),
     "free, with sights": Kind(gnss=False, sights=60, datum="free"),
 }
 

@@ -56,7 +56,7 @@ class PartNetwork(NamedTuple):
             return name[6:] in self.shared["image"]
         if kind == "point":
             return name in self.shared["point"]
-        return name in self.network.project.cameras
+        return self._is_of_camera(name)
 
     def counts(self, group: ObservationGroup) -> bool | IntArray:
         """Rows of a group that this domain counts; ``True`` where it counts all."""
@@ -72,7 +72,12 @@ class PartNetwork(NamedTuple):
             return name[6:] not in self.foreign["image"]
         if kind == "point":
             return name not in self.foreign["point"]
-        return self.first or name not in self.network.project.cameras
+        return self.first or not self._is_of_camera(name)
+
+    def _is_of_camera(self, name: str) -> bool:
+        """Interior orientations have the names of their cameras; eccentricities and readout times are ``camera …``."""
+        cameras = self.network.project.cameras
+        return name in cameras or name.removeprefix("camera ") in cameras
 
 
 def read_part(project: Project, document: Document, parts: Parts, domain: int, source: Path) -> PartNetwork:

@@ -123,16 +123,21 @@ def _counted(tables: Iterable[Iterable[pl.DataFrame]]) -> pl.DataFrame:
     return pl.concat(parts).group_by("image").agg(pl.col("rays").sum())
 
 
+_TIES = ("position", "leader", "pair", "shared_height", "shared_eccentricity")
+"""Columns by which images have a block in common with others."""
+
+
 def _images(project: Project, document: Document, rows: Rows) -> pl.DataFrame:
     """Names and places of all images; a start value goes before a value."""
     found, problems = [], []
     for k in range(len(project.images)):
         place = Place(document, ("images", k), Path())
         for frame in rows("images", k):
-            tied = [name for name in ("position", "leader", "pair") if name in frame.columns]
-            if any(frame[name].cast(pl.String).fill_null("").ne("").any() for name in tied):
+            tied = [name for name in _TIES if name in frame.columns]
+            told = any(frame[name].cast(pl.String).fill_null("").ne("").any() for name in tied)
+            if told or not project.images[k].values.keys().isdisjoint(_TIES):
                 problems.append(
-                    place.problem("domains do not do images that share a position, or follow another one")
+                    place.problem("domains do not do images that share something, or follow another one")
                 )
             axes = [[name for name in (f"start_{axis}", axis) if name in frame.columns] for axis in "xyz"]
             if "id" not in frame.columns or not all(axes):

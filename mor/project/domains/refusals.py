@@ -20,6 +20,11 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         found.append(("trajectories", ("trajectories",)))
     if project.pairs:
         found.append(("stereo pairs", ("pairs",)))
+    found += [
+        ("a rolling shutter", ("cameras", name, "readout"))
+        for name, camera in project.cameras.items()
+        if camera.readout is not None
+    ]
     settings = project.settings
     if settings.robust is not None:
         found.append(("a robust solution", ("settings", "robust")))
