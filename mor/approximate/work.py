@@ -12,3 +12,5 @@ TURN = 4.0
 """A turn of growth of every kind, besides the questions above, in iterations of as many observations as rays."""
 RESIDUALS = 3
 """Residuals at many states in one call, without derivatives, that are as much as an observation in an iteration."""
+CONDITIONS = 12
+"""Conditions of rays at many poses in one call, that are as much as an observation in an iteration."""
