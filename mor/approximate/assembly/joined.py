@@ -10,14 +10,26 @@ from mor.approximate.assembly.growing import grow, grow_until_tied
 from mor.approximate.assembly.seeds import next_seed
 from mor.approximate.choices import ROWS
 from mor.approximate.growth.grow_bundles import ENOUGH, FEWEST, intersect_the_rest, pose_the_rest
-from mor.approximate.growth.grow_levelled import begin_heights, place_as_if_level
+from mor.approximate.growth.grow_levelled import (
+    begin_heights,
+    place_as_if_level,
+    stand_level_with_sights,
+)
 from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.pose_by_three import pose_by_three
+from mor.approximate.growth.poses.pose_by_rays import pose_by_rays
 from mor.approximate.growth.rigid_seeds import rigid_seeds
 from mor.approximate.growth.single_points import grow_single_points
 from mor.approximate.growth.trilateration import place_by_few_distances
 from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
-from mor.approximate.parts.joining import carry, join, open_movements, stand_on_marks, tie_at_last
+from mor.approximate.parts.joining import (
+    carry,
+    free_movements,
+    join,
+    open_movements,
+    stand_on_marks,
+    tie_at_last,
+)
 from mor.approximate.parts.level_and_scale import direct_roughly, level_roughly, scale_roughly
 from mor.approximate.parts.movement import Movement
 from mor.approximate.parts.part import Part
@@ -28,7 +40,7 @@ from mor.project.network.build import Network
 ADJUSTMENTS = 15
 """Adjustments of a large network that beginnings in doubt may take."""
 CONTROL = 3
-"""Points that the object system must know to grow by itself."""
+"""Points that a part must know to grow by itself."""
 
 
 def assembled(network: Network, scene: Scene) -> Assembly:
@@ -38,12 +50,12 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     assembly = Assembly(network, scene, parts, in_doubt=in_doubt, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
-    waits = _system_waits(assembly)
+    waits = _known_ones_wait(assembly)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
         assembly.tried_frames = set()
-        for part in parts[1:] if waits and fewest == ENOUGH else parts:
+        for part in [] if waits and fewest == ENOUGH else parts:
             grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
@@ -55,17 +67,21 @@ def assembled(network: Network, scene: Scene) -> Assembly:
             grow(parts[0], scene, FEWEST)
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
+    if stand_level_with_sights(parts[0], scene.terrestrial):
+        grow(parts[0], scene, FEWEST)
     return assembly
 
 
-def _system_waits(assembly: Assembly) -> bool:
-    """Does the object system wait until parts that know nothing of the control are laid upon all of it?
+def _known_ones_wait(assembly: Assembly) -> bool:
+    """Do the object system, and parts of measured coordinates, wait for others that are laid upon all their points?
 
-    What grows from few control points is hung on each of them: one wrong name, and all that follows is wrong.
+    What grows from few points is hung on each of them: one wrong name, and all that follows is wrong.
     """
-    given = assembly.parts[0]
-    control = int(np.count_nonzero(np.isfinite(given.points).any(axis=1)))
-    asks = not given.poses and control >= CONTROL and assembly.network.observations <= ROWS
+    given, *others = assembly.parts
+    known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
+    if not given.poses:
+        known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
+    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
     return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
@@ -139,7 +155,11 @@ def _place_the_rest(assembly: Assembly) -> None:
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
-    while pose_by_three(parts[0], scene) or grow_single_points(parts[0], scene, ambiguous=True):
+    while (
+        pose_by_three(parts[0], scene)
+        or pose_by_rays(parts[0], scene, 0, ambiguous=True)
+        or grow_single_points(parts[0], scene, ambiguous=True)
+    ):
         grow(parts[0], scene, assembly.fewest)
     while place_by_few_distances(parts[0], scene.distances[1]):
         grow(parts[0], scene, assembly.fewest)
@@ -155,7 +175,9 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     system, scene = assembly.parts[0], assembly.scene
     by_all = tie_by_observations(assembly.network, system, source, scene, 0)
     if by_all is not None and by_all.open < open_movements(system, source, scene):
-        return by_all
+        settles = by_all.open < free_movements(system, source) or source.levelled
+        if settles or not level_roughly(source, scene):
+            return by_all
     level_roughly(source, scene)
     scale_roughly(source, scene)
     direct_roughly(source, scene)

@@ -58,7 +58,8 @@ def grow_bundles(
 
             moving = [number for batch in front for number in batch]
             settle(part, frames, seen, poses, moving)
-            _intersect(part, frames, seen, poses, moving)
+            # What only frames between see changes little, and again with the next batch.
+            _intersect(part, frames, seen, poses, [*front[0], *front[-1]] if posed else moving)
             front = [*front[-FRONT:], []]
         counts += _seen(seen, fresh)
         paused = most is not None and len(part.poses) - before >= most

@@ -73,14 +73,14 @@ def settle(
 
 def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntArray:
     """Of each frame the points that come first in an order without rule, so that frames have them in common."""
-    chosen = [np.zeros(0, dtype=np.int64)]
+    chosen = np.zeros(len(part.points), dtype=bool)
     for number in moving:
         points = frames[number].points
         points = points[part.known(points)]
         if len(points) > _SAMPLE:
             points = points[np.argpartition(_shuffled(points), _SAMPLE)[:_SAMPLE]]
-        chosen.append(points)
-    return np.unique(np.concatenate(chosen))
+        chosen[points] = True
+    return np.flatnonzero(chosen)
 
 
 def _shuffled(points: IntArray) -> IntArray:

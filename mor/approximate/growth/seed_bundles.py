@@ -239,22 +239,32 @@ def _towards_vertical(up: FloatArray) -> FloatArray:
 def _with_least_slack(
     a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
-    """Relative orientation with the smallest slack that most points agree with: loosely first, then ever tighter.
+    """Relative orientation with the smallest slack that most points agree with.
 
     Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
     looseness: they are mirrored. Of rays (n, 3) and their σ (n,) in two frames.
     """
-    best: tuple[float, RobustOrientation] | None = None
-    outcome = RelativeOutcome.DOES_NOT_FIT
-    for slack in reversed(SLACKS) if len(a_rays) >= FEWEST_COMMON else ():
+    if len(a_rays) < FEWEST_COMMON:
+        return RelativeOutcome.DOES_NOT_FIT
+
+    def oriented(slack: float) -> tuple[RobustOrientation, bool]:
         a = direction_bundle(a_rays, loosened(a_sigma, slack))
         b = direction_bundle(b_rays, loosened(b_sigma, slack))
-        result = robust_relative_orientation(a, b)
-        outcome = result.orientation.outcome
-        good = outcome is RelativeOutcome.DETERMINED
-        if good and np.count_nonzero(result.agreeing) >= max(8, 0.6 * len(a_rays)):
+        found = robust_relative_orientation(a, b)
+        good = found.orientation.outcome is RelativeOutcome.DETERMINED
+        return found, good and int(np.count_nonzero(found.agreeing)) >= max(8, 0.6 * len(a_rays))
+
+    tightest, fits = oriented(SLACKS[0])
+    if fits:
+        return SLACKS[0], tightest
+    best: tuple[float, RobustOrientation] | None = None
+    outcome = tightest.orientation.outcome
+    for slack in reversed(SLACKS[1:]):  # loosely first, then ever tighter
+        result, fits = oriented(slack)
+        if fits:
             best = slack, result
         elif best is not None:
+            outcome = result.orientation.outcome
             break
     if outcome is RelativeOutcome.DETERMINED:
         outcome = RelativeOutcome.DOES_NOT_FIT

@@ -34,6 +34,7 @@ from mor.approximate.parts.joining import lay_upon
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, with_observed
+from mor.approximate.random_places import from_random_places
 from mor.approximate.standing_still import at_all_times, standing_still
 from mor.approximate.terrestrial.on_the_earth import to_plane
 from mor.approximate.terrestrial.projection_centres import to_places
@@ -71,6 +72,8 @@ def approximate(network: Network, settle: Settle | None = None, others: int = OT
         found = _contradicting(network, assembly.parts[0], scene) if others else []
         better = _with_others(network, scene, found) if found else None
         result = _approximation(assembly) if better is None else better
+    if result.missing and settle is not None and others:
+        result = from_random_places(network, scene, result, settle) or result
     missing = seen_along_trajectories(moving, result.missing)
     return result._replace(start=at_all_times(moving, result.start), missing=missing)
 

@@ -90,6 +90,14 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
     return ALL_OPEN if found is None else found.open
 
 
+def free_movements(target: Part, source: Part) -> int:
+    """How many movements two parts make against each other where nothing ties them."""
+    turns = (
+        3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
+    )
+    return 3 + turns + (not (target.scaled and source.scaled))
+
+
 def lay_upon(part: Part, places: FloatArray) -> None:
     """Carry a part to where most of some points (points, 3) are said to be, roughly; its shape and size stay."""
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))

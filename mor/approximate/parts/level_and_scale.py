@@ -135,8 +135,11 @@ def _above(part: Part) -> FloatArray:
     return above
 
 
-def level_roughly(part: Part, scene: Scene) -> None:
-    """Turn a part so that heights of instruments and height differences inside it fit as well as they can."""
+def level_roughly(part: Part, scene: Scene) -> bool:
+    """Turn a part so that heights of instruments and height differences inside it fit as well as they can.
+
+    True where it is upright after that.
+    """
     lift = _lift(part, scene.frames)
     if not part.levelled and np.any(lift):
         make_upright(part, lift)
@@ -144,7 +147,7 @@ def level_roughly(part: Part, scene: Scene) -> None:
         _level_by_directions(part, scene, 0)
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
-        return
+        return part.levelled
     k = np.arange(400) + 0.5
     z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
     up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
@@ -160,6 +163,7 @@ def level_roughly(part: Part, scene: Scene) -> None:
         best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
         best = best / np.linalg.norm(best)
     make_upright(part, best)
+    return True
 
 
 def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:

@@ -76,19 +76,19 @@ def fill_in(
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
         if frame.relative is None:
-            _put_rotation(network, rotations, frame.rotation, D)
+            put_rotation(network, rotations, frame.rotation, D)
             _put_position(network, points, frame, centre, D)
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
-            _put_rotation(network, rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
+            put_rotation(network, rotations, block, rotation_from_angles(np.array([[0.0, 0.0, kappa]]))[0])
     _fill_pairs(network, start, part, frames)
     fill_systems(network, start)
     how = _named(network, part)
     return start, how, _missing(network, start)
 
 
-def _put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatArray) -> None:
+def put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatArray) -> None:
     """An attitude where there is none; angles that are fixed or observed stay as they are."""
     if np.isfinite(rotations[block]).all():
         return
@@ -125,7 +125,7 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
             continue
         (O_a, D_a), (O_b, D_b) = leader, part.poses[number]
         turn, base = frame.relative
-        _put_rotation(network, start["rotation"], turn, D_b @ D_a.T)
+        put_rotation(network, start["rotation"], turn, D_b @ D_a.T)
         if np.isnan(start["base"][base]).any():
             start["base"][base] = D_a @ (O_b - O_a)
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[3]))
 from tests.mixtures.ingredients import mixture, wrong_identities
 from tests.mixtures.project_file import write_project
 from tests.mixtures.situations import SITUATIONS, situation
-from tests.mixtures.trial import tried
+from tests.mixtures.trial import compared_as_adjusted, tried
 
 
 @pytest.mark.parametrize("seed", [3, 4, 15, 35, 36, 1035, 1161, 1229])
@@ -45,6 +45,16 @@ def test_wrong_identities_do_not_keep_it_from_starting(tmp_path):
     world = mixture(3)
     wrong_identities(world, 0.03)
     trial = tried(world, tmp_path)
+    assert trial.counts, trial.words
+    assert trial.reached, trial.words
+
+
+@pytest.mark.parametrize("seed", [2300080, 2300196])
+def test_wrong_identities_do_not_keep_it_from_its_end(seed, tmp_path):
+    """Heights that leave a part two verticals; three points of vectors, one of which a station sights as another."""
+    world = mixture(seed)
+    wrong_identities(world, 0.03)
+    trial = compared_as_adjusted(*write_project(world, tmp_path), frozenset())
     assert trial.counts, trial.words
     assert trial.reached, trial.words
 

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from mor.approximate.growth.single_points import Surfaces, meeting_places
 from mor.approximate.growth.strategy import approximate
+from mor.errors import NoStartValuesError
 from mor.pipeline import read_document, read_network
+from mor.preparation import determinable_start
 
 sys.path.insert(0, str(Path(__file__).parents[3]))
 
@@ -24,14 +27,30 @@ TILTED, FEW, TWICE, ROUNDS = (1400105, 1400109), (1400140, 1400166), (1500024,),
 """Seeds that did not start before parts that know neither vertical nor unit were tied by all observations, before rays
 of others told poses, before one reading of an instrument was no more two surfaces through a point, and before other
 answers were tried in rounds."""
+AT_LAST, ANYWHERE = (2200044, 2200073, 2400001), (2200282, 2400041)
+"""Seeds that did not start before images of two known points and as many rays of others as it takes were posed at last,
+and before adjustments from random places were tried."""
 """Seeds that did not start before pairs in doubt, single points, raised targets; verticals by directions, ties by rays,
 answers tried one after another, ties by any observations, rough start values left out."""
 
 
-@pytest.mark.parametrize("seed", [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *range(1, 34)])
+@pytest.mark.parametrize("seed", [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *AT_LAST, *ANYWHERE, *range(1, 34)])
 def test_a_survey_starts_from_nothing(seed, tmp_path):
     trial = compared(*composed(seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
+
+
+def test_what_no_place_determines_is_not_begun_at_random(tmp_path):
+    """A point of one ray is singular wherever it lies; what else is missing stays missing with it."""
+    nothing, _ = composed(2200282).write(tmp_path)
+    document = yaml.safe_load(nothing.read_text())
+    document["points"][0]["rows"].append(["lone", *[""] * 6])
+    directions = next(one for one in document["observations"] if one["type"] == "zenith_directions")
+    directions["rows"].append(["s0", "lone", "0", "12.5", "98.5"])
+    nothing.write_text(yaml.safe_dump(document))
+    with pytest.raises(NoStartValuesError) as told:
+        determinable_start(read_network(read_document(nothing), tmp_path))
+    assert "point lone" in str(told.value)
 
 
 @pytest.mark.parametrize("kind", NEWER)
