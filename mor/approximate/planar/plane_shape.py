@@ -275,7 +275,7 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
     Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
-    Where the normal is turned by three no coordinate may have changed by five of its own σ or more.
+    Where the normal is turned by three no coordinate or flying height may have changed by five of its own σ or more.
     """
     adjusted = shape.adjusted
     if adjusted is None or not max(FAR) * shape.sigma_normal < 0.5 * np.pi:
@@ -285,6 +285,7 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     off = ~rays.in_plane & ~shape.left_out
     values, axes = np.linalg.eigh(cross_matrix(normal) @ covariance[3:6, 3:6] @ cross_matrix(normal).T)
     used = np.isfinite(adjusted.residuals[:, :, 0])
+    sigma_heights = np.sqrt(np.diag(covariance)[2 : 6 * len(shape.positions) : 6])
     for k, far, sign in product((2, 1), FAR, (1.0, -1.0)):
         turned = unit(normal + sign * np.tan(far * np.sqrt(max(values[k], 0.0))) * axes[:, k])
         chosen = [_under(rays, number, pair, turned) for number, pair in enumerate(pairs, 1)]
@@ -292,20 +293,23 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
         bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, k])
         if bent.objective - adjusted.objective < PROMISED * far**2:
             return True
-        if _moved(shape, bent.state.points[:, :2], rays.in_plane) > MOVED * far:
+        if _moved(shape, bent.state, rays.in_plane, sigma_heights) > MOVED * far:
             return True
     return False
 
 
-def _moved(shape: PlaneShape, points: FloatArray, in_plane: BoolArray) -> float:
-    """Largest change of a coordinate in the plane, in its σ, from the shape to ``points`` (n, 2) laid upon it."""
-    known = in_plane & np.isfinite(shape.points).all(axis=1) & np.isfinite(points).all(axis=1)
-    before, after = (array[known] @ [1.0, 1.0j] for array in (shape.points, points))
+def _moved(shape: PlaneShape, bent: PlaneState, in_plane: BoolArray, sigma_heights: FloatArray) -> float:
+    """Largest change of a coordinate in the plane or a flying height, in its σ, from the shape to one laid upon it."""
+    known = in_plane & np.isfinite(shape.points).all(axis=1) & np.isfinite(bent.points).all(axis=1)
+    before, after = (array[known, :2] @ [1.0, 1.0j] for array in (shape.points, bent.points))
     mean = before.mean()
     before, after = before - mean, after - after.mean()
-    laid = after * np.vdot(after, before) / np.vdot(after, after).real
+    turn = np.vdot(after, before) / np.vdot(after, after).real
+    laid = after * turn
     away = np.stack([(laid - before).real, (laid - before).imag], axis=1)
-    return float(np.max(np.abs(away) / np.maximum(shape.sigma_points[known], 1e-300)))
+    points = np.abs(away) / np.maximum(shape.sigma_points[known], 1e-300)
+    heights = np.abs(np.abs(turn) * bent.positions[:, 2] - shape.positions[:, 2])
+    return float(max(np.max(points), np.max(heights / np.maximum(sigma_heights, 1e-300))))
 
 
 def _same(first: PlaneShape, second: PlaneShape) -> bool:
