@@ -272,15 +272,3 @@ def variances_of_datum(store: Store, d: int, stage: str, outer: FloatArray) -> F
 def null_of(store: Store, d: int, stage: str, unknown: int) -> FloatArray:
     """(d,) the null vectors at an unknown."""
     return np.asarray(store.load(f"step/{stage}/{d}")[1][unknown])
-
-
-def use_step_of(store: Store, d: int, stage: str, to: str) -> None:
-    """The last stage is ``stage``; the solution lies a step away, at the values of ``to``."""
-    at: Stage = store.load(f"stage/{stage}/{d}")
-    values = store.load(f"values/{to}/{d}")
-    store.save(f"solution/{d}", (replace_normals(at), values))
-
-
-def replace_normals(at: Stage) -> Stage:
-    """A stage without what nobody asks for any more."""
-    return at._replace(normals=at.normals.spent())

@@ -31,6 +31,10 @@ class Engine(Protocol):
     def store(self) -> Store:
         """What all tasks share."""
 
+    @property
+    def ahead(self) -> int:
+        """How many tasks may be submitted before the result of the first one is asked for."""
+
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a task done with the store and these arguments, which may be what ``submit`` has returned."""
 
@@ -45,6 +49,11 @@ class Here(NamedTuple):
     """Tasks one after the other, in this process."""
 
     store: Store
+
+    @property
+    def ahead(self) -> int:
+        """None: they are done at once."""
+        return 0
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Do the task."""
