@@ -123,8 +123,8 @@ def wide_borders(widest: int, rays: int) -> bool:
 def need_of_scratch(rays: int, results: int, stays: bool, snooping: bool) -> float:
     """Bytes of the scratch folder for so many image points, each with so many bytes of ``results``.
 
-    State goes as results come, unless it ``stays`` for tests that come last. Data snooping keeps an adjustment until the
-    next one is a solution: its state is there twice.
+    State goes as results come, unless it ``stays`` for tests that come last. Data snooping keeps an adjustment until
+    the next one is a solution: its state is there twice.
     """
     state = _STATE_OF_RAY * (1 + snooping)
     return rays * float(state + results if stays or snooping else max(state, results + _LAST_STATE_OF_RAY))

@@ -246,7 +246,7 @@ def inverses(
 ) -> Iterator[tuple[int, FloatArray]]:
     """Each domain with the cofactors (s, s) of its outer unknowns.
 
-    What a part of the tree waits for is in the store: while a domain is worked on, no cofactors are in memory but its own.
+    What a part of the tree waits for is in the store: while a domain is worked on, its own are all that is in memory.
     """
 
     def of(tree: Tree, name: str, numbers: IntArray, Q: FloatArray) -> Iterator[tuple[int, FloatArray]]:
