@@ -15,6 +15,7 @@ from scenes import (
     SIGMA_DISTANCE,
     SIGMA_HEIGHT,
     SIGMA_IMAGE,
+    START_INTERIOR,
     Block,
     Grid,
     Mixed,
@@ -60,36 +61,57 @@ def write_block(
     network with a calibrated camera.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    centre, angles = block.observed_centre, block.start_angles
-    images: dict[str, _Column] = {
-        "id": _names("I", np.arange(len(centre))),
-        "camera": np.full(len(centre), "K"),
-    }
-    for k, axis in enumerate("xyz"):
-        if positions:
-            images |= {axis: centre[:, k], f"sigma_{axis}": np.full(len(centre), SIGMA_CENTRE)}
-        if started:
-            images |= {f"start_{axis}": block.start_centre[:, k]}
-    points: dict[str, _Column] = {"id": _names("P", np.arange(len(block.point)))}
+    images = images_of_block(
+        block.observed_centre, block.start_centre, block.start_angles, started, positions
+    )
+    points: dict[str, _Column] = {"id": names("P", np.arange(len(block.point)))}
     if started:
-        images |= {name: angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
         points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}
     rays: dict[str, _Column] = {
-        "image": _names("I", block.image),
-        "point": _names("P", block.of_point),
+        "image": names("I", block.image),
+        "point": names("P", block.of_point),
         "x": block.xy[:, 0],
         "y": block.xy[:, 1],
     }
-    for name, columns in (("images", images), ("points", points), ("rays", rays)):
-        frame = pl.DataFrame(columns)
+    for name, frame in (("images", images), ("points", pl.DataFrame(points)), ("rays", pl.DataFrame(rays))):
         path = folder / f"{name}.{kind}"
         frame.write_parquet(path) if kind == "parquet" else frame.write_csv(path)
+    return project_of_block(folder, len(block.centre), kind, more, positions)
+
+
+def images_of_block(
+    observed_centre: FloatArray,
+    start_centre: FloatArray,
+    start_angles: FloatArray,
+    started: bool = True,
+    positions: bool = True,
+) -> pl.DataFrame:
+    """The table of images, with start values and with the positions measured, or without."""
+    images: dict[str, _Column] = {
+        "id": names("I", np.arange(len(start_centre))),
+        "camera": np.full(len(start_centre), "K"),
+    }
+    for k, axis in enumerate("xyz"):
+        if positions:
+            images |= {
+                axis: observed_centre[:, k],
+                f"sigma_{axis}": np.full(len(start_centre), SIGMA_CENTRE),
+            }
+        if started:
+            images |= {f"start_{axis}": start_centre[:, k]}
+    if started:
+        images |= {name: start_angles[:, k] for k, name in enumerate(("omega", "phi", "kappa"))}
+    return pl.DataFrame(images)
+
+
+def project_of_block(folder: Path, images: int, kind: str, more: str = "", positions: bool = True) -> Path:
+    """Write the project file of a block whose tables are there; returns it."""
     interior = ", ".join(
         f"{name}: {{free: {value:.6g}}}" if positions else f"{name}: {true:.6g}"
-        for name, value, true in zip(_INTERIOR, block.start_interior, INTERIOR, strict=True)
+        for name, value, true in zip(_INTERIOR, START_INTERIOR, INTERIOR, strict=True)
     )
     text = f"""mor: 1
-title: Simulated block of {len(centre)} images
+title: Simulated block of {images} images
 units: {{length: m, angle: rad}}
 cameras:
   K: {{r0: 0, interior: {{{interior}}}}}
@@ -109,7 +131,7 @@ def write_grid(grid: Grid, folder: Path) -> Path:
     for name, chosen, xyz in (("control", control, grid.point), ("points", ~control, grid.start)):
         numbers = np.flatnonzero(chosen)
         columns: dict[str, _Column] = {
-            "id": _names("P", numbers),
+            "id": names("P", numbers),
             **{a: xyz[numbers, k] for k, a in enumerate("xyz")},
         }
         pl.DataFrame(columns).write_csv(folder / f"{name}.csv")
@@ -133,7 +155,7 @@ observations:
 
 def _write_sights(folder: Path, one: IntArray, other: IntArray, measured: dict[str, FloatArray]) -> str:
     """Write a table for each type of observations between two points; returns their lines of the project file."""
-    ends = {"from": _names("P", one), "to": _names("P", other)}
+    ends = {"from": names("P", one), "to": names("P", other)}
     lines = []
     for name, values in measured.items():
         column = "dz" if name == "height_difference" else name
@@ -142,7 +164,8 @@ def _write_sights(folder: Path, one: IntArray, other: IntArray, measured: dict[s
     return "".join(lines)
 
 
-def _names(letter: str, numbers: IntArray) -> pl.Series:
+def names(letter: str, numbers: IntArray) -> pl.Series:
+    """Names of so many things: a letter and a number."""
     return pl.select(pl.lit(letter) + pl.Series(numbers).cast(pl.String)).to_series()
 
 

@@ -23,6 +23,8 @@ SIGMA_DISTANCE, SIGMA_BEARING, SIGMA_HEIGHT = 0.003, 3e-6, 0.002
 """m, rad, m of a geodetic network."""
 INTERIOR = np.array([100.0, 0.02, -0.03, 2e-6, -1e-10, 0.0, 1e-6, -1e-6, 1e-5, -1e-5])
 """c, xh, yh, A1, A2, A3, B1, B2, C1, C2 of the camera, r0 = 0."""
+START_INTERIOR = np.array([100.0, *np.zeros(9)])
+"""The same to start with."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Block:
     @property
     def start_interior(self) -> FloatArray:
         """(10,) interior orientation to start with."""
-        return np.array([100.0, *np.zeros(9)])
+        return START_INTERIOR
 
 
 def project(q: FloatArray) -> FloatArray:

@@ -137,8 +137,16 @@ def adjust_in_domains(
 ) -> int:
     """Adjust a project in domains, write and tell its results. Returns the exit code."""
     from mor.domains.results import Told, exit_code, write
-    from mor.domains.room import check_scratch, has_page, rays_of, rays_of_domain
+    from mor.domains.room import (
+        check_scratch,
+        has_page,
+        need_of_scratch,
+        rays_of,
+        rays_of_domain,
+        results_of_ray,
+    )
     from mor.machine import available
+    from mor.project.domains.parts import has_ground
     from mor.project.file.validation import validate
     from mor.report.domains.summary import verdict
     from mor.report.identity import Identity
@@ -151,7 +159,9 @@ def adjust_in_domains(
     html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
     say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
-        check_scratch(rays, scratch, wanted.snoop or project.settings.snooping)
+        results = results_of_ray(how.kind, how.residuals)
+        snooping = wanted.snoop or project.settings.snooping
+        check_scratch(need_of_scratch(rays, results, has_ground(project), snooping), scratch)
         with _engine(wanted, scratch, 2 * rays) as engine:
             found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")

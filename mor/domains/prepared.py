@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -44,10 +45,11 @@ class Prepared(NamedTuple):
 
 
 def prepared(engine: Engine, found: Divided) -> Prepared:
-    """Read and plan all domains, and number what several of them have."""
+    """Read and plan all domains, and number what several of them have; their tables are gone then."""
     engine.store.save("divided", found)
-    tasks = [engine.submit(prepare, d) for d in range(found.parts.count)]
-    return numbered(engine, found, [engine.result(task) for task in tasks])
+    heads = [engine.result(task) for task in [engine.submit(prepare, d) for d in range(found.parts.count)]]
+    shutil.rmtree(found.parts.folder)
+    return numbered(engine, found, heads)
 
 
 def numbered(engine: Engine, found: Divided, heads: Sequence[Head]) -> Prepared:

@@ -52,6 +52,8 @@ class Head(NamedTuple):
     resident: float
     """Largest resident size of the process so far."""
     notes: tuple[Mistake, ...]
+    ties_fixed: bool
+    """True where other domains may observe a fixed coordinate of this one, too: its test needs all of their systems."""
 
 
 def prepare(store: Store, d: int) -> Head:
@@ -64,7 +66,8 @@ def prepare(store: Store, d: int) -> Head:
     start = with_shared_components(network.blocks, network.start)
     problem = make_problem(network, start, start)
     domain = plan_domain(problem, start, part.common(problem.index))
-    store.save(f"network/{d}", part)
+    # What is divided has no σ that depends on the adjustment: only the ground is planned anew from its observations.
+    store.save(f"network/{d}", part if d == divided.parts.ground else part.without_observations())
     store.save(f"domain/{d}", domain)
     store.save(f"values/0/{d}", start)
     return head_of(domain, part, d)
@@ -89,7 +92,16 @@ def head_of(domain: Domain, part: PartNetwork, d: int) -> Head:
     inner = problem.index.count - len(domain.outer)
     work = sum(np.count_nonzero(group.mask) * group.type.work for group in problem.groups)
     need = memory_of_adjustment(domain.plan) + 3.0 * 8.0 * len(domain.outer) ** 2
-    return Head(domain.keys(), inner, problem.observations, float(work), need, largest_resident(), notes)
+    return Head(
+        domain.keys(),
+        inner,
+        problem.observations,
+        float(work),
+        need,
+        largest_resident(),
+        notes,
+        part.shares_fixed_coordinates(problem.index),
+    )
 
 
 def _without_start(part: PartNetwork) -> str:

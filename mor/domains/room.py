@@ -120,19 +120,37 @@ def wide_borders(widest: int, rays: int) -> bool:
     return OF_OUTER * float(widest) ** 2 > OF_RAY_IN_DOMAIN * float(rays)
 
 
-def check_scratch(rays: int, folder: Path, snooping: bool = False) -> None:
-    """Raise :class:`InputError` where the file system of a folder has less room than the state of all domains takes.
+def need_of_scratch(rays: int, results: int, stays: bool, snooping: bool) -> float:
+    """Bytes of the scratch folder for so many image points, each with so many bytes of ``results``.
 
-    Data snooping keeps an adjustment until the next one is a solution: the state is there twice.
+    State goes as results come, unless it ``stays`` for tests that come last. Data snooping keeps an adjustment until
+    the next one is a solution: its state is there twice.
     """
+    state = _STATE_OF_RAY * (1 + snooping)
+    return rays * float(state + results if stays or snooping else max(state, results + _LAST_STATE_OF_RAY))
+
+
+def results_of_ray(kind: str, residuals: bool) -> int:
+    """Bytes of an image point in the parts of the results, of a kind and with all residuals or the worst."""
+    return _RESULTS_OF_RAY + (_RESIDUALS_OF_RAY[kind] if residuals else 0)
+
+
+def check_scratch(need: float, folder: Path) -> None:
+    """Raise :class:`InputError` where the file system of a folder has less room than is needed."""
     status = os.statvfs(folder) if hasattr(os, "statvfs") else None
     if status is None:
         return
-    free, need = status.f_bavail * status.f_frsize, _OF_RAY_ON_DISK * rays * (1 + snooping)
+    free = status.f_bavail * status.f_frsize
     if free < need:
         words = f"the state of the domains takes about {need / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free there"
         raise InputError([Mistake(f"{words}; --scratch names another folder", str(folder))])
 
 
-_OF_RAY_ON_DISK = 1000
-"""Bytes of an image point in the scratch folder: tables, network, plan, two iterations, parts of the results."""
+_STATE_OF_RAY = 250
+"""Bytes of an image point in the scratch folder: network, plan, two iterations, and the borders."""
+_LAST_STATE_OF_RAY = 50
+"""The same of all domains when the last one is assessed."""
+_RESULTS_OF_RAY = 45
+"""Points, images and start values of the adjusted project."""
+_RESIDUALS_OF_RAY = {"parquet": 250, "csv": 540}
+"""Two rows of the table of residuals."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -47,14 +48,30 @@ def solution_of(engine: Engine, joined: Joined, settings: Settings) -> Solution:
     return Solution(joined.stage, joined.values, whole, binding, core, joined.null_space.movements)
 
 
-def with_cofactors(engine: Engine, joined: Joined, task: Callable[[int], Any]) -> list[Any]:
-    """What a task finds in each domain, cofactors of whose outer unknowns are in the store from then on."""
+def with_cofactors(
+    engine: Engine, joined: Joined, task: Callable[[int], Any], after: Callable[[int], None] = lambda d: None
+) -> list[Any]:
+    """What a task finds in each domain, cofactors of whose outer unknowns are in the store by then.
+
+    ``after`` is told of each domain once its result is there.
+    """
     factor = joined.root.factor(joined.null_space.anchors)
-    tasks: list[Any] = [None] * len(joined.domains)
+    found: list[Any] = [None] * len(joined.domains)
+    waiting: deque[tuple[int, Any]] = deque()
+
+    def take() -> None:
+        d, submitted = waiting.popleft()
+        found[d] = engine.result(submitted)
+        after(d)
+
     for d, Q in inverses(engine, joined.boundaries, joined.stage, joined.root, factor):
         engine.store.save(f"outer/{d}", Q)
-        tasks[d] = task(d)
-    return [engine.result(one) for one in tasks]
+        waiting.append((d, task(d)))
+        if len(waiting) > engine.ahead:
+            take()
+    while waiting:
+        take()
+    return found
 
 
 def quality_of(store: Store, d: int, solution: Solution) -> Quality:

@@ -6,6 +6,7 @@ project file → Project → parts of its tables → domains → joined adjustme
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -89,13 +90,36 @@ def solved(
     order = Order(first, folder, kind, residuals, ready.parts.images)
     if settings.snooping:
         return _snooped(tested(engine, ready, joined, first, count(1)), order)
-    assessed = with_cofactors(engine, joined, lambda d: engine.submit(assess_domain, d, order))
+    assessed = with_cofactors(
+        engine,
+        joined,
+        lambda d: engine.submit(assess_domain, d, order),
+        partial(_forget, engine, ready, joined),
+    )
     useless = tuple(key for one in assessed for key in one.useless)
     sums = sum(one.redundancy for one in assessed)
     sound = checked(joined, useless, sums)
     if not sound.outcome.is_solution:
         return Outcomes(ready, sound, engine.store)
     return _with_fixed(engine, Outcomes(ready, joined, engine.store, first.whole, tuple(assessed)), first)
+
+
+def _forget(engine: Engine, ready: Prepared, joined: Joined, d: int) -> None:
+    """Drop what a domain knows once it is assessed: results take the room of state.
+
+    Not where fixed points are in several domains, whose tests come last; what is not divided is asked for to the end.
+    """
+    if any(head.ties_fixed for head in ready.heads):
+        return
+    stages = dict.fromkeys((joined.stage, joined.values))
+    names = [f"{kind}/{stage}" for kind in ("stage", "step", "values") for stage in stages]
+    names += ["domain", "outer", "null", "datum", "through"]
+    if d == ready.parts.lonely:
+        names.remove(f"values/{joined.values}")
+    else:
+        names.append("network")
+    for name in names:
+        engine.store.drop(f"{name}/{d}")
 
 
 def _snooped(first: InDomains, order: Order) -> Outcomes:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 import secrets
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,6 +53,11 @@ class Workers:
     """Since when nobody has been at work, though tasks are waited for."""
     renewed: float = 0.0
     """When workers were last begun anew."""
+
+    @property
+    def ahead(self) -> int:
+        """All: the scheduler has them wait."""
+        return sys.maxsize
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""

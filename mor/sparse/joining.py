@@ -91,11 +91,13 @@ def added(shares: list[Share], order: IntArray) -> Share:
     place = {int(number): k for k, number in enumerate(order)}
     n, width = len(order), shares[0].rhs.shape[1]
     whole = Share(order, np.zeros((n, n), order="F"), np.zeros((n, width)), np.zeros(n))
+    columns = whole.matrix.T  # what is symmetric has the same rows as columns, which lie together
     for share in shares:
         at = np.array([place[int(number)] for number in share.numbers], dtype=np.int64)
         full = np.tril(share.matrix)
         full += np.tril(full, -1).T
-        whole.matrix[np.ix_(at, at)] += full
+        for row, k in zip(full, at.tolist(), strict=True):  # in a quarter of the time of all at once
+            columns[k, at] += row
         whole.rhs[at] += share.rhs
         whole.diagonal[at] += share.diagonal
     return whole

@@ -10,6 +10,7 @@ import pytest
 from domains_blocks import Ended, Kind, command, write_block
 
 from mor.domains import room
+from mor.errors import InputError
 
 
 def adjust(project: Path, *options: str) -> Ended:
@@ -128,3 +129,14 @@ def test_amounts(text: str, size: float) -> None:
 def test_no_amounts(text: str) -> None:
     with pytest.raises(ValueError, match="expected an amount of memory"):
         room.size_of(text)
+
+
+def test_room_in_the_scratch_folder(tmp_path: Path) -> None:
+    worst, all_ = room.results_of_ray("parquet", False), room.results_of_ray("parquet", True)
+    goes = room.need_of_scratch(1000, all_, stays=False, snooping=False)
+    assert room.need_of_scratch(1000, worst, False, False) < goes
+    assert goes < room.need_of_scratch(1000, room.results_of_ray("csv", True), False, False)
+    assert goes < room.need_of_scratch(1000, all_, True, False) < room.need_of_scratch(1000, all_, True, True)
+    room.check_scratch(goes, tmp_path)
+    with pytest.raises(InputError, match="the state of the domains takes about"):
+        room.check_scratch(1e18, tmp_path)

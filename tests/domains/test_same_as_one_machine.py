@@ -134,3 +134,16 @@ def test_an_undetermined_point_is_named(tmp_path: Path) -> None:
         found = solved(engine, ready, tmp_path / "parts", "parquet", True)
     assert found.joined.outcome.value == "singular"
     assert {name for _, name, _ in found.joined.loose} == {first}
+
+
+@pytest.mark.parametrize("kind", [Kind(), Kind(control=6, sights=20)])
+def test_state_goes_as_domains_are_assessed(kind: Kind, tmp_path: Path) -> None:
+    path = write_block(tmp_path / "project", kind)
+    store = FileStore(tmp_path / "state")
+    _, several = both(path, tmp_path, 700, store)
+    assert several.whole is not None
+    lonely = several.prepared.parts.lonely
+    for name in ("domain", "stage", "outer"):
+        assert not list((tmp_path / "state").glob(f"{name}/**/*.pickle"))
+    assert [file.stem for file in (tmp_path / "state" / "network").iterdir()] == [str(lonely)]
+    assert not (tmp_path / "scratch" / "tables").exists()

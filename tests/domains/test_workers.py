@@ -35,11 +35,18 @@ def adjust(project: Path, folder: Path, *options: str) -> dict[str, bytes]:
 
 
 @pytest.mark.usefixtures("small_domains")
-def test_same_bytes_though_workers_are_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (Kind(control=6, sights=20), ("--snoop",)),
+        (Kind(strips=4, images=8, points=900), ()),  # state goes as domains are assessed
+    ],
+)
+def test_same_bytes_though_workers_are_killed(kind: Kind, options: tuple[str, ...], tmp_path: Path) -> None:
     from distributed import Client, LocalCluster
 
-    project = write_block(tmp_path / "project", Kind(control=6, sights=20))
-    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", "--snoop")
+    project = write_block(tmp_path / "project", kind)
+    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", *options)
     assert {"points.csv", "images.csv", "residuals.csv", "domains.json", "report.txt"} <= alone.keys()
     over = threading.Event()
     killed = []
@@ -59,7 +66,7 @@ def test_same_bytes_though_workers_are_killed(tmp_path: Path) -> None:
         killer = threading.Thread(target=kill_now_and_then)
         killer.start()
         try:
-            shared = adjust(project, tmp_path / "shared", "--cluster", cluster.scheduler_address, "--snoop")
+            shared = adjust(project, tmp_path / "shared", "--cluster", cluster.scheduler_address, *options)
         finally:
             over.set()
             killer.join()

@@ -20,6 +20,7 @@ from mor.adjustment.domains.tasks import (
     linearise,
     move_on,
     null_of,
+    round_off_of,
     rows_of_datum,
     shifted,
     variances_of_datum,
@@ -181,7 +182,7 @@ def _advance(engine: Engine, state: Joined) -> Joined:
     if not np.isfinite(step.movement).all():
         return state._replace(outcome=Outcome.SINGULAR, reason=NOT_SETTLED)
     change, number = step.change, len(state.iterations) + 1
-    over = _is_over(state, step) and _is_in_datum(engine, state, step)
+    over = _is_over(engine, state, step) and _is_in_datum(engine, state, step)
     iteration = Iteration(number, state.objective, change, 0.0, state.redundancy)
     iterations = (*state.iterations, iteration)
     if over and change <= ACCURACY:
@@ -236,14 +237,15 @@ def _tried(engine: Engine, state: Joined, to: str, damping: float) -> tuple[Root
     return root, handed.objective
 
 
-def _is_over(state: Joined, step: _Step) -> bool:
+def _is_over(engine: Engine, state: Joined, step: _Step) -> bool:
     """As :func:`mor.adjustment.convergence.is_over`."""
     if left_after(state, step.change) <= ACCURACY:
         return True
     change = step.change
     if change > 1.0 or not state.iterations or change < 0.5 * state.iterations[-1].largest_change:
         return False
-    return change <= float(np.sqrt(sum(one.round_off for one in step.followed)))
+    noise = _each(engine, state, lambda d: engine.submit(round_off_of, d, state.stage))
+    return change <= float(np.sqrt(sum(noise)))
 
 
 def _is_in_datum(engine: Engine, state: Joined, step: _Step) -> bool:

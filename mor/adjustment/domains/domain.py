@@ -84,6 +84,7 @@ class Stage(NamedTuple):
     """Without its matrix."""
     damping: float
     factor: Factor
+    """Without its last front, which is handed up."""
     scale: FloatArray
     """(n,) of the reduced unknowns; 1 of outer ones."""
     y: FloatArray
@@ -109,7 +110,8 @@ def eliminate(domain: Domain, values: Values, numbers: IntArray, damping: float 
     y, left = factor.reduce((scale * normals.reduced_rhs)[:, None])
     share = Share(numbers, factor.pivots[-1], left, normals.diagonal[last])
     nothing = BlockMatrix(plan.target.structure, np.zeros(0))
-    return Stage(values, normals._replace(matrix=nothing), damping, factor, scale, y), share
+    inner = replace(factor, pivots=factor.pivots[:-1])
+    return Stage(values, normals._replace(matrix=nothing), damping, inner, scale, y), share
 
 
 def step_of(domain: Domain, stage: Stage, outer: FloatArray) -> FloatArray:

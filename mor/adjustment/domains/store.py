@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from mor.observations import (
     FOLLOWER_TYPES,
     IMAGE_TYPES,
@@ -90,9 +92,15 @@ class MemoryStore:
 
 
 class _Pickler(pickle.Pickler):
-    """Observation types go into a file by their names: one that comes back is the same one."""
+    """Observation types go into a file by their names: one that comes back is the same one.
+
+    Arrays that repeat a row go there as that row, and come back as they were: pickle would write all rows.
+    """
 
     def reducer_override(self, thing: Any) -> Any:
+        if isinstance(thing, np.ndarray) and thing.size and 0 in thing.strides:
+            once = tuple(slice(None) if stride else slice(1) for stride in thing.strides)
+            return np.broadcast_to, (thing[once].copy(), thing.shape)
         if not isinstance(thing, ObservationType):
             return NotImplemented
         for catalogue, types in _TYPES.items():

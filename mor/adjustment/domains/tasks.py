@@ -84,8 +84,6 @@ class Followed(NamedTuple):
     """(d, d) BᵀG."""
     missing: FloatArray
     """(d,) Bᵀ of the total corrections after the step."""
-    round_off: float
-    """τ², see :mod:`mor.adjustment.convergence`."""
     moving: float
     """Largest part of the step that the datum binds."""
     largest: float
@@ -102,17 +100,21 @@ def follow(store: Store, d: int, stage: str, outer: FloatArray, null: FloatArray
     store.save(f"step/{stage}/{d}", (step, directions))
     B = constraint(directions, problem, at.values)
     total = corrections(problem.datum, problem.index, at.values) + np.where(B.mask, step, 0.0)
-    weak = np.zeros((len(step), 0))
-    noise = round_off(domain.plan, at.values, at.normals, weak) if not at.damping else 0.0
     points = at.values.get("point", np.zeros((1, 3)))
     return Followed(
         float(step @ at.normals.rhs),
         B.normals[own].T @ directions[own],
         B.normals[own].T @ total[own],
-        noise**2,
         float(np.abs(step[B.mask]).max(initial=0.0)),
         float(np.abs(points).max(initial=0.0)),
     )
+
+
+def round_off_of(store: Store, d: int, stage: str) -> float:
+    """τ² of a domain, see :mod:`mor.adjustment.convergence`."""
+    domain: Domain = store.load(f"domain/{d}")
+    at: Stage = store.load(f"stage/{stage}/{d}")
+    return round_off(domain.plan, at.values, at.normals, np.zeros((domain.problem.index.count, 0))) ** 2
 
 
 def shifted(store: Store, d: int, stage: str, movement: FloatArray) -> tuple[float, int]:
@@ -272,15 +274,3 @@ def variances_of_datum(store: Store, d: int, stage: str, outer: FloatArray) -> F
 def null_of(store: Store, d: int, stage: str, unknown: int) -> FloatArray:
     """(d,) the null vectors at an unknown."""
     return np.asarray(store.load(f"step/{stage}/{d}")[1][unknown])
-
-
-def use_step_of(store: Store, d: int, stage: str, to: str) -> None:
-    """The last stage is ``stage``; the solution lies a step away, at the values of ``to``."""
-    at: Stage = store.load(f"stage/{stage}/{d}")
-    values = store.load(f"values/{to}/{d}")
-    store.save(f"solution/{d}", (replace_normals(at), values))
-
-
-def replace_normals(at: Stage) -> Stage:
-    """A stage without what nobody asks for any more."""
-    return at._replace(normals=at.normals.spent())

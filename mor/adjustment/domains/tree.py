@@ -31,6 +31,10 @@ class Engine(Protocol):
     def store(self) -> Store:
         """What all tasks share."""
 
+    @property
+    def ahead(self) -> int:
+        """How many tasks may be submitted before the result of the first one is asked for."""
+
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a task done with the store and these arguments, which may be what ``submit`` has returned."""
 
@@ -45,6 +49,11 @@ class Here(NamedTuple):
     """Tasks one after the other, in this process."""
 
     store: Store
+
+    @property
+    def ahead(self) -> int:
+        """None: they are done at once."""
+        return 0
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Do the task."""
@@ -78,6 +87,13 @@ class Boundaries:
         """(count,) numbers that no domain outside of this part of the tree has."""
         inside = self._uses(domains_of(tree))
         return np.asarray(inside == self._uses(domains_of(self.tree)))
+
+    def outer(self, tree: Tree) -> IntArray:
+        """(s,) numbers that a part of the tree hands up, ascending; those of a domain in its own order."""
+        if isinstance(tree, int):
+            return self.numbers[tree]
+        inside = self._uses(domains_of(tree))
+        return np.flatnonzero((inside > 0) & ~self.complete(tree))
 
     def firsts(self) -> list[BoolArray]:
         """(s,) of each domain, true for the numbers that no domain before it has."""
@@ -228,21 +244,31 @@ def solve(
 def inverses(
     engine: Engine, boundaries: Boundaries, stage: str, root: Root, factor: Factor
 ) -> Iterator[tuple[int, FloatArray]]:
-    """Each domain with the cofactors (s, s) of its outer unknowns."""
+    """Each domain with the cofactors (s, s) of its outer unknowns.
+
+    What a part of the tree waits for is in the store: while a domain is worked on, its own are all that is in memory.
+    """
 
     def of(tree: Tree, name: str, numbers: IntArray, Q: FloatArray) -> Iterator[tuple[int, FloatArray]]:
         if isinstance(tree, int):
-            at = np.searchsorted(numbers, boundaries.numbers[tree])
-            yield tree, Q[np.ix_(at, at)]
+            yield tree, Q
             return
         if name != "r":
             node: Node = engine.store.load(f"node/{stage}/{name}")
-            at = np.searchsorted(numbers, node.rows)
-            Q = node.inverse(Q[np.ix_(at, at)])
-            numbers = np.concatenate([node.pivots, node.rows])
-            order = np.argsort(numbers)
-            numbers, Q = numbers[order], Q[np.ix_(order, order)]
+            Q, numbers = node.inverse(Q), np.concatenate([node.pivots, node.rows])
+            del node
+        order = np.argsort(numbers)
+        wanted = [boundaries.outer(part) for part in tree]
+        for k, own in enumerate(wanted):
+            at = order[np.searchsorted(numbers, own, sorter=order)]
+            engine.store.save(f"cofactors/{name}{k}", Q[np.ix_(at, at)])
+        del Q
         for k, part in enumerate(tree):
-            yield from of(part, f"{name}{k}", numbers, Q)
+            yield from of(part, f"{name}{k}", wanted[k], engine.store.load(f"cofactors/{name}{k}"))
+            engine.store.drop(f"cofactors/{name}{k}")
 
+    if isinstance(boundaries.tree, int):
+        at = np.searchsorted(root.numbers, boundaries.numbers[boundaries.tree])
+        yield boundaries.tree, root.inverse(factor)[np.ix_(at, at)]
+        return
     yield from of(boundaries.tree, "r", root.numbers, root.inverse(factor))

@@ -41,6 +41,10 @@ class PartNetwork(NamedTuple):
     places: tuple[int, ...]
     """Of its groups of observations among those of the project."""
 
+    def without_observations(self) -> PartNetwork:
+        """The same with no rows: where the plan has them nobody asks the network for them."""
+        return self._replace(network=replace(self.network, groups=()))
+
     def common(self, index: Index) -> BoolArray:
         """(u,) unknowns that other domains have, too."""
         found = np.zeros(index.count, dtype=bool)
@@ -49,6 +53,12 @@ class PartNetwork(NamedTuple):
             columns = index.columns[kind][mine]
             found[columns[columns >= 0]] = True
         return found
+
+    def shares_fixed_coordinates(self, index: Index) -> bool:
+        """True where a point that other domains have, too, has a coordinate that is not free."""
+        points = index.blocks["point"]
+        partly = np.flatnonzero(~points.free.all(axis=1))
+        return any(self.is_common("point", points.ids[k]) for k in partly.tolist())
 
     def is_common(self, kind: str, name: str) -> bool:
         """True where other domains have a block, too."""

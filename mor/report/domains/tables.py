@@ -89,6 +89,7 @@ def _writer(parts: Path, kind: Kind) -> Writer:
         with path.open("wb") as whole:
             for number, file in enumerate(files):
                 _append(file, whole, number == 0)
+                file.unlink()
 
     return write
 
