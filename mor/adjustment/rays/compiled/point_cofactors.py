@@ -89,7 +89,7 @@ def multiply_by_strip(
     ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
     """
     blocks, all_begin = store.blocks, store.begin
-    starts = np.empty(met.size.size, dtype=np.int64)
+    others, starts = np.empty(met.size.size, dtype=np.int64), np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
@@ -98,11 +98,14 @@ def multiply_by_strip(
         slots = end - block
         base, size = store.first_coupling[g] // 3, begin[slots]
         for slot in range(low, high):
-            if not starts_of_column(blocks[block:end], slot, met, pattern, starts):
+            count = starts_of_column(blocks[block:end], slot, met, pattern, others, starts)
+            if count < 0:
                 return False
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
-                multiply_column_of_point(values, starts, width, E, H, base + q * size, begin, slot, slots)
+                multiply_column_of_point(
+                    values, others, starts, count, width, E, H, base + q * size, begin, slot, slots
+                )
     return True
 
 

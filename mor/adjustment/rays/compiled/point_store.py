@@ -61,8 +61,11 @@ def is_full(store: Store, groups: int, size: int) -> bool:
 
 
 @compile_kernel
-def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
-    """Append a group without points."""
+def open_group(
+    store: Store, groups: int, frame: IntArray, first_ray: int, end: int, runs: Runs, met: Met, clique: Clique
+) -> int:
+    """Append a group without points, for those with the frames of these rays; return the number of its unknowns."""
+    count = merge(frame, first_ray, end, runs, met, clique)
     first = store.first_block[groups]
     for slot in range(count):
         store.blocks[first + slot] = clique.blocks[slot]
@@ -71,6 +74,7 @@ def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
     store.first_block[groups + 1] = first + count
     store.first_coupling[groups + 1] = store.first_coupling[groups]
     store.points[groups] = 0
+    return int(clique.begin[count])
 
 
 @compile_inline
@@ -121,18 +125,26 @@ def fill_store(
 
     Stops where there may be no room for a point with ``room`` unknowns. Returns the place, and the number of groups.
     """
-    flat, width, local = by_others.reshape(-1), by_others.shape[2], clique.local
-    before, size = -1, 0
+    flat, width, before, size = by_others.reshape(-1), by_others.shape[2], -1, 0
     while done < order.size and not is_full(store, groups, room):
         p = order[done]
-        first, end = pointers[p], pointers[p + 1]
         if before < 0 or not same_frames(frame, pointers, p, before):
-            count = merge(frame, first, end, runs, met, clique)
-            size = clique.begin[count]
-            open_group(store, groups, clique, count)
+            size = open_group(store, groups, frame, pointers[p], pointers[p + 1], runs, met, clique)
             groups += 1
         base = append_point(store, groups, size)
-        couple(factor, flat, width, frame, first, end, runs, local, store.couplings, base, size)
+        couple(
+            factor,
+            flat,
+            width,
+            frame,
+            pointers[p],
+            pointers[p + 1],
+            runs,
+            clique.local,
+            store.couplings,
+            base,
+            size,
+        )
         before = p
         done += 1
     return done, groups
