@@ -112,30 +112,18 @@ def add_products(
             by_others[c + _SIX],
             by_others[c + _SEVEN],
         )
-        g0 -= a0 * r + b0 * s
-        g1 -= a1 * r + b1 * s
-        g2 -= a2 * r + b2 * s
-        g3 -= a3 * r + b3 * s
-        g4 -= a4 * r + b4 * s
-        g5 -= a5 * r + b5 * s
-        g6 -= a6 * r + b6 * s
-        g7 -= a7 * r + b7 * s
-        h0 -= a0 * t + b0 * u
-        h1 -= a1 * t + b1 * u
-        h2 -= a2 * t + b2 * u
-        h3 -= a3 * t + b3 * u
-        h4 -= a4 * t + b4 * u
-        h5 -= a5 * t + b5 * u
-        h6 -= a6 * t + b6 * u
-        h7 -= a7 * t + b7 * u
-        d0 += a0 * a0 + b0 * b0
-        d1 += a1 * a1 + b1 * b1
-        d2 += a2 * a2 + b2 * b2
-        d3 += a3 * a3 + b3 * b3
-        d4 += a4 * a4 + b4 * b4
-        d5 += a5 * a5 + b5 * b5
-        d6 += a6 * a6 + b6 * b6
-        d7 += a7 * a7 + b7 * b7
+        g0, g1 = g0 - (a0 * r + b0 * s), g1 - (a1 * r + b1 * s)
+        g2, g3 = g2 - (a2 * r + b2 * s), g3 - (a3 * r + b3 * s)
+        g4, g5 = g4 - (a4 * r + b4 * s), g5 - (a5 * r + b5 * s)
+        g6, g7 = g6 - (a6 * r + b6 * s), g7 - (a7 * r + b7 * s)
+        h0, h1 = h0 - (a0 * t + b0 * u), h1 - (a1 * t + b1 * u)
+        h2, h3 = h2 - (a2 * t + b2 * u), h3 - (a3 * t + b3 * u)
+        h4, h5 = h4 - (a4 * t + b4 * u), h5 - (a5 * t + b5 * u)
+        h6, h7 = h6 - (a6 * t + b6 * u), h7 - (a7 * t + b7 * u)
+        d0, d1 = d0 + a0 * a0 + b0 * b0, d1 + a1 * a1 + b1 * b1
+        d2, d3 = d2 + a2 * a2 + b2 * b2, d3 + a3 * a3 + b3 * b3
+        d4, d5 = d4 + a4 * a4 + b4 * b4, d5 + a5 * a5 + b5 * b5
+        d6, d7 = d6 + a6 * a6 + b6 * b6, d7 + a7 * a7 + b7 * b7
         k += _ONE
     at = np.uint64(f * width + column)
     add_eight(sums.gradient, at, g0, g1, g2, g3, g4, g5, g6, g7)
@@ -187,38 +175,22 @@ def add_tile(
             by_others[c + _SIX],
             by_others[c + _SEVEN],
         )
-        s00 += x0 * a0 + y0 * b0
-        s01 += x0 * a1 + y0 * b1
-        s02 += x0 * a2 + y0 * b2
-        s03 += x0 * a3 + y0 * b3
-        s04 += x0 * a4 + y0 * b4
-        s05 += x0 * a5 + y0 * b5
-        s06 += x0 * a6 + y0 * b6
-        s07 += x0 * a7 + y0 * b7
-        s10 += x1 * a0 + y1 * b0
-        s11 += x1 * a1 + y1 * b1
-        s12 += x1 * a2 + y1 * b2
-        s13 += x1 * a3 + y1 * b3
-        s14 += x1 * a4 + y1 * b4
-        s15 += x1 * a5 + y1 * b5
-        s16 += x1 * a6 + y1 * b6
-        s17 += x1 * a7 + y1 * b7
-        s20 += x2 * a0 + y2 * b0
-        s21 += x2 * a1 + y2 * b1
-        s22 += x2 * a2 + y2 * b2
-        s23 += x2 * a3 + y2 * b3
-        s24 += x2 * a4 + y2 * b4
-        s25 += x2 * a5 + y2 * b5
-        s26 += x2 * a6 + y2 * b6
-        s27 += x2 * a7 + y2 * b7
-        s30 += x3 * a0 + y3 * b0
-        s31 += x3 * a1 + y3 * b1
-        s32 += x3 * a2 + y3 * b2
-        s33 += x3 * a3 + y3 * b3
-        s34 += x3 * a4 + y3 * b4
-        s35 += x3 * a5 + y3 * b5
-        s36 += x3 * a6 + y3 * b6
-        s37 += x3 * a7 + y3 * b7
+        s00, s01 = s00 + x0 * a0 + y0 * b0, s01 + x0 * a1 + y0 * b1
+        s02, s03 = s02 + x0 * a2 + y0 * b2, s03 + x0 * a3 + y0 * b3
+        s04, s05 = s04 + x0 * a4 + y0 * b4, s05 + x0 * a5 + y0 * b5
+        s06, s07 = s06 + x0 * a6 + y0 * b6, s07 + x0 * a7 + y0 * b7
+        s10, s11 = s10 + x1 * a0 + y1 * b0, s11 + x1 * a1 + y1 * b1
+        s12, s13 = s12 + x1 * a2 + y1 * b2, s13 + x1 * a3 + y1 * b3
+        s14, s15 = s14 + x1 * a4 + y1 * b4, s15 + x1 * a5 + y1 * b5
+        s16, s17 = s16 + x1 * a6 + y1 * b6, s17 + x1 * a7 + y1 * b7
+        s20, s21 = s20 + x2 * a0 + y2 * b0, s21 + x2 * a1 + y2 * b1
+        s22, s23 = s22 + x2 * a2 + y2 * b2, s23 + x2 * a3 + y2 * b3
+        s24, s25 = s24 + x2 * a4 + y2 * b4, s25 + x2 * a5 + y2 * b5
+        s26, s27 = s26 + x2 * a6 + y2 * b6, s27 + x2 * a7 + y2 * b7
+        s30, s31 = s30 + x3 * a0 + y3 * b0, s31 + x3 * a1 + y3 * b1
+        s32, s33 = s32 + x3 * a2 + y3 * b2, s33 + x3 * a3 + y3 * b3
+        s34, s35 = s34 + x3 * a4 + y3 * b4, s35 + x3 * a5 + y3 * b5
+        s36, s37 = s36 + x3 * a6 + y3 * b6, s37 + x3 * a7 + y3 * b7
         k += _ONE
     at = np.uint64(start + row * width + column)
     add_eight(squares, at, s00, s01, s02, s03, s04, s05, s06, s07)

@@ -24,17 +24,20 @@ from mor.adjustment.rays.compiled.cliques import (
 )
 from mor.adjustment.rays.compiled.cofactor_strips import multiply_column_of_point
 from mor.adjustment.rays.compiled.point_store import (
-    STORE,
     Store,
     end_in_strip,
     end_of_strip,
     fill_store,
+    size_of_store,
     store_for,
 )
 from mor.adjustment.rays.compiled.points import invert_points
 from mor.adjustment.rays.compiled.ray_cofactors import ROOM_FOR_FORMS, cofactors_of_rays, gather_frames
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
+
+LARGEST_STORE = 400_000
+"""Numbers in a store at most: couplings and products take eight thirds of its room besides, anew for each piece."""
 
 
 @compile_kernel
@@ -205,7 +208,7 @@ def cofactors(
         return False
     factor = np.empty(by_point.shape)
     invert_points(by_point, pointers, factor, of_points)
-    store = store_for(max(STORE, 3 * room))
+    store = store_for(max(size_of_store(met, LARGEST_STORE), 3 * room))
     E, H = np.empty(4 * (store.couplings.size // 3)), np.empty(4 * (store.couplings.size // 3))
     order, done = grouped(keys), NONE
     while done < order.size:

@@ -26,13 +26,14 @@ from mor.adjustment.rays.compiled.cliques import (
 from mor.adjustment.rays.compiled.couplings import couple, reduce_rays
 from mor.adjustment.rays.compiled.frame_sums import FrameSums, carry_frames
 from mor.adjustment.rays.compiled.point_store import (
-    STORE,
+    LARGE_STORE,
     Store,
     append_point,
     end_in_strip,
     end_of_strip,
     is_full,
     open_group,
+    size_of_store,
     store_for,
 )
 from mor.adjustment.rays.compiled.strips import subtract_column_of_point
@@ -75,7 +76,7 @@ def begin_gathering(columns: IntArray, pattern: Pattern) -> Gathering:
     """Return a gathering of points of frames with these columns (f, K)."""
     runs, met = runs_of_frames(columns, pattern)
     nested = cover_pairs_of_frames(runs, met)
-    numbers = max(STORE, 3 * met.size.sum())  # a point that all frames see
+    numbers = max(size_of_store(met, LARGE_STORE), 3 * met.size.sum())  # a point that all frames see
     frames, width = columns.shape
     sums = FrameSums(
         width,

@@ -16,8 +16,10 @@ from mor.adjustment.rays.compiled.couplings import couple
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 
-# Numbers in a store and in a strip of columns of the reduced system: 1.6 and 0.5 MB, that they stay in the cache.
-STORE, STRIP = 200_000, 60_000
+STRIP = 60_000
+"""Numbers in a strip of columns of the reduced system, 0.5 MB: it stays in the cache while the store goes by."""
+SMALL_STORE, LARGE_STORE = 200_000, 1_000_000
+"""Numbers in a store: 1.6 MB, which stays in the cache itself, to 8 MB. See ``size_of_store``."""
 
 
 class Store(NamedTuple):
@@ -38,6 +40,17 @@ class Store(NamedTuple):
     blocks: IntArray
     begin: IntArray
     first_block: IntArray
+
+
+@compile_kernel
+def size_of_store(met: Met, largest: int) -> int:
+    """Return the numbers of a store for these blocks: a quarter of those of their system, within limits.
+
+    Every emptying goes through the whole system. Where that is larger than the cache, and points are seen by images at
+    random, it should be a seldom one.
+    """
+    unknowns = met.size.sum()
+    return int(max(SMALL_STORE, min(unknowns * unknowns // 8, largest)))
 
 
 @compile_kernel
