@@ -61,9 +61,10 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
     noted = _nothing_noted(rays.points)
     white, moved = np.empty(by_point.shape), np.empty(residual.shape)
     points.whiten_points(by_point, residual, pointers, damping, white, moved, *noted)
-    frame_sums.add_rays(residual, moved, by_others, frame, gathering.sums)
-    arrays = white, by_others, frame, pointers
+    reduced_rows = np.zeros(by_others.shape) if gathering.nested else by_others
+    arrays = white, by_others, reduced_rows, frame, pointers
     stored = point_products.store_points(gathering, *arrays, pattern, system.values)
+    frame_sums.add_rays(residual, moved, by_others, reduced_rows, frame, gathering.sums)
     _refuse_unless(stored and point_products.finish_gathering(gathering, pattern, system))
     return noted
 
@@ -183,17 +184,17 @@ def _nothing_noted(points: int) -> Eliminated:
 
 
 def _wide(rays: Rays) -> Rays:
-    """The rays with so many columns at least as are added up together; those that are added are fixed."""
-    missing = frame_sums.TILE - rays.columns.shape[1]
-    if missing <= 0:
+    """The rays with as many columns as are added up together, or a multiple; those that are added are fixed."""
+    columns = _wide_columns(rays.columns)
+    missing = columns.shape[1] - rays.columns.shape[1]
+    if missing == 0:
         return rays
     none = np.zeros((rays.rays, 2, missing))
-    wider = np.concatenate([rays.by_others, none], axis=2)
-    return replace(rays, by_others=wider, columns=_wide_columns(rays.columns))
+    return replace(rays, by_others=np.concatenate([rays.by_others, none], axis=2), columns=columns)
 
 
 def _wide_columns(columns: IntArray) -> IntArray:
-    missing = max(frame_sums.TILE - columns.shape[1], 0)
+    missing = -columns.shape[1] % frame_sums.COLUMNS
     return np.hstack([columns, np.full((len(columns), missing), -1)]) if missing else columns
 
 

@@ -6,6 +6,7 @@ and for the components of one observation row the statistic of the joint test, (
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_elimination import cofactors as ray_cofactors
 from mor.adjustment.state import Adjustment
-from mor.arrays import AnyIntArray, BoolArray, FloatArray
+from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.quality.effort import Done
 from mor.quality.reliability import ray_kernels as compiled_rays
@@ -115,8 +116,7 @@ def _fill_row_set(
 def _fill_rays(
     quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, carries: FloatArray
 ) -> None:
-    for number in np.unique(chunk.group):
-        place = np.flatnonzero(chunk.group == number)
+    for number, place in _of_each_group(chunk.group):
         one = quality[number]
         rows = chunk.row[place]
         if compilation.wanted():
@@ -142,14 +142,23 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
     def of_lane(lane: RayPlan) -> None:
         for chunk, residual in ray_residuals(adjustment.problem, lane, values):
             weight = lane.measurements.of(chunk.rays).weight
-            v = np.where(weight > 0.0, residual / np.where(weight > 0.0, weight, 1.0), np.nan)
+            v = np.full(residual.shape, np.nan)
+            np.divide(residual, weight, out=v, where=weight > 0.0)
             group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
-            for number in np.unique(group_of_ray):
-                here = group_of_ray == number
+            for number, here in _of_each_group(group_of_ray):
                 result[number].v[lane.row[chunk.rays][here]] = v[here]
 
     in_lanes(rays, 0, of_lane)
     return result
+
+
+def _of_each_group(group: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """The groups of rays, and the rays of each; nothing is searched where all are of one, as in most blocks."""
+    if len(group) and group.min() == group.max():
+        yield int(group[0]), np.arange(len(group))
+        return
+    for number in np.unique(group):
+        yield int(number), np.flatnonzero(group == number)
 
 
 def _empty(group: ObservationGroup) -> ObservationQuality:

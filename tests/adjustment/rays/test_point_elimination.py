@@ -10,6 +10,8 @@ import pytest
 from mor import compilation
 from mor.adjustment.rays import point_reference
 from mor.adjustment.rays.compiled import point_store
+from mor.adjustment.rays.compiled.cliques import Pattern
+from mor.adjustment.rays.compiled.point_products import begin_gathering
 from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.point_elimination import accumulate, back_substitute, cofactors
 from mor.adjustment.rays.reduced_system import empty_reduced_system
@@ -243,7 +245,7 @@ def test_compiled_and_plain_form_agree(images, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, abs(other).max()))
 
 
-@pytest.mark.skipif(not compilation.available, reason="only the compiled form adds columns up by fours")
+@pytest.mark.skipif(not compilation.available, reason="only the compiled form adds columns up by eights")
 @pytest.mark.parametrize("width", [1, 3, 6])
 def test_rays_of_few_columns(width, monkeypatch):
     rays, structure = simulate(seed=3)
@@ -263,7 +265,7 @@ def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatc
     """The large call fills the store and several strips of the reduced system, the small ones never do."""
     rays, structure = simulate(points=6_000, images=150, seed=8)
     unknowns = 6 * np.diff(rays.point_pointers).mean() * 17 / 18 + CAMERA
-    assert 3 * rays.points * unknowns > 1.1 * point_store.STORE
+    assert 3 * rays.points * unknowns > 1.1 * point_store.SMALL_STORE
     assert structure.position[-1] > 1.5 * point_store.STRIP
     whole, pieces = empty_reduced_system(structure), empty_reduced_system(structure)
     accumulate(rays, whole)
@@ -374,3 +376,27 @@ def test_places_that_are_kept_serve_the_next_pass():
         accumulate(fixed, system)
         accumulate(fixed, alone)
         np.testing.assert_array_equal(system.right_hand_side, alone.right_hand_side)
+
+
+@pytest.mark.skipif(
+    not compilation.available, reason="only the compiled form leaves pairs of blocks to the frames"
+)
+@pytest.mark.parametrize("camera_last", [True, False])
+@pytest.mark.parametrize("camera_behind", [True, False])
+def test_what_images_share_may_stand_anywhere(camera_behind, camera_last, monkeypatch):
+    """Behind the pose, what an image alone has to do with is left to its sums; before it, it is not."""
+    rays, structure = simulate(seed=11, camera_last=camera_last)
+    order = np.roll(np.arange(WIDTH), -CAMERA) if camera_behind else np.arange(WIDTH)
+    rays = replace(rays, by_others=rays.by_others[:, :, order].copy(), columns=rays.columns[:, order].copy())
+    pattern = Pattern(
+        structure.block_of, structure.offsets, structure.indptr, structure.indices, structure.position
+    )
+    assert begin_gathering(rays.columns, pattern).nested is camera_behind
+    found = []
+    for available in (True, False):
+        monkeypatch.setattr(compilation, "available", available)
+        reduced = empty_reduced_system(structure)
+        accumulate(rays, reduced, 0.1)
+        found.append((reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10 * abs(other).max())

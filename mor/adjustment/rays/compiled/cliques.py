@@ -16,7 +16,7 @@ import numpy as np
 from mor.arrays import IntArray
 from mor.compilation import compile_inline, compile_kernel
 
-UNKNOWN = -2
+UNKNOWN, COVERED = -2, -3
 NONE: int = np.int64(0)  # type: ignore[assignment]
 """A count to begin with. A plain 0 is a type of its own, for which all kernels it is passed to are compiled again."""
 
@@ -39,7 +39,7 @@ class Met(NamedTuple):
         size: (b,) number of unknowns.
         column: (b,) block number in the pattern.
         starts: (b, b), by columns, where the blocks (row, column), row >= column, start in the flat
-            values, -1 where not stored,
+            values, -1 where not stored, ``COVERED`` where the sums of frames hold all there is to it,
             and ``UNKNOWN`` as long as nobody asked.
     """
 
@@ -125,6 +125,46 @@ def runs_of_frames(columns: IntArray, pattern: Pattern) -> tuple[Runs, Met]:
         own.size[blocks[t]] = offsets[block + 1] - offsets[block]
         own.column[blocks[t]] = block
     return Runs(pointers, first[:count], length[:count], blocks[:count], within[:count]), own
+
+
+@compile_kernel
+def cover_pairs_of_frames(runs: Runs, met: Met) -> bool:
+    """Mark the pairs of blocks that meet in a frame as covered; return False, and mark none, if frames are not nested.
+
+    They are where, in every frame, each frame that has the block of an earlier column has that of a later one as well:
+    where the pose comes before what it shares with other images, such as the camera. Then a sum over the frames that
+    have the former is one over all rays that have to do with both.
+    """
+    count = met.size.size
+    frames, together = np.zeros(count, dtype=np.int64), np.zeros((count, count), dtype=np.int32)
+    for f in range(runs.pointers.size - 1):
+        first = runs.pointers[f]
+        for t in range(first, runs.pointers[f + 1]):
+            if stands_before(runs, first, t):
+                continue
+            frames[runs.block[t]] += 1
+            for s in range(first, runs.pointers[f + 1]):
+                if not stands_before(runs, first, s):
+                    together[runs.block[t], runs.block[s]] += 1
+    for f in range(runs.pointers.size - 1):
+        for t in range(runs.pointers[f], runs.pointers[f + 1]):
+            for s in range(runs.pointers[f], t):
+                if together[runs.block[t], runs.block[s]] < frames[runs.block[s]]:
+                    return False
+    for column in range(count):
+        for row in range(column, count):
+            if together[row, column] > 0:
+                met.starts[column, row] = COVERED
+    return True
+
+
+@compile_inline
+def stands_before(runs: Runs, first: int, t: int) -> bool:
+    """Return whether the block of a run is that of one before it, from ``first`` on."""
+    for s in range(first, t):
+        if runs.block[s] == runs.block[t]:
+            return True
+    return False
 
 
 @compile_kernel
@@ -264,20 +304,25 @@ def look_up(met: Met, pattern: Pattern, row: int, column: int) -> int:
 
 
 @compile_kernel
-def starts_of_column(blocks: IntArray, slot: int, met: Met, pattern: Pattern, starts: IntArray) -> bool:
-    """Set where the blocks of a clique in the column of its block ``slot`` start, the diagonal one first.
+def starts_of_column(
+    blocks: IntArray, slot: int, met: Met, pattern: Pattern, others: IntArray, starts: IntArray
+) -> int:
+    """Set which blocks of a clique, from ``slot`` on, are to be visited in the column of ``slot``, and their starts.
 
-    Returns False where one of them is not stored.
+    These are all that are not covered. Returns how many, -1 where one of them is not stored.
     """
-    column = blocks[slot]
+    column, count = blocks[slot], 0
     for other in range(slot, blocks.size):
         start = met.starts[column, blocks[other]]
+        if start == COVERED:
+            continue
         if start < 0:
             start = look_up(met, pattern, blocks[other], column)
             if start < 0:
-                return False
-        starts[other - slot] = start
-    return True
+                return -1
+        others[count], starts[count] = other, start
+        count += 1
+    return count
 
 
 @compile_kernel

@@ -18,7 +18,9 @@ _ONE, _TWO, _THREE = (np.uint64(k) for k in range(1, 4))
 @compile_inline
 def multiply_three(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     E: FloatArray,
     H: FloatArray,
@@ -40,8 +42,8 @@ def multiply_three(
     a4, a5, a6, a7 = 0.0, 0.0, 0.0, 0.0
     b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0
     c4, c5, c6, c7 = 0.0, 0.0, 0.0, 0.0
-    for other in range(slot, slots):
-        p = np.uint64(starts[other - slot] + strip)
+    for visit in range(count):
+        other, p = others[visit], np.uint64(starts[visit] + strip)
         mirrored = 0.0 if other == slot else 1.0
         for row in range(begin[other], begin[other + 1]):
             i = base + np.uint64(4 * row)
@@ -87,7 +89,9 @@ def multiply_three(
 @compile_inline
 def multiply_one(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     E: FloatArray,
     H: FloatArray,
@@ -103,8 +107,8 @@ def multiply_one(
     at = k
     a0, a1, a2, a3 = E[at], E[at + _ONE], E[at + _TWO], E[at + _THREE]
     a4, a5, a6, a7 = 0.0, 0.0, 0.0, 0.0
-    for other in range(slot, slots):
-        p = np.uint64(starts[other - slot] + strip)
+    for visit in range(count):
+        other, p = others[visit], np.uint64(starts[visit] + strip)
         mirrored = 0.0 if other == slot else 1.0
         for row in range(begin[other], begin[other + 1]):
             i = base + np.uint64(4 * row)
@@ -130,7 +134,9 @@ def multiply_one(
 @compile_inline
 def multiply_column_of_point(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     E: FloatArray,
     H: FloatArray,
@@ -145,8 +151,8 @@ def multiply_column_of_point(
     """
     strip = 0
     while width - strip >= 3:
-        multiply_three(values, starts, width, E, H, first, begin, slot, slots, strip)
+        multiply_three(values, others, starts, count, width, E, H, first, begin, slot, slots, strip)
         strip += 3
     while strip < width:
-        multiply_one(values, starts, width, E, H, first, begin, slot, slots, strip)
+        multiply_one(values, others, starts, count, width, E, H, first, begin, slot, slots, strip)
         strip += 1

@@ -30,8 +30,8 @@ def couple(
     size: int,
 ) -> None:
     """Set the coupling (3, size) of one point, from ``base`` on, by its rays first … end − 1; ``by_others`` is flat."""
-    for entry in range(base, base + 3 * size):
-        couplings[entry] = 0.0
+    for entry in range(3 * size):
+        couplings[np.uint64(base) + np.uint64(entry)] = 0.0
     for i in range(first, end):
         a, b, c = factor[i, 0, 0], factor[i, 0, 1], factor[i, 0, 2]
         d, e, f = factor[i, 1, 0], factor[i, 1, 1], factor[i, 1, 2]
@@ -81,3 +81,68 @@ def couple_two(
     below += np.uint64(size)
     couplings[below] += x0 * c + y0 * f
     couplings[below + _ONE] += x1 * c + y1 * f
+
+
+@compile_inline
+def reduce_rays(
+    factor: FloatArray,
+    by_others: FloatArray,
+    width: int,
+    frame: IntArray,
+    first: int,
+    end: int,
+    runs: Runs,
+    local: IntArray,
+    couplings: FloatArray,
+    base: int,
+    size: int,
+    reduced: FloatArray,
+) -> None:
+    """Set j − c Vᵀ of the rays of one point, at their own columns, from its coupling; the Jacobians are flat."""
+    for i in range(first, end):
+        a, b, c = factor[i, 0, 0], factor[i, 0, 1], factor[i, 0, 2]
+        d, e, f = factor[i, 1, 0], factor[i, 1, 1], factor[i, 1, 2]
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at = np.uint64(base + local[i - first, t - start])
+            x = np.uint64(2 * i * width + runs.first[t])
+            left = runs.length[t]
+            while left >= 2:
+                reduce_two(by_others, x, width, a, b, c, d, e, f, couplings, at, size, reduced)
+                at, x, left = at + _TWO, x + _TWO, left - 2
+            if left == 1:
+                y = x + np.uint64(width)
+                p, q, r = couplings[at], couplings[at + np.uint64(size)], couplings[at + np.uint64(2 * size)]
+                reduced[x] = by_others[x] - (a * p + b * q + c * r)
+                reduced[y] = by_others[y] - (d * p + e * q + f * r)
+
+
+@compile_inline
+def reduce_two(
+    by_others: FloatArray,
+    x: np.uint64,
+    width: int,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    e: float,
+    f: float,
+    couplings: FloatArray,
+    at: np.uint64,
+    size: int,
+    reduced: FloatArray,
+) -> None:
+    """The same for two unknowns; arguments as those of ``couple_two``."""
+    y, further = x + np.uint64(width), np.uint64(size)
+    x0, x1 = by_others[x], by_others[x + _ONE]
+    y0, y1 = by_others[y], by_others[y + _ONE]
+    p0, p1 = couplings[at], couplings[at + _ONE]
+    below = at + further
+    q0, q1 = couplings[below], couplings[below + _ONE]
+    below += further
+    r0, r1 = couplings[below], couplings[below + _ONE]
+    reduced[x] = x0 - (a * p0 + b * q0 + c * r0)
+    reduced[x + _ONE] = x1 - (a * p1 + b * q1 + c * r1)
+    reduced[y] = y0 - (d * p0 + e * q0 + f * r0)
+    reduced[y + _ONE] = y1 - (d * p1 + e * q1 + f * r1)

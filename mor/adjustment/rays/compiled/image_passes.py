@@ -27,7 +27,7 @@ from mor.adjustment.rays.compiled.sights.path_rays import follow_along, linearis
 from mor.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.compilation import compile_kernel
 
-RAYS_OF_A_PIECE = 4096
+RAYS_OF_A_PIECE = 1024
 
 
 class ImageRays(NamedTuple):
@@ -76,7 +76,7 @@ def gather_image_rays(
     room = largest_piece(pointers)
     residuals, by_points = np.empty((room, 2)), np.empty((room, 2, 3))
     shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
-    by_others = np.empty((room, 2, width))
+    by_others, without = np.empty((room, 2, width)), np.zeros((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     squares, first = 0.0, NONE
     while first < count:
@@ -102,9 +102,10 @@ def gather_image_rays(
         white, moved = whites[:n], shifted[:n]
         gradients, holds = gradient[first:last], held[first:last]
         whiten_points(by_point, residual, own, damping, white, moved, holds, gradients)
-        add_rays(residual, moved, by_other, in_chunk[:n], gathering.sums)
-        if not store_points(gathering, white, by_other, in_chunk[:n], own, pattern, matrix):
+        reduced = without[:n] if gathering.nested else by_other
+        if not store_points(gathering, white, by_other, reduced, in_chunk[:n], own, pattern, matrix):
             return False, squares
+        add_rays(residual, moved, by_other, reduced, in_chunk[:n], gathering.sums)
         first = last
     return True, squares
 

@@ -24,17 +24,20 @@ from mor.adjustment.rays.compiled.cliques import (
 )
 from mor.adjustment.rays.compiled.cofactor_strips import multiply_column_of_point
 from mor.adjustment.rays.compiled.point_store import (
-    STORE,
     Store,
     end_in_strip,
     end_of_strip,
     fill_store,
+    size_of_store,
     store_for,
 )
 from mor.adjustment.rays.compiled.points import invert_points
 from mor.adjustment.rays.compiled.ray_cofactors import ROOM_FOR_FORMS, cofactors_of_rays, gather_frames
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
+
+LARGEST_STORE = 400_000
+"""Numbers in a store at most: couplings and products take eight thirds of its room besides, anew for each piece."""
 
 
 @compile_kernel
@@ -89,7 +92,7 @@ def multiply_by_strip(
     ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
     """
     blocks, all_begin = store.blocks, store.begin
-    starts = np.empty(met.size.size, dtype=np.int64)
+    others, starts = np.empty(met.size.size, dtype=np.int64), np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
@@ -98,11 +101,14 @@ def multiply_by_strip(
         slots = end - block
         base, size = store.first_coupling[g] // 3, begin[slots]
         for slot in range(low, high):
-            if not starts_of_column(blocks[block:end], slot, met, pattern, starts):
+            count = starts_of_column(blocks[block:end], slot, met, pattern, others, starts)
+            if count < 0:
                 return False
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
-                multiply_column_of_point(values, starts, width, E, H, base + q * size, begin, slot, slots)
+                multiply_column_of_point(
+                    values, others, starts, count, width, E, H, base + q * size, begin, slot, slots
+                )
     return True
 
 
@@ -202,7 +208,7 @@ def cofactors(
         return False
     factor = np.empty(by_point.shape)
     invert_points(by_point, pointers, factor, of_points)
-    store = store_for(max(STORE, 3 * room))
+    store = store_for(max(size_of_store(met, LARGEST_STORE), 3 * room))
     E, H = np.empty(4 * (store.couplings.size // 3)), np.empty(4 * (store.couplings.size // 3))
     order, done = grouped(keys), NONE
     while done < order.size:

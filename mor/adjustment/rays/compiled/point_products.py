@@ -11,22 +11,29 @@ import numpy as np
 
 from mor.adjustment.rays.compiled.cliques import (
     NONE,
+    Clique,
     Met,
     Pattern,
     Runs,
+    cover_pairs_of_frames,
     grouped,
     room_for_clique,
     runs_of_frames,
+    same_frames,
     starts_of_column,
     survey,
 )
+from mor.adjustment.rays.compiled.couplings import couple, reduce_rays
 from mor.adjustment.rays.compiled.frame_sums import FrameSums, carry_frames
 from mor.adjustment.rays.compiled.point_store import (
-    STORE,
+    LARGE_STORE,
     Store,
+    append_point,
     end_in_strip,
     end_of_strip,
-    fill_store,
+    is_full,
+    open_group,
+    size_of_store,
     store_for,
 )
 from mor.adjustment.rays.compiled.strips import subtract_column_of_point
@@ -52,6 +59,7 @@ class Gathering(NamedTuple):
         store: the couplings of points that wait.
         waiting: (1,) number of groups of them.
         sums: what else their rays leave.
+        nested: whether the sums of frames hold all there is to pairs of blocks that meet in a frame.
     """
 
     columns: IntArray
@@ -60,16 +68,24 @@ class Gathering(NamedTuple):
     store: Store
     waiting: IntArray
     sums: FrameSums
+    nested: bool
 
 
 @compile_kernel
 def begin_gathering(columns: IntArray, pattern: Pattern) -> Gathering:
     """Return a gathering of points of frames with these columns (f, K)."""
     runs, met = runs_of_frames(columns, pattern)
-    numbers = max(STORE, 3 * met.size.sum())  # a point that all frames see
+    nested = cover_pairs_of_frames(runs, met)
+    numbers = max(size_of_store(met, LARGE_STORE), 3 * met.size.sum())  # a point that all frames see
     frames, width = columns.shape
-    sums = FrameSums(np.zeros(frames * width * width), np.zeros((frames, width)), np.zeros((frames, width)))
-    return Gathering(columns, runs, met, store_for(numbers), np.zeros(1, dtype=np.int64), sums)
+    sums = FrameSums(
+        width,
+        np.zeros(frames * width * width),
+        np.zeros(frames * width),
+        np.zeros(frames * width),
+        np.zeros(frames * width),
+    )
+    return Gathering(columns, runs, met, store_for(numbers), np.zeros(1, dtype=np.int64), sums, nested)
 
 
 @compile_kernel
@@ -77,6 +93,7 @@ def store_points(
     gathering: Gathering,
     white: FloatArray,
     by_others: FloatArray,
+    reduced: FloatArray,
     frame: IntArray,
     pointers: IntArray,
     pattern: Pattern,
@@ -84,16 +101,18 @@ def store_points(
 ) -> bool:
     """Store the couplings of whole points, points from the same frames side by side.
 
-    ``white`` is a L⁻ᵀ. Where the store is full it is emptied; returns False where a pair of blocks is not stored.
+    ``white`` is a L⁻ᵀ. Where frames are nested, the Jacobians with the points eliminated are set, ``reduced``
+    (n, 2, K); those of fixed columns are left alone. Where the store is full it is emptied; returns False where a pair
+    of blocks is not stored.
     """
-    _, runs, met, store, waiting, _ = gathering
+    runs, met, store, waiting = gathering.runs, gathering.met, gathering.store, gathering.waiting
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     rays, most_runs, most, room = survey(frame, pointers, runs, met, keys)
     clique = room_for_clique(rays, most_runs, most, met)
     order, done, groups = grouped(keys), NONE, waiting[0]
     while True:
-        done, groups = fill_store(
-            store, groups, order, done, white, by_others, frame, pointers, runs, met, clique, room
+        done, groups = gather_points(
+            gathering, groups, order, done, white, by_others, reduced, frame, pointers, clique, room
         )
         if done == order.size:
             break
@@ -105,9 +124,46 @@ def store_points(
 
 
 @compile_kernel
+def gather_points(
+    gathering: Gathering,
+    groups: int,
+    order: IntArray,
+    done: int,
+    white: FloatArray,
+    by_others: FloatArray,
+    reduced: FloatArray,
+    frame: IntArray,
+    pointers: IntArray,
+    clique: Clique,
+    room: int,
+) -> tuple[int, int]:
+    """Store points in this order, from the place ``done`` on, behind so many groups, until the store is full.
+
+    There it may be that there is no room for a point with ``room`` unknowns. Returns the place, and the number of
+    groups.
+    """
+    runs, met, store, nested = gathering.runs, gathering.met, gathering.store, gathering.nested
+    flat, rows, width, local = by_others.reshape(-1), reduced.reshape(-1), by_others.shape[2], clique.local
+    couplings, before, size = store.couplings, -1, 0
+    while done < order.size and not is_full(store, groups, room):
+        p = order[done]
+        first, end = pointers[p], pointers[p + 1]
+        if before < 0 or not same_frames(frame, pointers, p, before):
+            size = open_group(store, groups, frame, first, end, runs, met, clique)
+            groups += 1
+        base = append_point(store, groups, size)
+        couple(white, flat, width, frame, first, end, runs, local, couplings, base, size)
+        if nested:
+            reduce_rays(white, flat, width, frame, first, end, runs, local, couplings, base, size, rows)
+        before = p
+        done += 1
+    return done, groups
+
+
+@compile_kernel
 def finish_gathering(gathering: Gathering, pattern: Pattern, system: System) -> bool:
     """Add what is gathered to the reduced system; return False where a pair of blocks is not stored."""
-    columns, runs, met, store, waiting, sums = gathering
+    columns, runs, met, store, waiting, sums, _ = gathering
     subtracted = subtract_products(store, waiting[0], met, pattern, system.values)
     values, right_hand_side, diagonal, gradient = system
     carried = carry_frames(columns, runs, met, pattern, sums, values, right_hand_side, diagonal, gradient)
@@ -135,7 +191,7 @@ def subtract_from_strip(
     ``reached`` (groups,) counts the blocks of each group that are done. Returns False where a pair is not stored.
     """
     couplings, blocks, all_begin = store.couplings, store.blocks, store.begin
-    starts = np.empty(met.size.size, dtype=np.int64)
+    others, starts = np.empty(met.size.size, dtype=np.int64), np.empty(met.size.size, dtype=np.int64)
     for g in range(groups):
         block, end, points = store.first_block[g], store.first_block[g + 1], store.points[g]
         low, high = reached[g], end_in_strip(blocks, block + reached[g], end, last) - block
@@ -144,11 +200,14 @@ def subtract_from_strip(
         slots = end - block
         base, size = store.first_coupling[g], begin[slots]
         for slot in range(low, high):
-            if not starts_of_column(blocks[block:end], slot, met, pattern, starts):
+            count = starts_of_column(blocks[block:end], slot, met, pattern, others, starts)
+            if count < 0:
                 return False
+            if count == 0:
+                continue
             width = begin[slot + 1] - begin[slot]
             for q in range(points):
                 subtract_column_of_point(
-                    values, starts, width, couplings, base + 3 * q * size, begin, slot, slots
+                    values, others, starts, count, width, couplings, base + 3 * q * size, begin, slot, slots
                 )
     return True

@@ -16,8 +16,10 @@ from mor.adjustment.rays.compiled.couplings import couple
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 
-# Numbers in a store and in a strip of columns of the reduced system: 1.6 and 0.5 MB, that they stay in the cache.
-STORE, STRIP = 200_000, 60_000
+STRIP = 60_000
+"""Numbers in a strip of columns of the reduced system, 0.5 MB: it stays in the cache while the store goes by."""
+SMALL_STORE, LARGE_STORE = 200_000, 1_000_000
+"""Numbers in a store: 1.6 MB, which stays in the cache itself, to 8 MB. See ``size_of_store``."""
 
 
 class Store(NamedTuple):
@@ -41,6 +43,17 @@ class Store(NamedTuple):
 
 
 @compile_kernel
+def size_of_store(met: Met, largest: int) -> int:
+    """Return the numbers of a store for these blocks: a quarter of those of their system, within limits.
+
+    Every emptying goes through the whole system. Where that is larger than the cache, and points are seen by images at
+    random, it should be a seldom one.
+    """
+    unknowns = met.size.sum()
+    return int(max(SMALL_STORE, min(unknowns * unknowns // 8, largest)))
+
+
+@compile_kernel
 def store_for(numbers: int) -> Store:
     """Return an empty store for so many couplings."""
     points = numbers // 3 + 2
@@ -61,8 +74,11 @@ def is_full(store: Store, groups: int, size: int) -> bool:
 
 
 @compile_kernel
-def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
-    """Append a group without points."""
+def open_group(
+    store: Store, groups: int, frame: IntArray, first_ray: int, end: int, runs: Runs, met: Met, clique: Clique
+) -> int:
+    """Append a group without points, for those with the frames of these rays; return the number of its unknowns."""
+    count = merge(frame, first_ray, end, runs, met, clique)
     first = store.first_block[groups]
     for slot in range(count):
         store.blocks[first + slot] = clique.blocks[slot]
@@ -71,6 +87,7 @@ def open_group(store: Store, groups: int, clique: Clique, count: int) -> None:
     store.first_block[groups + 1] = first + count
     store.first_coupling[groups + 1] = store.first_coupling[groups]
     store.points[groups] = 0
+    return int(clique.begin[count])
 
 
 @compile_inline
@@ -121,18 +138,26 @@ def fill_store(
 
     Stops where there may be no room for a point with ``room`` unknowns. Returns the place, and the number of groups.
     """
-    flat, width, local = by_others.reshape(-1), by_others.shape[2], clique.local
-    before, size = -1, 0
+    flat, width, before, size = by_others.reshape(-1), by_others.shape[2], -1, 0
     while done < order.size and not is_full(store, groups, room):
         p = order[done]
-        first, end = pointers[p], pointers[p + 1]
         if before < 0 or not same_frames(frame, pointers, p, before):
-            count = merge(frame, first, end, runs, met, clique)
-            size = clique.begin[count]
-            open_group(store, groups, clique, count)
+            size = open_group(store, groups, frame, pointers[p], pointers[p + 1], runs, met, clique)
             groups += 1
         base = append_point(store, groups, size)
-        couple(factor, flat, width, frame, first, end, runs, local, store.couplings, base, size)
+        couple(
+            factor,
+            flat,
+            width,
+            frame,
+            pointers[p],
+            pointers[p + 1],
+            runs,
+            clique.local,
+            store.couplings,
+            base,
+            size,
+        )
         before = p
         done += 1
     return done, groups

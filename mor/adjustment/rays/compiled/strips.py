@@ -5,8 +5,8 @@ registers. Without those of six, normal equations of an aerial block take 4 to 7
 2 to 3. Places are unsigned numbers: signed ones would be tested, entry by entry, for counting from the end.
 
 In all of them ``couplings`` holds the transposed coupling (3, m) of the point from ``first`` on. The unknowns of its
-blocks, ``slots`` in number, are ``begin[k]:begin[k+1]``; the blocks of the column of block ``slot``, that many columns
-wide, start at ``starts`` in the values.
+blocks, ``slots`` in number, are ``begin[k]:begin[k+1]``; ``count`` blocks of the column of block ``slot``, that many
+columns wide, are visited: those of ``others``, which start at ``starts`` in the values.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ _ONE, _TWO, _THREE, _FOUR, _FIVE = (np.uint64(k) for k in range(1, 6))
 @compile_inline
 def subtract_six(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     couplings: FloatArray,
     first: int,
@@ -54,8 +56,8 @@ def subtract_six(
     c4 = couplings[three + k + _FOUR]
     c5 = couplings[three + k + _FIVE]
     further = np.uint64(width)
-    for other in range(slot, slots):
-        p = np.uint64(starts[other - slot] + strip)
+    for visit in range(count):
+        other, p = others[visit], np.uint64(starts[visit] + strip)
         for row in range(begin[other], begin[other + 1]):
             i = np.uint64(row)
             x, y, z = couplings[one + i], couplings[two + i], couplings[three + i]
@@ -71,7 +73,9 @@ def subtract_six(
 @compile_inline
 def subtract_three(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     couplings: FloatArray,
     first: int,
@@ -94,8 +98,8 @@ def subtract_three(
     c1 = couplings[three + k + _ONE]
     c2 = couplings[three + k + _TWO]
     further = np.uint64(width)
-    for other in range(slot, slots):
-        p = np.uint64(starts[other - slot] + strip)
+    for visit in range(count):
+        other, p = others[visit], np.uint64(starts[visit] + strip)
         for row in range(begin[other], begin[other + 1]):
             i = np.uint64(row)
             x, y, z = couplings[one + i], couplings[two + i], couplings[three + i]
@@ -108,7 +112,9 @@ def subtract_three(
 @compile_inline
 def subtract_one(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     couplings: FloatArray,
     first: int,
@@ -125,8 +131,8 @@ def subtract_one(
     b0 = couplings[two + k]
     c0 = couplings[three + k]
     further = np.uint64(width)
-    for other in range(slot, slots):
-        p = np.uint64(starts[other - slot] + strip)
+    for visit in range(count):
+        other, p = others[visit], np.uint64(starts[visit] + strip)
         for row in range(begin[other], begin[other + 1]):
             i = np.uint64(row)
             x, y, z = couplings[one + i], couplings[two + i], couplings[three + i]
@@ -137,7 +143,9 @@ def subtract_one(
 @compile_inline
 def subtract_column_of_point(
     values: FloatArray,
+    others: IntArray,
     starts: IntArray,
+    count: int,
     width: int,
     couplings: FloatArray,
     first: int,
@@ -148,11 +156,11 @@ def subtract_column_of_point(
     """Subtract V Vᵀ from the blocks of a column."""
     strip = 0
     while width - strip >= 6:
-        subtract_six(values, starts, width, couplings, first, begin, slot, slots, strip)
+        subtract_six(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
         strip += 6
     while width - strip >= 3:
-        subtract_three(values, starts, width, couplings, first, begin, slot, slots, strip)
+        subtract_three(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
         strip += 3
     while strip < width:
-        subtract_one(values, starts, width, couplings, first, begin, slot, slots, strip)
+        subtract_one(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
         strip += 1
