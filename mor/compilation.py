@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from functools import cache, cached_property, update_wrapper
 from importlib.util import find_spec
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any, Generic, ParamSpec, TypeVar
 
 Parameters = ParamSpec("Parameters")
@@ -40,6 +40,7 @@ available = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT
 """True where there is a compiler."""
 
 _one_at_a_time = Lock()
+_loading = Lock()
 _plainly: ContextVar[bool] = ContextVar("plainly", default=False)
 _announce: ContextVar[Callable[[], None]] = ContextVar("announce", default=lambda: None)
 _miss: ContextVar[Callable[[], None]] = ContextVar("miss", default=lambda: None)
@@ -156,9 +157,23 @@ def not_kept() -> str:
     return module.not_kept[0] if module is not None and module.not_kept else ""
 
 
-@cache
+def load_ahead() -> None:
+    """Import the compiler in a thread of its own, for a project that looks as if it were worth it.
+
+    That takes 0.2 s, in which the caller reads tables: most of that is done outside of the interpreter.
+    """
+    if available:
+        Thread(target=_numba, name="compiler").start()
+
+
 def _numba() -> Any:
-    """The compiler, imported and set up when it is asked for first."""
+    """The compiler, imported and set up when it is asked for first; who asks meanwhile waits."""
+    with _loading:
+        return _loaded()
+
+
+@cache
+def _loaded() -> Any:
     import numba
     from numba.core.event import Event, Listener, register
 

@@ -31,3 +31,16 @@ def test_a_machine_without_compiler_is_told(monkeypatch):
         for _ in range(2):
             with compilation.chosen_by_size(compilation.WORTH_COMPILING):
                 assert said == [PLAIN]
+
+
+def test_a_compiler_that_is_loaded_ahead_is_there_once(monkeypatch, tmp_path):
+    numba = pytest.importorskip("numba")
+    monkeypatch.setattr(kernel_cache, "_folder", lambda: tmp_path)
+    compilation._loaded.cache_clear()
+    one, said = compilation.Kernel(lambda x: x + 2.0), []
+    with compiler_announced(said.append):
+        compilation.load_ahead()
+        assert one(1.0) == 3.0
+    assert isinstance(one.compiled, numba.core.dispatcher.Dispatcher)
+    assert said == [FIRST_RUN]
+    assert compilation._loaded.cache_info().misses == 1

@@ -282,7 +282,7 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     from mor.api.project import Project
     from mor.pipeline import read_network
 
-    check_reading(document, folder)
+    look_ahead(document, folder)
     network = read_network(document, folder, say.table_counter(document, folder))
     say.notes(network.notes)
     say.phase("adjusting")
@@ -300,15 +300,20 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
 
 OF_CSV = 5
 """Bytes of memory for a byte of a CSV table: its rows as arrays, and its texts while it is read."""
+OF_OBSERVATION = 60
+"""Bytes of CSV tables for an observation where these are the longest, points among them: at most."""
 
 
-def check_reading(document: Document, folder: Path) -> None:
-    """Refuse tables that memory cannot hold, by the sizes of their files."""
+def look_ahead(document: Document, folder: Path) -> None:
+    """By the sizes of the tables: refuse what memory cannot hold, begin to load what many observations will need."""
+    from mor.compilation import WORTH_COMPILING, load_ahead
     from mor.machine import check_room
 
     files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
     size = sum(path.stat().st_size for path in files if path.is_file())
     check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
+    if size >= OF_OBSERVATION * WORTH_COMPILING:
+        load_ahead()
 
 
 def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:

@@ -29,7 +29,8 @@ def is_unsafe(name: str) -> bool:
 
 def any_unsafe(names: Iterable[str]) -> bool:
     """True where one of the names needs to be guarded."""
-    return any(map(is_unsafe, names))
+    texts = pl.Series(list(names), dtype=pl.String)
+    return any(map(is_unsafe, texts.filter(texts.str.contains(rf"^'*{_SIGNS}|#"))))
 
 
 def guarded(name: str) -> str:

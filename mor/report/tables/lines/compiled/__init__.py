@@ -1,0 +1,1 @@
+"""Compiled: numbers as text, and whole lines of a table."""
