@@ -58,7 +58,10 @@ def from_random_places(
     random = np.random.default_rng(network.observations)
     ends: list[_End] = []
     try:
-        with within(Allowance(MOST)), np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
+        with (
+            within(Allowance(MOST)),
+            np.errstate(all="ignore"),
+        ):  # from some places numbers grow beyond all bounds
             for tries in range(1, TRIES + 1):
                 settled = settle(_drawn(network, scene, found.start, random))
                 if settled is None:
