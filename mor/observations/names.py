@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,26 +63,9 @@ class Coded(NamedTuple):
         """(n,) as a column."""
         return self.known.gather(self.numbers)
 
-    @classmethod
-    def one(cls, text: str, count: int) -> Coded:
-        """The same text in every row."""
-        return among((text,)).at(np.zeros(count, dtype=np.int32))
-
-    def at(self, rows: IntArray) -> Coded:
-        """The texts of some rows."""
-        return Coded(self.known, self.numbers[rows])
-
-    def expression(self) -> pl.Expr:
-        """It as a column of a table of as many rows."""
-        if len(self.known) == 1:
-            return pl.lit(self.known[0])
-        return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers)))
-
-
-@lru_cache(64)
-def among(texts: tuple[str, ...]) -> Coded:
-    """A few texts, each once."""
-    return Coded(pl.Series(texts, dtype=pl.String), np.arange(len(texts), dtype=np.int32))
+    def expression(self, rows: IntArray) -> pl.Expr:
+        """Some rows of it, for a table of as many."""
+        return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers[rows])))
 
 
 _MANY = 50

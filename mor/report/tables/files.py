@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from io import BytesIO
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -12,22 +13,30 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from mor.machine import processors
-from mor.project.tables.guarded import write_csv
+from mor.project.tables.guarded import any_unsafe, csv_lines, write_csv
 from mor.quality.solved import Solved
 from mor.report.results.folder import Writer
 from mor.report.tables.assessed_observations import AssessedGroups, AssessedRows
-from mor.report.tables.lines.residual_lines import lines_of
 from mor.report.tables.observations import SCHEMA, table_of
+from mor.report.tables.tested_columns import TESTED
 
 Made = TypeVar("Made")
 Format = Literal["csv", "parquet"]
 Done = Callable[[int], None]
 """Told how many more rows are written."""
 
+DIGITS = 7
+"""Significant digits of statistics in the long table as text; Parquet has all digits."""
 _ROWS_TOGETHER = 250_000
 """Rows of one row group of a Parquet file."""
 _LEVEL = 1
 """Of compression by zstd. Measured numbers have nothing to compress: others take half as long again for 0.2 % less."""
+_PROBABILITIES = ["p", "p_t", "p_joint"]
+_STATISTICS = [
+    "sigma_adjusted",
+    *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in _PROBABILITIES),
+]
+"""Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double."""
 
 
 def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
@@ -48,12 +57,12 @@ def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
     tested = AssessedGroups(solved)
+    unsafe = _has_unsafe_names(solved)
 
     def csv(path: Path) -> None:
-        lines = lines_of(solved)
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for height, text in _ahead(tested.pieces(), lines):
+            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows), unsafe)):
                 file.write(text)
                 done(height)
 
@@ -72,6 +81,23 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
         whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_ROWS_TOGETHER)
 
     return parquet if kind == "parquet" else csv
+
+
+def _has_unsafe_names(solved: Solved) -> bool:
+    names = (name for things in solved.network.things.values() for name in things.ids)
+    return any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
+
+
+def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
+    """Number of rows of a piece of the long table, and their lines; names are guarded where some are unsafe."""
+    lines = BytesIO()
+    shorter = table.with_columns(
+        pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
+    )
+    if unsafe:
+        return table.height, csv_lines(shorter, header=False)
+    shorter.write_csv(lines, include_header=False)
+    return table.height, lines.getbuffer()
 
 
 def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 
 from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
-from mor.observations.names import Coded, Names, among, one_name
+from mor.observations.names import Coded, Names, one_name
 from mor.quality.solved import Solved
 from mor.report.edge import said, said_differences, said_sizes, said_values
 from mor.report.tables.assessed_observations import AssessedGroups, AssessedRows
@@ -46,40 +45,29 @@ def observation_table(solved: Solved, columns: Sequence[str] = tuple(SCHEMA)) ->
     return pl.concat(parts) if parts else pl.DataFrame(schema={name: SCHEMA[name] for name in columns})
 
 
-class Cells(NamedTuple):
-    """Columns of n rows: texts as places among different ones, and numbers (n,), NaN where there is none."""
-
-    texts: dict[str, Coded]
-    numbers: dict[str, FloatArray]
-
-
 def table_of(rows: AssessedRows, wanted: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
     """Rows of the table for some rows of a group, one for each component that was observed; of it some columns."""
-    cells = cells_of(rows, wanted)
-    texts = [text.expression().alias(key) for key, text in cells.texts.items()]
-    return pl.DataFrame(cells.numbers, nan_to_null=True).with_columns(texts).select(wanted)
-
-
-def cells_of(rows: AssessedRows, wanted: Sequence[str] = tuple(SCHEMA)) -> Cells:
-    """The same as arrays."""
     group = rows.group
     out = said(group)
     mask = group.mask[:, out.source]
     row, component = np.nonzero(mask)
     whole = bool(mask.all())
-    said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
+    number_of = {key: make() for key, make in _numbers(rows).items() if key in wanted}
     texts = {
-        **{key: Coded.one(text, len(row)) for key, text in said_of_all.items()},
-        **{key: names.column().at(row) for key, names in named_places(group).items() if key in wanted},
-        "component": among(tuple(of.name for of in group.type.components)).at(component),
-        "unit": among(tuple(out.external.units)).at(component),
-        "flag": among(FLAGS).at(flags(rows)[mask]),
+        key: names.column().expression(row) for key, names in named_places(group).items() if key in wanted
     }
-    numbers = {key: make() for key, make in _numbers(rows).items() if key in wanted}
-    return Cells(
-        {key: text for key, text in texts.items() if key in wanted},
-        {key: values.ravel() if whole else values[mask] for key, values in numbers.items()},
-    )
+    texts["component"] = _among([of.name for of in group.type.components]).expression(component)
+    texts["unit"] = _among(out.external.units).expression(component)
+    texts["flag"] = Coded(pl.Series(FLAGS), flags(rows)[mask]).expression(np.arange(len(row)))
+    said_of_all = {"type": group.type.name, "group": group.name, "at": ""}
+    texts = {**{key: pl.lit(text) for key, text in said_of_all.items()}, **texts}
+    numbers = {key: values.ravel() if whole else values[mask] for key, values in number_of.items()}
+    columns = [text.alias(key) for key, text in texts.items()]
+    return pl.DataFrame(numbers, nan_to_null=True).with_columns(columns).select(wanted)
+
+
+def _among(names: Sequence[str]) -> Coded:
+    return Coded(pl.Series(names, dtype=pl.String), np.arange(len(names)))
 
 
 def _numbers(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:

@@ -1,1 +1,0 @@
-"""Compiled: numbers as text, and whole lines of a table."""
