@@ -21,6 +21,7 @@ from mor.approximate.parts.frames import Frame
 from mor.approximate.parts.rule import Rule, rule
 from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import put_rotation
+from mor.approximate.points_at_infinity import nearly_parallel
 from mor.approximate.vectors import unit
 from mor.arrays import FloatArray
 from mor.geometry.rotations import exponential
@@ -52,8 +53,13 @@ def from_random_places(
 
     The same network has the same tries.
     """
-    missing = {kind for kind, values in found.start.items() if not np.isfinite(values).all()}
-    if network.observations > LARGEST or not missing <= _DRAWN:
+    kinds = {kind for kind, values in found.start.items() if not np.isfinite(values).all()}
+    if (
+        network.observations > LARGEST
+        or not kinds <= _DRAWN
+        or _has_lines(network)
+        or not _asks(network, found)
+    ):
         return None
     random = np.random.default_rng(network.observations)
     ends: list[_End] = []
@@ -80,6 +86,18 @@ def from_random_places(
 
 
 _WORDS = "random places: {ends} of {tries} adjustments from such led to a solution, two of them to this one"
+
+
+def _has_lines(network: Network) -> bool:
+    """True with lines, whose attitude counts from an axis that is chosen when all else has its place."""
+    return any(feature.type == "line" for feature in network.project.features)
+
+
+def _asks(network: Network, found: Approximation) -> bool:
+    """False where all that is missing are points whose rays are nearly parallel: these have places of their own."""
+    apart = nearly_parallel(network, found.start).points
+    names = {network.blocks["point"].ids[p] for p in apart.tolist()}
+    return any(thing.kind != "point" or thing.name not in names for thing in found.missing)
 
 
 def _same(one: _End, other: _End) -> bool:
