@@ -121,7 +121,7 @@ def _drawn(
 ) -> dict[str, FloatArray]:
     """Start values of all blocks, those that are missing at random."""
     drawn = {kind: values.copy() for kind, values in start.items()}
-    points, rotations = drawn["point"], drawn["rotation"]
+    points, rotations = drawn["point"], drawn.get("rotation", np.zeros((0, 3, 3)))
     middle, size = _extent(start["point"])
     known = np.asarray(np.isfinite(start["point"]).all(axis=1))
     for frame in scene.frames:
@@ -137,7 +137,8 @@ def _drawn(
     anywhere = middle + 0.5 * size * random.normal(size=points.shape)
     nearest = _nearest_to_rays(scene, points, rotations, anywhere)
     points[:] = np.where(np.isfinite(points), points, nearest)
-    drawn["scale"] = np.where(np.isfinite(drawn["scale"]), drawn["scale"], 1.0)
+    if "scale" in drawn:
+        drawn["scale"] = np.where(np.isfinite(drawn["scale"]), drawn["scale"], 1.0)
     return drawn
 
 
