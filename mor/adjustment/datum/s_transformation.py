@@ -128,9 +128,10 @@ def into_datum(
     if bent is not None:
         relative = np.linalg.solve(across, bent.derivative) + np.eye(len(across))
         least = float(np.linalg.eigvals(relative).real.min())
-        better = np.linalg.solve(relative, movement) if least > 0.0 else movement
+        settles = least > np.finfo(float).eps * float(np.linalg.norm(relative))
+        better = np.linalg.solve(relative, movement) if settles else movement
         if float(np.abs(bent.turns @ better).max(initial=0.0)) < _SMALL_TURN:
-            movement, gain = better, max(1.0, 1.0 / least)
+            movement, gain = better, max(1.0, 1.0 / least) if settles else 1.0
     turned: FloatArray = step - null @ movement
     return turned, gain
 
