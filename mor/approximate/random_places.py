@@ -64,10 +64,8 @@ def from_random_places(
     random = np.random.default_rng(network.observations)
     ends: list[_End] = []
     try:
-        with (
-            within(Allowance(MOST)),
-            np.errstate(all="ignore"),
-        ):  # from some places numbers grow beyond all bounds
+        # From some places numbers grow beyond all bounds.
+        with within(Allowance(MOST)), np.errstate(all="ignore"):
             for tries in range(1, TRIES + 1):
                 settled = settle(_drawn(network, scene, found.start, random))
                 if settled is None:
@@ -80,8 +78,8 @@ def from_random_places(
                 if any(_same(end, other) for other in ends) and not any(_below(other, end) for other in ends):
                     return _with(network, found, end, rule(_WORDS, ends=len(ends) + 1, tries=tries))
                 ends.append(end)
-    except SpentError:
-        pass
+    except SpentError:  # what is missing stays missing, and is named
+        return None
     return None
 
 
