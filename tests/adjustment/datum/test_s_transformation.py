@@ -16,6 +16,7 @@ from scenes import (
     solve,
 )
 
+from mor.adjustment.datum import s_transformation
 from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask, into_datum
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -232,3 +233,20 @@ def test_a_step_beyond_all_size_is_moved_all_the_same():
     step, gain = into_datum(np.full(len(null), 1e159), null, adjustment.constraint, problem, values)
     assert np.isfinite(step).all()
     assert gain == 1.0
+
+
+def test_movements_that_bend_against_themselves_to_round_off_are_not_solved_for(monkeypatch):
+    # (BᵀG)⁻¹K + I of rank one: what is left of its other eigenvalues is round-off, of either sign
+    scene, _, problem = noisy("plane, directions")
+    adjustment = adjust(problem, scene.start(1e-3))
+    null, bound, values = adjustment.defect.datum, adjustment.constraint, adjustment.values
+    across, d = bound.normals.T @ null, null.shape[1]
+    step = np.where(bound.mask, 1e-3, 0.0)
+    plainly, _ = into_datum(step, null, bound, problem, values)
+    for direction in np.random.default_rng(5).normal(size=(50, d)):
+        derivative = across @ (np.outer(direction, direction) - np.eye(d))
+        bent = s_transformation._Bent(derivative, np.zeros((4, d)))
+        monkeypatch.setattr(s_transformation, "_bent", lambda *_, bent=bent: bent)
+        moved, gain = into_datum(step, null, bound, problem, values)
+        np.testing.assert_array_equal(moved, plainly)
+        assert gain == 1.0
