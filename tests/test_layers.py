@@ -19,7 +19,7 @@ LAYERS = (
     ("allowance",),
     ("sparse",),
     ("geometry", "input_files", "machine"),
-    ("parameters",),
+    ("parameters", "cluster"),
     ("observations",),
     ("project",),
     ("approximate", "adjustment"),

@@ -269,7 +269,8 @@ def _engine(wanted: Wanted, scratch: Path, observations: int) -> Iterator[Engine
     if wanted.workers is None and wanted.cluster is None:
         yield Here(store)
         return
-    from mor.domains.workers import working
+    from mor.cluster import connected
+    from mor.domains.workers import Workers
 
-    with working(store, observations, wanted.workers, wanted.cluster, wanted.memory) as engine:
-        yield engine
+    with connected(store.folder, wanted.cluster, wanted.workers, wanted.memory) as cluster:
+        yield Workers(store, cluster, observations)

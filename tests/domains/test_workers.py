@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from concurrent.futures import CancelledError
 from pathlib import Path
 
 import polars as pl
 import pytest
 from domains_blocks import Kind, command, write_block
 
-from mor.adjustment.domains.store import FileStore
-from mor.domains import room, workers
-from mor.errors import InputError
+from mor import cluster
+from mor.domains import room
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
@@ -92,149 +90,12 @@ def test_two_workers_of_this_machine(tmp_path: Path, options: tuple[str, ...]) -
 
 
 def test_nobody_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_PATIENCE", 0.5)
+    monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
     project = write_block(tmp_path / "project", Kind())
     done = command("adjust", project, "--cluster", "tcp://127.0.0.1:9")
     assert done.exit_code == 2
     assert "no scheduler answers there" in done.stderr
     assert not (tmp_path / "project.results").exists()
-
-
-def test_other_versions_too_little_memory_and_no_common_files_are_told_at_once(tmp_path: Path) -> None:
-    class Cluster:
-        """Two workers that cannot do it."""
-
-        def wait_for_workers(self, count: int, timeout: float) -> None:
-            pass
-
-        def run(self, function: object, token: str) -> dict[str, object]:
-            word = Path(token).read_text(encoding="ascii")
-            old = {**workers.versions(), "mor": "0.0.1"}
-            return {
-                "tcp://a:1": {"versions": old, "word": word, "memory": 1e9},
-                "tcp://b:1": {"versions": workers.versions(), "word": "", "memory": 9e9},
-            }
-
-    with pytest.raises(InputError) as raised:
-        workers._check(Cluster(), tmp_path / "state", 4e9)
-    told = [(problem.file, problem.message) for problem in raised.value.problems]
-    assert [file for file, _ in told] == ["tcp://a:1", "tcp://a:1", "tcp://b:1"]
-    assert "mor 0.0.1 there" in told[0][1]
-    assert "1.00 GB of memory" in told[1][1]
-    assert "does not see" in told[2][1]
-    assert list((tmp_path / "state").iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("told", "words"),
-    [
-        ({}, "all workers are lost"),
-        ({"tcp://a:1": ()}, "gives them nothing to do"),
-        (TimeoutError(), "does not answer any more"),
-        (OSError(), "does not answer any more"),
-    ],
-)
-def test_where_nobody_is_at_work_it_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: object, words: str
-) -> None:
-    engine, renewed = waiting(tmp_path, told)
-    monkeypatch.setattr(workers, "_PATIENCE", -1.0)
-    with pytest.raises(InputError, match=words):
-        engine.result(Waiting(TimeoutError()))
-    assert renewed == []  # it was too late for that
-
-
-def test_a_long_task_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    engine, _ = waiting(tmp_path, {"tcp://a:1": ("task",)})
-    monkeypatch.setattr(workers, "_PATIENCE", -1.0)
-    assert engine.result(Waiting(*[TimeoutError()] * 50)) == "done"
-
-
-def test_workers_are_begun_anew_once_and_given_the_time_they_need(tmp_path: Path) -> None:
-    engine, renewed = waiting(tmp_path, {})
-    assert engine.result(Waiting(*[TimeoutError()] * 5)) == "done"
-    assert renewed == [1]
-
-
-def test_a_lost_scheduler_is_said(tmp_path: Path) -> None:
-    engine, _ = waiting(tmp_path, {})
-    with pytest.raises(InputError, match="the scheduler is lost"):
-        engine.result(Waiting(CancelledError()))
-
-
-class Waiting:
-    """A task that ends after some raised errors."""
-
-    def __init__(self, *errors: Exception) -> None:
-        self.errors = list(errors)
-
-    def result(self, timeout: float) -> str:
-        if self.errors:
-            raise self.errors.pop()
-        return "done"
-
-
-class Client:
-    """A client whose scheduler says this of the tasks of its workers, or raises it."""
-
-    def __init__(self, told: object) -> None:
-        self.told = told
-        self.scheduler = self
-
-    processing = None
-
-    def sync(self, _: object, workers: None, callback_timeout: float) -> object:
-        if isinstance(self.told, Exception):
-            raise self.told
-        return self.told
-
-
-def waiting(folder: Path, told: object) -> tuple[workers.Workers, list[int]]:
-    """An engine beside such a scheduler, and how often workers were begun anew."""
-    renewed: list[int] = []
-    return workers.Workers(FileStore(folder), Client(told), 0, lambda: renewed.append(1)), renewed
-
-
-def test_a_worker_lost_while_it_is_asked_is_asked_again() -> None:
-    class Losing:
-        """A client that loses a worker the first time."""
-
-        times = 0
-
-        def run(self, function: object, token: str) -> dict[str, dict[str, object]]:
-            self.times += 1
-            if self.times == 1:
-                raise OSError("lost")
-            return {"tcp://a:1": {}}
-
-    assert workers._asked(Losing(), "token") == {"tcp://a:1": {}}
-
-
-def test_workers_without_the_program_are_told() -> None:
-    class Other:
-        """A client whose workers do not know the program."""
-
-        def run(self, function: object, token: str) -> dict[str, dict[str, object]]:
-            raise Exception("ModuleNotFoundError(\"No module named 'mor'\")")
-
-    with pytest.raises(InputError, match="is it installed there"):
-        workers._asked(Other(), "token")
-
-
-def test_workers_that_do_not_begin_are_begun_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[int] = []
-
-    def cluster(n_workers: int, **options: object) -> str:
-        tried.append(n_workers)
-        if len(tried) < 3:
-            raise RuntimeError("Nanny failed to start.")
-        return "begun"
-
-    assert workers._begun(cluster, 2, 1_000) == "begun"
-    monkeypatch.setattr(workers, "_PATIENCE", -1.0)
-    tried.clear()
-    with pytest.raises(InputError, match="do not begin"):
-        workers._begun(cluster, 2, 1_000)
 
 
 @pytest.mark.usefixtures("small_domains")
