@@ -49,7 +49,7 @@ class Cluster:
         return self.client.submit(task, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
-        """What the task has returned; it is waited for as long as somebody is at work.
+        """What the task has returned, or raised; it is waited for as long as somebody is at work.
 
         Raises :class:`InputError` where the task kills its workers, where they are lost and no new ones come, where the
         scheduler is lost or gives them nothing to do.
@@ -79,6 +79,8 @@ class Cluster:
                 ]
             ) from None
         except (CancelledError, FutureCancelledError, OSError):
+            if submitted.status == "error":  # the task's own: a full disk, say
+                raise
             raise InputError([Mistake("the scheduler is lost, and with it the tasks")]) from None
 
     def _look(self) -> None:

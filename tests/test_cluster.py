@@ -77,11 +77,17 @@ def test_a_lost_scheduler_is_said() -> None:
         engine.result(Waiting(CancelledError()))
 
 
+def test_what_a_task_raises_itself_is_not_taken_for_a_lost_scheduler() -> None:
+    engine, _ = waiting({})
+    with pytest.raises(OSError, match="No space left"):
+        engine.result(Waiting(OSError(28, "No space left on device"), status="error"))
+
+
 class Waiting:
     """A task that ends after some raised errors."""
 
-    def __init__(self, *errors: Exception) -> None:
-        self.errors = list(errors)
+    def __init__(self, *errors: Exception, status: str = "pending") -> None:
+        self.errors, self.status = list(errors), status
 
     def result(self, timeout: float) -> str:
         if self.errors:

@@ -125,17 +125,23 @@ def _without_free(network: Network) -> Mapping[str, FloatArray]:
     return start
 
 
+Chunk = tuple[int, int]
+"""First run, and how many."""
+Worked = Iterator[tuple[Chunk, dict[str, FloatArray]]]
+"""Chunks that are done, each with the arrays of its tally."""
+
+
 def run_trial(
     ready: Prepared,
     runs: int,
-    jobs: int,
+    work: Callable[[Prepared, list[Chunk]], Worked],
     folder: Path,
     files: Mapping[Any, ReadFile],
     told: Callable[[int], None],
 ) -> Tally:
     """All runs of a trial, with what the folder has of them already; ``told`` hears how many more are done.
 
-    Raises :class:`InputError` where the folder has runs of something else.
+    ``work`` does the chunks that are missing. Raises :class:`InputError` where the folder has runs of something else.
     """
     assert ready.truth is not None
     folder.mkdir(parents=True, exist_ok=True)
@@ -143,9 +149,9 @@ def run_trial(
     chunks = [(first, min(CHUNK, runs - first)) for first in range(0, runs, CHUNK)]
     missing = [chunk for chunk in chunks if not _file(folder, *chunk).is_file()]
     told(runs - sum(count for _, count in missing))
-    for first, count, arrays in _worked_out(ready, missing, jobs):
-        _keep(_file(folder, first, count), arrays)
-        told(count)
+    for chunk, arrays in work(ready, missing):
+        _keep(_file(folder, *chunk), arrays)
+        told(chunk[1])
     total = empty_tally(ready.truth)
     for chunk in chunks:
         with np.load(_file(folder, *chunk)) as kept:
@@ -153,16 +159,15 @@ def run_trial(
     return total
 
 
-def _worked_out(
-    ready: Prepared, chunks: list[tuple[int, int]], jobs: int
-) -> Iterator[tuple[int, int, dict[str, FloatArray]]]:
+def by_processes(ready: Prepared, chunks: list[Chunk], jobs: int) -> Worked:
+    """Do chunks by so many processes of this machine, as many as there are chunks at most."""
     if jobs == 1 or len(chunks) < 2:
-        for first, count in chunks:
-            yield first, count, chunk_of(ready, first, count).arrays()
+        for chunk in chunks:
+            yield chunk, chunk_of(ready, *chunk).arrays()
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(jobs, len(chunks)), context, _begin, (ready.trial,)) as pool:
-        yield from pool.map(_in_worker, chunks)
+        yield from zip(chunks, pool.map(_in_worker, chunks), strict=True)
 
 
 _READY: list[Prepared] = []
@@ -173,8 +178,8 @@ def _begin(trial: Trial) -> None:
     _READY.append(prepared(trial))
 
 
-def _in_worker(chunk: tuple[int, int]) -> tuple[int, int, dict[str, FloatArray]]:
-    return *chunk, chunk_of(_READY[0], *chunk).arrays()
+def _in_worker(chunk: Chunk) -> dict[str, FloatArray]:
+    return chunk_of(_READY[0], *chunk).arrays()
 
 
 def _file(folder: Path, first: int, count: int) -> Path:
@@ -190,13 +195,11 @@ def _keep(path: Path, arrays: dict[str, FloatArray]) -> None:
 
 def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> None:
     """Write down what the runs are of; runs of something else are never mixed with them."""
-    content = sorted((file.path.name, file.sha256) for file in files.values())
-    digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
     key = {
         "program": __version__,
         "seed": trial.seed,
         "starts": trial.starts,
-        "inputs": digest,
+        "inputs": digest_of(files),
         "chunk": CHUNK,
     }
     path = folder / _KEY
@@ -206,3 +209,9 @@ def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> Non
         )
         raise InputError([Mistake(words, str(folder))])
     path.write_text(json.dumps(key) + "\n", encoding="utf-8", newline="\n")
+
+
+def digest_of(files: Mapping[Any, ReadFile]) -> str:
+    """What tells inputs from others: names and contents of all files that were read."""
+    content = sorted((file.path.name, file.sha256) for file in files.values())
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()

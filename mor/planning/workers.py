@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -16,6 +18,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from subprocess import PIPE, Popen, TimeoutExpired
+from threading import Thread
 from typing import Any, NamedTuple
 
 Function = Callable[..., int]
@@ -112,6 +116,45 @@ def _what_became(worker: _Worker, most: float | None) -> Done | None:
     return Done(worker.number, None, f"ended after {most:g} s", seconds)
 
 
+def done_alone(
+    function: Function, number: int, task: Task, folder: Path, most_seconds: float | None = None
+) -> Done:
+    """Do a task in a process of its own, begun in a folder, which ends where this one is lost.
+
+    Unlike those of :func:`run_tasks` it may be begun by the worker of a cluster, which must have no children of
+    :mod:`multiprocessing`.
+    """
+    begun = time.monotonic()
+    with (
+        (folder / task.log).open("wb") as log,
+        Popen(
+            [sys.executable, "-P", "-m", __name__], stdin=PIPE, stdout=log, stderr=log, cwd=folder
+        ) as process,
+    ):
+        assert process.stdin is not None
+        pickle.dump((function, task.arguments), process.stdin)
+        process.stdin.flush()
+        try:
+            code = process.wait(most_seconds)
+        except TimeoutExpired:
+            process.kill()
+            return Done(number, None, f"ended after {most_seconds:g} s", time.monotonic() - begun)
+    seconds = time.monotonic() - begun
+    return Done(number, None, _said_death(code), seconds) if code < 0 else Done(number, code, "", seconds)
+
+
+def _alone() -> None:
+    """What a process of :func:`done_alone` does: the task that is read from standard input, until that is closed."""
+    function, arguments = pickle.load(sys.stdin.buffer)
+    Thread(target=_end_with_the_other, daemon=True).start()
+    sys.exit(function(*arguments))
+
+
+def _end_with_the_other() -> None:
+    os.read(0, 1)
+    os._exit(1)
+
+
 def _said_death(code: int) -> str:
     if code >= 0:
         return f"its process left with {code}"
@@ -153,3 +196,7 @@ def _serve(connection: Connection[Any, Any], function: Function) -> None:
             os.write(2, f"internal error: {type(error).__name__}: {error}\n".encode())
             code = 70
         connection.send(code)
+
+
+if __name__ == "__main__":
+    _alone()

@@ -3,49 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import time
 from xml.etree import ElementTree
 
 import pytest
+from batch_scenes import act, write_project
 
 from mor.cli import run
 from mor.planning.workers import Task, run_tasks
-
-NET = """mor: 1
-title: {title}
-settings: {{dimensions: xy}}
-points:
-- columns: [id, x, y]
-  rows: [[A, 0, 0], [B, 100, 0], [C, 100, 80], [D, 0, 90]]
-observations:
-- type: horizontal_distance
-  columns: [from, to, distance]
-  values: {{sigma: 2 mm}}
-  rows: [[A, B, {ab}], [B, C, 80.001], [C, D, 100.499], [D, A, 89.999], [A, C, 128.062], [B, D, 134.537]]
-datum: free
-"""
-
-
-def _write(folder, name, ab="", text=NET):
-    path = folder / name / "project.yaml"
-    path.parent.mkdir(parents=True)
-    path.write_text(text.format(title=name, ab=ab))
-
-
-def act(deed: str) -> int:
-    """What a project may do to the process it is in."""
-    if deed == "die":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if deed == "hang":
-        time.sleep(600.0)
-    if deed == "raise":
-        raise RuntimeError("broken")
-    if deed == "leave":
-        os._exit(7)
-    print("done", flush=True)
-    return 0
 
 
 def test_what_dies_hangs_or_raises_takes_nothing_along(tmp_path):
@@ -63,10 +27,10 @@ def test_what_dies_hangs_or_raises_takes_nothing_along(tmp_path):
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory):
     folder = tmp_path_factory.mktemp("batch")
-    _write(folder / "blocks", "good", "100.003")
-    _write(folder / "blocks", "deep/better", "100.004")
-    _write(folder / "blocks", "wrong", text="mor: 1\npoints: nothing\n")
-    _write(folder / "blocks", "bad", "100.200")
+    write_project(folder / "blocks", "good", "100.003")
+    write_project(folder / "blocks", "deep/better", "100.004")
+    write_project(folder / "blocks", "wrong", text="mor: 1\npoints: nothing\n")
+    write_project(folder / "blocks", "bad", "100.200")
     code = run(
         ["batch", str(folder / "blocks/**/project.yaml"), "-o", str(folder / "kept"), "--strict", "-q"]
     )

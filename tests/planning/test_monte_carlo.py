@@ -5,36 +5,24 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from batch_scenes import PLAN
 
 from mor.cli import run
 from mor.errors import InputError
-from mor.planning.monte_carlo import CHUNK, Trial, chunk_of, prepared, run_trial
+from mor.planning.monte_carlo import CHUNK, Trial, by_processes, chunk_of, prepared, run_trial
 from mor.quality.simulation.findings import Finding, findings
 from mor.quality.simulation.measurements import errors
 from mor.quality.simulation.monte_carlo import one_run
-
-NET = """mor: 1
-title: four points
-settings: {dimensions: xy}
-points:
-- columns: [id, x, y]
-  rows: [[A, 0, 0], [B, 100, 0], [C, 100, 80], [D, 0, 90], [E, 50, 40]]
-observations:
-- type: horizontal_distance
-  columns: [from, to]
-  values: {sigma: 2 mm}
-  rows: [[A, B], [B, C], [C, D], [D, A], [A, C], [B, D], [A, E], [B, E], [C, E], [D, E]]
-datum: free
-"""
 
 
 @pytest.fixture
 def trial(tmp_path):
     path = tmp_path / "project.yaml"
-    path.write_text(NET, encoding="utf-8")
+    path.write_text(PLAN, encoding="utf-8")
     return Trial(path, "", 1)
 
 
@@ -116,10 +104,11 @@ def test_bytes_are_the_same_whatever_the_jobs_and_however_often_interrupted(tria
 
 
 def test_runs_of_something_else_are_never_mixed_in(trial, tmp_path):
-    ready = prepared(trial)
-    run_trial(ready, 2, 1, tmp_path / "runs", {}, _told)
+    ready, alone = prepared(trial), partial(by_processes, jobs=1)
+    run_trial(ready, 2, alone, tmp_path / "runs", {}, _told)
+    other = ready._replace(trial=trial._replace(seed=2))
     with pytest.raises(InputError, match="of other input or another seed"):
-        run_trial(ready._replace(trial=trial._replace(seed=2)), 2, 1, tmp_path / "runs", {}, _told)
+        run_trial(other, 2, alone, tmp_path / "runs", {}, _told)
 
 
 def test_start_values_are_worked_out_anew_where_that_is_wanted(trial):
@@ -130,6 +119,6 @@ def test_start_values_are_worked_out_anew_where_that_is_wanted(trial):
 
 
 def test_a_plan_without_solution_is_told(trial, capfd):
-    trial.path.write_text(NET.replace("[A, E], [B, E], [C, E], [D, E]", "[A, E]"), encoding="utf-8")
+    trial.path.write_text(PLAN.replace("[A, E], [B, E], [C, E], [D, E]", "[A, E]"), encoding="utf-8")
     assert run(["simulate", str(trial.path), "--runs", "5"]) == 4
     assert "mor design says why" in capfd.readouterr().err

@@ -1,4 +1,4 @@
-"""``--jobs``: how many processes share what is to be done many times."""
+"""``--jobs`` and ``--cluster``: who shares what is to be done many times."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import click
 
+from mor.errors import InputError, Problem
 from mor.machine import processors
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -17,8 +18,22 @@ def jobs_option(words: str) -> Callable[[F], F]:
     return click.option(
         "--jobs",
         metavar="N",
-        default=processors,
+        default=None,
         show_default="all processors",
         type=click.IntRange(min=1),
         help=words,
     )
+
+
+cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Have it done by the workers of a Dask scheduler, e.g. tcp://host:8786 (needs mor-adjustment[dask]).",
+)
+
+
+def jobs_here(jobs: int | None, cluster: str | None) -> int:
+    """How many processes of this machine; a cluster has its own. Raises :class:`InputError` where both are given."""
+    if jobs is not None and cluster is not None:
+        raise InputError([Problem("--jobs and --cluster together; give either of them")])
+    return jobs or processors()

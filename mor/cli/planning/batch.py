@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,11 +12,12 @@ import click
 
 from mor.cli._language import language_option, tell
 from mor.cli._output import quiet_option
-from mor.cli.planning._jobs import jobs_option
+from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode, InputError, Problem
 
 if TYPE_CHECKING:
     from mor.planning.batch import Case
+    from mor.planning.workers import Done, Task
     from mor.report.batch.rows import Row
 
 
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     help="Folder of the tables, with a folder of results for each project in it.",
 )
 @jobs_option("Processes that share the projects.")
+@cluster_option
 @click.option("--strict", is_flag=True, help="A project that is rejected or has flagged observations fails.")
 @click.option("--snoop", is_flag=True, help="Data snooping in every project.")
 @click.option("--html", is_flag=True, help="Write the page of each project as well.")
@@ -60,7 +63,8 @@ if TYPE_CHECKING:
 def command(
     projects: tuple[str, ...],
     output: Path,
-    jobs: int,
+    jobs: int | None,
+    cluster: str | None,
     strict: bool,
     snoop: bool,
     html: bool,
@@ -79,6 +83,7 @@ def command(
       mor batch 'blocks/**/project.yaml' --jobs 4 --strict -o nightly
       mor batch 'blocks/**/project.yaml' --against kept.results -o now
       mor batch *.dat --json --quiet | jq .failed
+      mor batch 'blocks/**/project.yaml' --cluster tcp://host:8786
 
     PROJECTS are files, or patterns in quotes, in which ** stands for any number of folders. The folder has batch.txt,
     batch.json, batch.html, junit.xml, and for each project results.json, report.txt and log.txt. A project that crashes
@@ -104,7 +109,9 @@ def command(
         *([] if html else ["--no-html"]),
         *("--tables", "none", "--lang", lang, "--force"),
     ]
-    rows = _rows(cases(projects, output), options, jobs, timeout, against, tol, quiet)
+    found = cases(projects, output)
+    with _workers(output, len(found), jobs, cluster, timeout) as work:
+        rows = _rows(found, options, work, against, tol, quiet)
     text, data = batch_text(rows, words), to_json(batch_data(rows))
     files = {"batch.txt": text, "batch.json": data, "batch.html": batch_page(rows, words)}
     for name, content in {**files, "junit.xml": junit_xml(rows, words)}.items():
@@ -117,25 +124,42 @@ def command(
     return ExitCode.REJECTED if any(row.fails for row in rows) else ExitCode.DONE
 
 
+@contextmanager
+def _workers(
+    output: Path, count: int, jobs: int | None, cluster: str | None, timeout: float | None
+) -> Iterator[Callable[[Sequence[Task]], Iterator[Done]]]:
+    """Who does the tasks: processes of this machine, or the workers of a cluster, who see the folder of results."""
+    from mor.planning.workers import run_tasks
+
+    here = jobs_here(jobs, cluster)
+    if cluster is None:
+        yield lambda tasks: run_tasks(adjust_one, tasks, min(here, count), timeout)
+        return
+    from mor.cluster import connected
+    from mor.planning.on_cluster import tasks_on_cluster
+
+    with connected(output.resolve(), cluster) as workers:
+        yield lambda tasks: tasks_on_cluster(workers, adjust_one, tasks, timeout)
+
+
 def _rows(
     found: Sequence[Case],
     options: Sequence[str],
-    jobs: int,
-    timeout: float | None,
+    work: Callable[[Sequence[Task]], Iterator[Done]],
     against: Path | None,
     tol: float,
     quiet: bool,
 ) -> list[Row]:
     """The row of each project in the order of their names; each is told when it is done."""
     from mor.planning.batch import LOG, row_of
-    from mor.planning.workers import Task, run_tasks
+    from mor.planning.workers import Task
 
     for case in found:
         case.folder.mkdir(parents=True, exist_ok=True)
     tasks = [Task((str(case.project), str(case.folder), *options), case.folder / LOG) for case in found]
     rows: dict[int, Row] = {}
     begun = time.monotonic()
-    for done in run_tasks(adjust_one, tasks, min(jobs, len(tasks)), timeout):
+    for done in work(tasks):
         rows[done.number] = row = row_of(found[done.number], done, against, tol)
         if not quiet:
             tell(f"{len(rows)}/{len(tasks)} {row.name}: {row.status}, {done.seconds:.1f} s")

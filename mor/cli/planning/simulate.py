@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +13,14 @@ import click
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell, tell_note
 from mor.cli._output import force_option, quiet_option
-from mor.cli.planning._jobs import jobs_option
+from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mor.planning.monte_carlo import Trial
+    from mor.input_files import ReadFile
+    from mor.planning.monte_carlo import Chunk, Prepared, Trial, Worked
     from mor.quality.simulation.planted import Systematic, Wishes
 
 
@@ -86,6 +90,7 @@ if TYPE_CHECKING:
     help="Monte Carlo: N simulated measurements, adjusted one by one, against what the adjustment says of itself.",
 )
 @jobs_option("Processes that runs are shared among.")
+@cluster_option
 @click.option(
     "--starts",
     is_flag=True,
@@ -107,7 +112,8 @@ def command(
     offsets: tuple[str, ...],
     scales: tuple[str, ...],
     runs: int | None,
-    jobs: int,
+    jobs: int | None,
+    cluster: str | None,
     starts: bool,
     as_json: bool,
     lang: str,
@@ -121,6 +127,7 @@ def command(
       mor simulate project.yaml -o trial --seed 7 --gross 3 --drop 0.1
       mor simulate project.yaml -o trial --offset distances.csv=0.003 --force
       mor simulate project.yaml --runs 2000 --jobs 4
+      mor simulate project.yaml --runs 20000 --cluster tcp://host:8786
 
     The place of everything is that of the start values; measured values are ignored. Errors are drawn from the sigmas
     and covariances of the project; prior knowledge, as control points with a sigma, gets its error as well. truth.csv
@@ -139,7 +146,8 @@ def command(
     if runs is not None:
         _refuse_with_runs(gross, drop, systematic, noise_free)
         trial = Trial(project, source_format or "", seed, starts)
-        return _many(trial, output, force, runs, jobs, as_json, lang, quiet)
+        here = jobs_here(jobs, cluster)
+        return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
     return _one(project, output, force, source_format or "", seed, noise_free, wishes, quiet)
 
 
@@ -190,6 +198,7 @@ def _many(
     force: bool,
     runs: int,
     jobs: int,
+    cluster: str | None,
     as_json: bool,
     lang: str,
     quiet: bool,
@@ -212,8 +221,12 @@ def _many(
     if ready.truth is None:
         click.echo(words("the plan has no solution; mor design says why"), err=True)
         return ExitCode.SINGULAR
-    with progress(quiet, False, words=words) as say, compiler_announced(say.note):
-        tally = run_trial(ready, runs, jobs, folder / "runs", files, say.phase("simulating", runs))
+    with (
+        progress(quiet, False, words=words) as say,
+        compiler_announced(say.note),
+        _workers(folder / "runs", jobs, cluster, files) as work,
+    ):
+        tally = run_trial(ready, runs, work, folder / "runs", files, say.phase("simulating", runs))
     of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
     about = ready.network, ready.truth, tally, trial.seed, trial.starts
     data = to_json(monte_carlo_data(*about, of))
@@ -226,6 +239,23 @@ def _many(
         tell(f"{verdict(found, words)}\n{finding_table(found, words)}")
         click.echo(words("report in {place}", place=folder), err=True)
     return ExitCode.DONE if all(one.agrees for one in found) else ExitCode.REJECTED
+
+
+@contextmanager
+def _workers(
+    folder: Path, jobs: int, cluster: str | None, files: Mapping[Path, ReadFile]
+) -> Iterator[Callable[[Prepared, list[Chunk]], Worked]]:
+    """Who works out the runs: processes of this machine, or the workers of a cluster, who see the folder of runs."""
+    from mor.planning.monte_carlo import by_processes
+
+    if cluster is None:
+        yield partial(by_processes, jobs=jobs)
+        return
+    from mor.cluster import connected
+    from mor.planning.on_cluster import chunks_on_cluster
+
+    with connected(folder.resolve(), cluster) as workers:
+        yield partial(chunks_on_cluster, cluster=workers, files=files)
 
 
 def _check_folder(folder: Path, force: bool) -> None:
