@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -267,10 +268,22 @@ def _engine(wanted: Wanted, scratch: Path, observations: int) -> Iterator[Engine
 
     store = FileStore(scratch / "state")
     if wanted.workers is None and wanted.cluster is None:
-        yield Here(store)
+        with _kept_apart():
+            yield Here(store)
         return
     from mor.cluster import connected
     from mor.domains.workers import Workers
 
     with connected(store.folder, wanted.cluster, wanted.workers, wanted.memory) as cluster:
         yield Workers(store, cluster, observations)
+
+
+@contextmanager
+def _kept_apart() -> Iterator[None]:
+    """What is there stays: only what domains leave behind is looked through for garbage between them."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
