@@ -5,6 +5,7 @@ A task is done anew where the worker that had it is lost: it must leave the same
 
 from __future__ import annotations
 
+import logging
 import platform
 import secrets
 import time
@@ -143,6 +144,7 @@ def _client(
     import dask
     from distributed import Client, LocalCluster
 
+    _silence()
     if address is not None:
         try:
             client = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
@@ -173,6 +175,13 @@ def _client(
             cluster.scale(count)
 
         yield client, renew
+
+
+def _silence() -> None:
+    """Keep what the library logs (tracebacks of lost connections) off the terminal: what matters is told in words."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _begun(local_cluster: Callable[..., Any], count: int, each: int) -> Any:

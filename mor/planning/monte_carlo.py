@@ -33,6 +33,7 @@ from mor.preparation import determinable_start, make_problem
 from mor.project.network.build import Network
 from mor.quality.simulation.monte_carlo import Tally, Truth, empty_tally, one_run, tally_of
 from mor.quality.solved import Solved
+from mor.sparse.blas_threads import one_thread
 
 CHUNK = 20
 """Runs of one chunk."""
@@ -65,7 +66,8 @@ class Prepared(NamedTuple):
 def prepared(trial: Trial) -> Prepared:
     """The truth of a trial. Raises :class:`InputError`."""
     network, _ = placed_network(trial.path, trial.form)
-    solved = solve_plan(network)
+    with one_thread():
+        solved = solve_plan(network)
     if solved.quality is None or solved.network.original is not None:
         return Prepared(trial, network, solved, None)
     problem = make_problem(network, network.start, network.start)
@@ -73,7 +75,7 @@ def prepared(trial: Trial) -> Prepared:
 
 
 def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
-    """The tally of some runs, one after the other.
+    """The tally of some runs, one after the other, the same wherever they are done.
 
     Kernels are compiled where the runs of a chunk have together what a project is worth compiling from.
     """
@@ -81,7 +83,8 @@ def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
     assert truth is not None
     solve = _solver(ready)
     total = empty_tally(truth)
-    with chosen_by_size(CHUNK * ready.network.observations), np.errstate(all="ignore"):
+    compiled = chosen_by_size(CHUNK * ready.network.observations)
+    with compiled, one_thread(), np.errstate(all="ignore"):
         for number in range(first, first + count):
             total = total + one_run(truth, ready.trial.seed, number, solve)
     return total
