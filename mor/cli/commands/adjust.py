@@ -218,7 +218,8 @@ def run(asked: Asked) -> int:
                 asked.as_json,
                 asked.full and asked.writes,
             )
-            return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
+            with named_in_full(place):
+                return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = Identity(tuple(files.values()), project.parent, asked.told)
