@@ -46,7 +46,7 @@ _READ: ContextVar[dict[Path, ReadFile] | None] = ContextVar("files that were rea
 
 @contextmanager
 def files_read() -> Iterator[dict[Path, ReadFile]]:
-    """Every file that is read inside, in the order of reading: whatever the format, nothing can be forgotten."""
+    """Every file that is read inside, once, in the order of reading: whatever the format, nothing can be forgotten."""
     files: dict[Path, ReadFile] = {}
     token = _READ.set(files)
     try:
@@ -57,8 +57,8 @@ def files_read() -> Iterator[dict[Path, ReadFile]]:
 
 def note_file(path: Path, content: bytes | None = None) -> None:
     """Remember that a file was read, where somebody wants to know; ``content`` are its bytes, else they are read."""
-    files = _READ.get()
-    if files is None or path in files:
+    files, place = _READ.get(), path.resolve()
+    if files is None or place in files:
         return
     status = path.stat()
     if content is not None:
@@ -66,7 +66,7 @@ def note_file(path: Path, content: bytes | None = None) -> None:
     else:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    files[path] = ReadFile(path, status.st_size, sha256, status.st_mtime)
+    files[place] = ReadFile(path, status.st_size, sha256, status.st_mtime)
 
 
 def limit(name: str) -> int:

@@ -13,7 +13,14 @@ from domains_blocks import Ended, Kind, command, write_block
 from mor.domains import room
 from mor.report.results.models.model import Results
 
-NAMES = (("id",), ("of", "name"), ("name", "type"), ("group", "component"), ("type", "names", "component"))
+NAMES = (
+    ("id",),
+    ("type", "group", "at", "from", "to", "component"),
+    ("of", "name"),
+    ("name", "type"),
+    ("group", "component"),
+    ("type", "names", "component"),
+)
 """Keys by which rows of a list are told apart."""
 
 
@@ -75,5 +82,5 @@ def differences(one: Any, other: Any, path: str = "") -> list[str]:
     return [] if same else [f"{path}: {one} and {other}"]
 
 
-ELSEWHERE = ("identity", "notes", "residuals", "iteration_log")
-"""Order of the files read; what domains note; residuals are in their table alone; other unknowns hold a free datum."""
+ELSEWHERE = ("identity", "notes", "iteration_log")
+"""Order of the files read; what domains note; other unknowns hold a free datum."""

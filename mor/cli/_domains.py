@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mor.domains.story import Outcomes
     from mor.input_files import ReadFile
     from mor.project.file.nodes import Document
+    from mor.report.domains.summary import Summary
+    from mor.report.identity import Identity
     from mor.report.results.reservation import Reservation
     from mor.report.words.language import Words
 
@@ -50,10 +52,8 @@ class Wanted(NamedTuple):
     workers: int | None
     cluster: str | None
     scratch: Path | None
-    as_json: bool = False
     snoop: bool = False
     html: bool | None = None
-    full: bool = False
 
     @property
     def shared_out(self) -> bool:
@@ -70,6 +70,13 @@ class Results(NamedTuple):
     quiet: bool
     words: Words
     options: tuple[str, ...]
+    as_json: bool
+    full: bool
+
+    @property
+    def listed(self) -> bool:
+        """True where all residuals are written anywhere: into their table, or into the report."""
+        return self.residuals or self.full
 
 
 _SMALL = 100e6
@@ -84,7 +91,6 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
     if wanted.workers is not None and wanted.cluster is not None:
         raise InputError([Mistake("--workers and --cluster together; give either of them")])
     if wanted.shared_out:
-        _refuse(wanted)
         return True
     if wanted.memory is None and _bytes_of_tables(document, folder) < _SMALL:
         return False
@@ -99,7 +105,6 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
     if memory is None or need_of_all(rays_of(project, document, folder), wanted.html, snooping) <= memory:
         return False
     try:
-        _refuse(wanted)
         refuse_unsupported(project, document)
     except InputError:
         if wanted.memory is not None:
@@ -113,20 +118,6 @@ def _bytes_of_tables(document: Document, folder: Path) -> int:
     return sum(path.stat().st_size for path in paths if path.is_file())
 
 
-def _refuse(wanted: Wanted) -> None:
-    """Options that domains do not do."""
-    asked = {"--json": wanted.as_json, "--full": wanted.full}
-    problems = [
-        Mistake(
-            f"domains do not do {name}: the project is larger than the memory it may take, or workers were asked for"
-        )
-        for name, given in asked.items()
-        if given
-    ]
-    if problems:
-        raise InputError(problems)
-
-
 def adjust_in_domains(
     document: Document,
     folder: Path,
@@ -137,7 +128,7 @@ def adjust_in_domains(
     files: Mapping[Path, ReadFile],
 ) -> int:
     """Adjust a project in domains, write and tell its results. Returns the exit code."""
-    from mor.domains.results import Told, exit_code, write
+    from mor.domains.results import exit_code
     from mor.domains.room import (
         check_scratch,
         has_page,
@@ -152,28 +143,56 @@ def adjust_in_domains(
     from mor.report.domains.summary import verdict
     from mor.report.identity import Identity
 
-    assert place is not None  # --json, which may do without a folder, is refused
     project = validate(document)
     rays = rays_of(project, document, folder)
     memory = wanted.memory or available() or 4e9
     size = rays_of_domain(rays, memory, wanted.workers or 1)
-    html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
-    say.notes(_without_page(rays, memory, wanted.html, html))
+    html = False
+    if place is not None:
+        html = has_page(rays, memory, wanted.html) and how.residuals and has_library(say)
+        say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
-        results = results_of_ray(how.kind, how.residuals)
+        results = results_of_ray(how.kind, how.listed)
         snooping = wanted.snoop or project.settings.snooping
         check_scratch(need_of_scratch(rays, results, has_ground(project), snooping), scratch)
         with _engine(wanted, scratch, 2 * rays) as engine:
             found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")
         of = Identity(tuple(files.values()), folder, how.options)
-        told = write(found, scratch / "parts", place, Told(how.kind, how.residuals, how.words, html, of))
-    code = exit_code(told, how.strict)
-    say.event("done", outcome=told.outcome, exit_code=int(code), folder=str(place.folder))
-    if not how.quiet or told.solution is None:
-        click.echo(verdict(told, how.words), err=True)
-        click.echo(how.words("results in {place}", place=place.folder), err=True)
+        short = _written(found, of, scratch, place, how, html)
+        code = exit_code(short, how.strict)
+        written = str(place.folder) if place is not None else None
+        say.event("done", outcome=short.outcome, exit_code=int(code), folder=written)
+        if how.as_json:
+            _print(scratch / "results.json")
+    if not how.quiet or short.solution is None:
+        click.echo(verdict(short, how.words), err=True)
+        if place is not None:
+            click.echo(how.words("results in {place}", place=place.folder), err=True)
     return code
+
+
+def _written(
+    found: Outcomes, of: Identity, scratch: Path, place: Reservation | None, how: Results, html: bool
+) -> Summary:
+    """Write the folder of results; what is printed of them is kept in the scratch folder, for it is read before."""
+    from mor.domains.results import Told, content, printed, summary, write
+
+    parts = scratch / "parts"
+    together = content(found, parts, of)
+    if how.as_json:
+        with (scratch / "results.json").open("w", encoding="utf-8") as file:
+            file.writelines(printed(found, parts, together))
+    if place is not None:
+        write(found, together, parts, place, Told(how.kind, how.residuals, how.words, html, of, how.full))
+    return summary(found, together.results)
+
+
+def _print(file: Path) -> None:
+    """A text on standard output, once all else is done: whoever reads it has the whole of it, or nothing."""
+    with file.open(encoding="utf-8") as text:
+        while some := text.read(1 << 20):
+            click.echo(some, nl=False)
 
 
 def has_library(say: Progress) -> bool:
@@ -242,13 +261,16 @@ def _adjusted(
         say.phase("adjusting")
         parts = scratch / "parts"
         assessing = partial(say.phase, "precision and reliability")
-        return solved(engine, ready, parts, how.kind, how.residuals, say.iteration, assessing)
+        return solved(engine, ready, parts, how.kind, how.listed, say.iteration, assessing)
 
 
 @contextmanager
-def _scratch(wanted: Wanted, place: Reservation) -> Iterator[Path]:
-    """A folder for the state of the domains: where it is wanted, or beside the results; it goes at the end."""
-    above = wanted.scratch or place.work
+def _scratch(wanted: Wanted, place: Reservation | None) -> Iterator[Path]:
+    """A folder for the state of the domains: where it is wanted, or beside the results; it goes at the end.
+
+    Without results in a folder it is among the temporary files of the system.
+    """
+    above = wanted.scratch or (place.work if place is not None else Path(tempfile.gettempdir()))
     if not above.is_dir():
         raise InputError(
             [Mistake("this is no folder, expected one for the state of the domains", str(above))]

@@ -25,9 +25,11 @@ from mor.report.domains.contribution import Contribution, contribution
 from mor.report.domains.starts import Start, place_of, start_parts
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer
+from mor.report.results.json import INLINE, entries
 from mor.report.tables.control import sums_of_control
 from mor.report.tables.estimates import image_table, point_table, reference_table
 from mor.report.tables.files import residual_writer, table_writer
+from mor.report.tables.observations import observation_table
 from mor.report.tables.shared import forget
 from mor.report.tables.worst import worst_residuals
 
@@ -51,7 +53,9 @@ class Order(NamedTuple):
     """Where the parts of the tables are written."""
     kind: Kind
     residuals: bool
-    """True for the table of all residuals, false for the worst."""
+    """True where parts of the table of all residuals are written."""
+    few: bool
+    """True where these may be few enough to stand in ``results.json``."""
     images: int
     """Number of images of the whole."""
     rounds: Rounds | None = None
@@ -68,6 +72,8 @@ class Assessed(NamedTuple):
     starts: tuple[Start, ...]
     """Tables of the adjusted project that it has written its part of."""
     worst: pl.DataFrame
+    few: pl.DataFrame | None
+    """All residuals, where they are few."""
     shared: dict[str, pl.DataFrame]
     """Sums over the observations of points and images that several domains have, by ``points``, ``images``."""
     useless: tuple[tuple[str, str, int], ...]
@@ -104,6 +110,7 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
         ),
         tuple(start for start, _ in starts),
         worst_residuals(solved, WORST),
+        observation_table(solved) if order.few and entries(solved) <= INLINE else None,
         {name: sums_of_control(solved, name[:-1], sorted(some)) for name, some in shared.items()},
         tuple((kind, name, 0) for one in beyond_use(quality) for kind, name, _ in one.unknowns),
         0.0,

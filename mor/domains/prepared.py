@@ -12,7 +12,8 @@ import numpy as np
 from mor.adjustment.domains.adjust import Sizes
 from mor.adjustment.domains.domain import Key
 from mor.adjustment.domains.tree import Boundaries, Engine
-from mor.domains.preparing import Divided, Head, number_outer, prepare
+from mor.domains.preparing import Begun, Divided, Head, number_outer, prepare
+from mor.errors import NoStartValuesError, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.project.domains.parts import Parts
 from mor.project.file.model import Project
@@ -36,7 +37,7 @@ class Prepared(NamedTuple):
     @property
     def notes(self) -> tuple[Mistake, ...]:
         """What was assumed on reading."""
-        return tuple(note for head in self.heads for note in head.notes)
+        return (*(note for head in self.heads for note in head.notes), *self.parts.notes)
 
     @property
     def largest_boundary(self) -> int:
@@ -45,11 +46,31 @@ class Prepared(NamedTuple):
 
 
 def prepared(engine: Engine, found: Divided) -> Prepared:
-    """Read and plan all domains, and number what several of them have; their tables are gone then."""
+    """Read and plan all domains, and number what several of them have; their tables are gone then.
+
+    Raises :class:`NoStartValuesError` where points cannot be intersected.
+    """
     engine.store.save("divided", found)
-    heads = [engine.result(task) for task in [engine.submit(prepare, d) for d in range(found.parts.count)]]
+    ground = found.parts.ground
+    divided = [d for d in range(found.parts.count) if d != ground]
+    begun: list[Begun] = [engine.result(task) for task in [engine.submit(prepare, d) for d in divided]]
+    _check_started(begun, found.document.file)
+    if ground >= 0:
+        places = {name: place for one in begun for name, place in one.found.items()}
+        begun.append(engine.result(engine.submit(prepare, ground, places)))
+        _check_started(begun, found.document.file)
+    heads = [one.head for one in begun if one.head is not None]
     shutil.rmtree(found.parts.folder)
     return numbered(engine, found, heads)
+
+
+def _check_started(begun: Sequence[Begun], file: str) -> None:
+    """Raise :class:`NoStartValuesError` with all points that have no start values."""
+    missing = [thing for one in begun for thing in one.missing]
+    if missing:
+        words = "domains leave nothing out, and put no point at infinity: that is done on one machine"
+        with mistakes_in(file):
+            raise NoStartValuesError(missing, (), (words,))
 
 
 def numbered(engine: Engine, found: Divided, heads: Sequence[Head]) -> Prepared:

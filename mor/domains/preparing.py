@@ -12,10 +12,10 @@ from mor.adjustment.domains.domain import Domain, Key, plan_domain
 from mor.adjustment.domains.store import Store
 from mor.adjustment.memory import memory_of_adjustment
 from mor.arrays import BoolArray, IntArray
-from mor.errors import InputError
+from mor.domains.starting import Places, started
 from mor.errors import Problem as Mistake
+from mor.errors import Undeterminable
 from mor.machine import largest_resident
-from mor.parameters.index import all_known, with_shared_components
 from mor.preparation import make_problem
 from mor.project.domains.part_network import PartNetwork, read_part
 from mor.project.domains.parts import Parts
@@ -56,21 +56,34 @@ class Head(NamedTuple):
     """True where other domains may observe a fixed coordinate of this one, too: its test needs all of their systems."""
 
 
-def prepare(store: Store, d: int) -> Head:
-    """Read and plan a domain; its network, plan and start values are kept. Raises :class:`InputError`."""
+class Begun(NamedTuple):
+    """What has become of the tables of a domain."""
+
+    head: Head | None
+    """Nothing where points have no start values."""
+    missing: tuple[Undeterminable, ...]
+    found: Places
+    """Start values that were worked out, of points that another domain has, too."""
+
+
+def prepare(store: Store, d: int, places: Places | None = None) -> Begun:
+    """Read and plan a domain; its network, plan and start values are kept. Raises :class:`InputError`.
+
+    ``places`` are start values of points that all others have worked out: of what is not divided.
+    """
     divided: Divided = store.load("divided")
     part = read_part(divided.project, divided.document, divided.parts, d, divided.source)
     network = part.network
-    if not all_known(network.start):
-        raise InputError([Mistake(_without_start(part), network.file)])
-    start = with_shared_components(network.blocks, network.start)
+    start, missing, found = started(part, places)
+    if missing:
+        return Begun(None, missing, found)
     problem = make_problem(network, start, start)
     domain = plan_domain(problem, start, part.common(problem.index))
     # What is divided has no σ that depends on the adjustment: only the ground is planned anew from its observations.
     store.save(f"network/{d}", part if d == divided.parts.ground else part.without_observations())
     store.save(f"domain/{d}", domain)
     store.save(f"values/0/{d}", start)
-    return head_of(domain, part, d)
+    return Begun(head_of(domain, part, d), (), found)
 
 
 def take_out(store: Store, d: int, out: Collection[Entry], last: Store, stage: str) -> Head:
@@ -102,17 +115,6 @@ def head_of(domain: Domain, part: PartNetwork, d: int) -> Head:
         notes,
         part.shares_fixed_coordinates(problem.index),
     )
-
-
-def _without_start(part: PartNetwork) -> str:
-    """Which blocks have no start value; the first few are named."""
-    names = [
-        part.network.blocks[kind].ids[block]
-        for kind, values in part.network.start.items()
-        for block in np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))[:3].tolist()
-    ]
-    words = ", ".join(names[:5])
-    return f"no start value: {words}; domains need those of all unknowns (mor approximate works them out)"
 
 
 def number_outer(store: Store, d: int, numbers: IntArray, first: BoolArray) -> None:

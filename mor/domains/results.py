@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,20 +14,21 @@ from mor.domains.assessing import WORST
 from mor.domains.prepared import Prepared
 from mor.domains.story import Outcomes
 from mor.errors import ExitCode
-from mor.project.domains.parts import names_in_order
+from mor.project.domains.parts import group_names, names_in_order
 from mor.quality.tests.test_statistics import critical_value, global_test
+from mor.report.domains.listed import listed
 from mor.report.domains.results import Inlined, ended_of, results_of_domains
 from mor.report.domains.starts import joined_starts, parts_writer
 from mor.report.domains.summary import Solution, Summary, as_json, as_text
-from mor.report.domains.tables import Kind, completed, read_parts, writers
+from mor.report.domains.tables import Kind, completed, part_files, read_part, read_parts, writers
 from mor.report.identity import Identity, identity_of
 from mor.report.notes import note_rows
 from mor.report.readme import readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, start_names
 from mor.report.results.adjusted.start_columns import Placed
 from mor.report.results.folder import Writer, write_folder
-from mor.report.results.json import INLINE
-from mor.report.results.json_text import to_json
+from mor.report.results.json import INLINE, with_interiors
+from mor.report.results.json_text import json_in_pieces, to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
 from mor.report.tables.observations import SHOWN
@@ -42,14 +44,47 @@ class Told(NamedTuple):
     words: Words
     html: bool
     of: Identity
+    full: bool = False
+    """True for a text report that leaves nothing to the tables beside it."""
 
 
-def write(found: Outcomes, parts: Path, place: Reservation, told: Told) -> Summary:
-    """Write tables, reports and the adjusted project into a folder; the summary, to be told."""
+class Content(NamedTuple):
+    """What ``results.json`` has but the names of the tables beside it, and those that are short enough for it."""
+
+    results: dict[str, Any]
+    inlined: Inlined
+
+
+def content(found: Outcomes, parts: Path, of: Identity) -> Content:
+    """The results of all domains together, ``of`` what was read; their parts of the tables are completed first."""
+    if found.whole is not None:
+        completed(parts, [one.shared for one in found.assessed])
+    inlined = _inlined(found, parts) if found.whole is not None else Inlined()
+    return Content(_results(found, inlined, of), inlined)
+
+
+def printed(found: Outcomes, parts: Path, content: Content) -> Iterator[str]:
+    """``results.json`` for programs that read standard output, in pieces: all points and images stand in it."""
+    interiors = {name: one for part in found.assessed for name, one in part.added.interiors.items()}
+    long: dict[str, Iterable[list[dict[str, Any]]]] = {}
+    if found.whole is not None and content.inlined.points is None:
+        frames = (read_part(file) for file in part_files(parts / "points"))
+        long["points"] = (
+            frame[first : first + INLINE].to_dicts()
+            for frame in frames
+            for first in range(0, frame.height, INLINE)
+        )
+    if found.whole is not None and content.inlined.images is None:
+        images = _in_order(found.prepared, parts, "images")
+        long["images"] = [with_interiors(images.to_dicts(), interiors)]
+    return json_in_pieces({**content.results, "tables": {}}, long)
+
+
+def write(found: Outcomes, content: Content, parts: Path, place: Reservation, told: Told) -> None:
+    """Write tables, reports and the adjusted project into a folder."""
     tables: dict[str, Writer] = {}
     names: dict[str, str] = {}
     if found.whole is not None:
-        completed(parts, [one.shared for one in found.assessed])
         wanted = ["points", "images", *(["residuals"] if told.residuals else [])]
         tables = writers(parts, wanted, told.kind)
         names = dict(zip(wanted, tables, strict=True))
@@ -57,27 +92,44 @@ def write(found: Outcomes, parts: Path, place: Reservation, told: Told) -> Summa
             file = f"residuals_worst.{told.kind}"
             tables[file] = table_writer(_worst(found), told.kind)
             names["residuals_worst"] = file
-    results = _results(found, parts, names, told)
-    short = summary(found, names, results)
+    results = {**content.results, "tables": names}
+    short = summary(found, results)
     reports = {
         "results.json": _text(to_json(results)),
         "domains.json": _text(as_json(short)),
-        "report.txt": _text(as_text(short, told.words)),
+        "report.txt": _report(found, content, short, parts, told),
     }
     if found.whole is not None and told.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = _text(_page(found, parts, results, file, told.words))
     adjusted = _adjusted(found, parts, place.folder) if found.whole is not None else {}
-    listed = [*reports, *tables, *adjusted, "README.txt"]
+    names_of_all = [*reports, *tables, *adjusted, "README.txt"]
     # The parts of the long tables are moved: what reads them comes first.
-    write_folder(place, {**reports, **adjusted, **tables, "README.txt": _text(readme(listed, told.words))})
-    return short
+    write_folder(
+        place, {**reports, **adjusted, **tables, "README.txt": _text(readme(names_of_all, told.words))}
+    )
 
 
-def _results(found: Outcomes, parts: Path, names: dict[str, str], told: Told) -> dict[str, Any]:
+def _report(found: Outcomes, content: Content, short: Summary, parts: Path, told: Told) -> Writer:
+    """What writes ``report.txt``."""
+
+    def write(path: Path) -> None:
+        with path.open("w", encoding="utf-8") as file:
+            file.write(as_text(short, told.words, told.full))
+            if told.full and found.whole is not None:
+                ready = found.prepared
+                scales = found.store.load(f"network/{ready.parts.lonely}").network.scales
+                file.writelines(
+                    listed(parts, content.inlined, ready.project, scales, short.datum, told.words)
+                )
+
+    return write
+
+
+def _results(found: Outcomes, inlined: Inlined, of: Identity) -> dict[str, Any]:
     """Content of ``results.json``."""
     ready, joined = found.prepared, found.joined
-    project, of = ready.project, told.of
+    project = ready.project
     sizes = ready.sizes.observations, ready.sizes.unknowns
     movements = joined.null_space.movements
     solution = found.whole is not None
@@ -86,11 +138,10 @@ def _results(found: Outcomes, parts: Path, names: dict[str, str], told: Told) ->
     )
     said = {"identity": identity_of(project, of), "notes": note_rows(ready.notes, of.folder)}
     added = [one.added for one in found.assessed]
-    inlined = _inlined(ready, parts) if solution else Inlined()
     order = names_in_order(project, ready.document, ready.source, "images") if solution else []
     fixed = _fixed(found)
     return results_of_domains(
-        project, ended, found.whole, added, inlined, names, said, order, _loose(joined), fixed
+        project, ended, found.whole, added, inlined, {}, said, order, _loose(joined), fixed
     )
 
 
@@ -122,13 +173,25 @@ def _in_order(ready: Prepared, parts: Path, name: str) -> pl.DataFrame:
     return ids.join(read_parts(parts / name), on="id", maintain_order="left")
 
 
-def _inlined(ready: Prepared, parts: Path) -> Inlined:
-    """Tables that are short enough, in the order of the project."""
-    found = {}
-    for name in ("points", "images"):
-        if _height(parts, name) <= INLINE:
-            found[name] = _in_order(ready, parts, name)
-    return Inlined(**found)
+def _inlined(found: Outcomes, parts: Path) -> Inlined:
+    """Tables that are short enough: points and images in the order of the project, residuals group by group."""
+    short = {
+        name: _in_order(found.prepared, parts, name)
+        for name in ("points", "images")
+        if _height(parts, name) <= INLINE
+    }
+    return Inlined(**short, residuals=_few_residuals(found))
+
+
+def _few_residuals(found: Outcomes) -> pl.DataFrame | None:
+    """The table of all residuals, checks last; nothing where it is long."""
+    parts = [one.few for one in found.assessed if one.few is not None]
+    if len(parts) < len(found.assessed) or sum(part.height for part in parts) > INLINE:
+        return None
+    names = group_names(found.prepared.project)
+    groups = pl.Series(names).unique(maintain_order=True)
+    place = pl.col("group").replace_strict(groups, list(range(len(groups))), default=len(groups))
+    return pl.concat(parts).sort(pl.col("flag") == "check", place, maintain_order=True)
 
 
 def _height(parts: Path, name: str) -> int:
@@ -150,7 +213,7 @@ def _adjusted(found: Outcomes, parts: Path, folder: Path) -> dict[str, Writer]:
     return {"adjusted.yaml": _text(text), **writers}
 
 
-def summary(found: Outcomes, tables: dict[str, str], results: dict[str, Any]) -> Summary:
+def summary(found: Outcomes, results: dict[str, Any]) -> Summary:
     """What is said of the whole."""
     ready, joined = found.prepared, found.joined
     iterations = tuple(
@@ -171,7 +234,7 @@ def summary(found: Outcomes, tables: dict[str, str], results: dict[str, Any]) ->
         iterations=iterations,
         domains=tuple(zip(ready.parts.rays, outer, strict=True)),
         root=len(joined.root.numbers),
-        tables=tables,
+        tables=results["tables"],
         identity=results["identity"],
         solution=_solution(found, results),
         notes=tuple(str(note) for note in ready.notes),

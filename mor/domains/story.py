@@ -28,6 +28,7 @@ from mor.project.domains.refusals import refuse_unsupported
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.quality.assess import Whole
+from mor.report.results.json import INLINE
 
 
 class Outcomes(NamedTuple):
@@ -87,7 +88,8 @@ def solved(
         return Outcomes(ready, joined, engine.store)
     assessing()
     first = solution_of(engine, joined, settings)
-    order = Order(first, folder, kind, residuals, ready.parts.images)
+    few = ready.sizes.observations <= INLINE
+    order = Order(first, folder, kind, residuals, few, ready.parts.images)
     if settings.snooping:
         return _snooped(tested(engine, ready, joined, first, count(1)), order)
     assessed = with_cofactors(

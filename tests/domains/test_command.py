@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import polars as pl
 import pytest
 from domains_blocks import Ended, Kind, command, write_block
+from domains_compared import differences
 
-from mor.domains import room
+from mor.domains import assessing, results, room, story
 from mor.errors import InputError
+from mor.report.domains import listed
 
 
 def adjust(project: Path, *options: str) -> Ended:
@@ -88,12 +91,75 @@ def test_images_that_share_a_block_are_not_divided(tmp_path: Path) -> None:
     assert "images that share something" in done.stderr
 
 
-@pytest.mark.parametrize("option", ["--json", "--full"])
-def test_options_domains_do_not_have(tmp_path: Path, option: str) -> None:
+@pytest.mark.usefixtures("small_domains")
+@pytest.mark.parametrize("inline", [10_000, 100])
+def test_json_is_printed_and_no_folder_written(
+    inline: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (assessing, results, story):
+        monkeypatch.setattr(module, "INLINE", inline)
+    project = write_block(tmp_path / "block", Kind(control=6, sights=20))
+    done = adjust(project, "--json", "--quiet")
+    assert done.exit_code == 0, done.stderr
+    one = json.loads(capsys.readouterr().out)
+    done = adjust(project, "--memory", "1MB", "--json", "--quiet", "--scratch", str(tmp_path))
+    assert (done.exit_code, done.stderr) == (0, "")
+    several = json.loads(capsys.readouterr().out)
+    assert [path.name for path in tmp_path.iterdir()] == ["block"]
+    assert list(several) == list(one)
+    for key in ("tables", "images", "groups"):
+        assert differences(one[key], several[key]) == []
+    by_name = sorted(one["points"], key=lambda row: row["id"])
+    assert differences(by_name, sorted(several["points"], key=lambda row: row["id"])) == []
+    assert inline < 10_000 or differences(one["points"], several["points"]) == []
+    assert inline == 10_000 or several["residuals"] is None
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_json_beside_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     project = write_block(tmp_path / "block", Kind())
-    done = adjust(project, "--memory", "1MB", option)
-    assert done.exit_code == 2
-    assert f"domains do not do {option}" in done.stderr
+    done = adjust(project, "--memory", "1MB", "--json", "-o", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    printed = json.loads(capsys.readouterr().out)
+    written = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert {**written, "tables": {}} == printed
+    assert str(tmp_path / "out") in done.stderr
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_json_of_no_solution(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = write_block(tmp_path / "block", Kind(gnss=False))
+    assert adjust(project, "--memory", "1MB", "--json").exit_code == 4
+    assert json.loads(capsys.readouterr().out)["outcome"] == "singular"
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_a_full_report_lists_what_that_of_one_machine_lists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listed, "_ROWS_TOGETHER", 3_000)
+    project = write_block(tmp_path / "block", Kind(control=6, sights=20))
+    adjust(project, "--full", "-o", str(tmp_path / "one"))
+    options = ("--full", "--tables", "worst", "--no-html")
+    adjust(project, "--memory", "1MB", *options, "-o", str(tmp_path / "several"))
+    one, several = (
+        (tmp_path / name / "report.txt").read_text(encoding="utf-8") for name in ("one", "several")
+    )
+    assert not (tmp_path / "several" / "residuals.csv").exists()
+    for title in ("Images", "Points (datum: fixed)", "Error ellipses", "All observations"):
+        rows = [_rows(text, title) for text in (one, several)]
+        assert len(rows[1]) > 15
+        assert rows[1] <= rows[0] if title == "Error ellipses" else rows[1] == rows[0], title
+
+
+def _rows(report: str, title: str) -> set[tuple[str, ...]]:
+    """Words of each line of the tables of a section that begins with a point, an image or a type of observations."""
+    section = report.partition(f"\n{title}\n")[2]
+    end = re.search(r"\n\n[^\n]+\n-+\n", section)
+    lines = section[: end.start()].splitlines() if end else section.splitlines()
+    return {
+        tuple(line.split()) for line in lines if re.match(r"[IP]\d|(image|distance|height_difference) ", line)
+    }
 
 
 def test_too_little_memory_to_divide(tmp_path: Path) -> None:

@@ -82,8 +82,10 @@ def test_two_workers_of_this_machine(tmp_path: Path) -> None:
     rays = pl.read_parquet(project.parent / "rays.parquet")
     wrong = pl.int_range(pl.len()) % 97 == 5
     rays.with_columns(x=pl.col("x") + 0.1 * wrong).write_parquet(project.parent / "rays.parquet")
-    alone = adjust(project, tmp_path / "alone", "--memory", "1MB", "--table-format", "csv", "--snoop")
-    shared = adjust(project, tmp_path / "shared", "--workers", "2", "--snoop")
+    alone = adjust(
+        project, tmp_path / "alone", "--memory", "1MB", "--table-format", "csv", "--snoop", "--full"
+    )
+    shared = adjust(project, tmp_path / "shared", "--workers", "2", "--snoop", "--full")
     assert shared == alone
     assert b"Data snooping" in alone["report.txt"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from small_projects import BLOCK, block, mor, table, write, write_block
 
-from mor.project.observations.undeclared_points import _alike
+from mor.project.observations.undeclared_points import alike
 
 SETTING = "settings: {undeclared_points: free}\n"
 NETWORK = """\
@@ -96,8 +96,8 @@ def test_a_prefix_says_what_a_name_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("slip", ["P12", "p112", "P11", "P1112", "P121", "P211", "P113"])
 def test_names_that_one_slip_makes_of_another(slip: str) -> None:
-    assert _alike([slip], ["P112", "far away"]) == {slip: "P112"}
+    assert alike([slip], ["P112", "far away"]) == {slip: "P112"}
 
 
-def test_other_names_are_not_alike() -> None:
-    assert _alike(["P1", "Q12", "tower"], ["P1234", "north"]) == {}
+def test_other_names_are_notalike() -> None:
+    assert alike(["P1", "Q12", "tower"], ["P1234", "north"]) == {}

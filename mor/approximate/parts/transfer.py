@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def fill_in(
     _fill_pairs(network, start, part, frames)
     fill_systems(network, start)
     how = _named(network, part)
-    return start, how, _missing(network, start)
+    return start, how, missing_start_values(network, start)
 
 
 def put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatArray) -> None:
@@ -152,7 +152,7 @@ _ENOUGH = {"image": 4, "station": 2}
 """Points of known place that an image or a set needs to see for its attitude."""
 
 
-def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undeterminable, ...]:
+def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[Undeterminable, ...]:
     """What still has no value, each thing once, and the likely reason."""
     found: dict[tuple[str, str], Undeterminable] = {}
     contradicted = _contradicted(network, start)
@@ -170,7 +170,7 @@ def _missing(network: Network, start: dict[str, FloatArray]) -> tuple[Undetermin
     return tuple(found.values())
 
 
-def _contradicted(network: Network, start: dict[str, FloatArray]) -> set[tuple[str, str]]:
+def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tuple[str, str]]:
     """Images and sets without attitude that see points enough whose place is known, in plan at least."""
     if "rotation" not in start or "point" not in start:
         return set()

@@ -80,10 +80,8 @@ class Asked(NamedTuple):
             self.workers,
             self.cluster,
             self.scratch,
-            self.as_json,
             self.snoop,
             self.html,
-            self.full,
         )
 
 
@@ -210,8 +208,18 @@ def run(asked: Asked) -> int:
         replaces = asked.force or is_repeated(folder, project, asked.told)
         place = held.enter_context(reserve(folder, replaces)) if asked.writes else None
         if needs_domains(document, project.parent, asked.limits):
-            how = Results(asked.table_format, asked.all_tables, asked.strict, asked.quiet, words, asked.told)
-            return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
+            how = Results(
+                asked.table_format,
+                asked.all_tables and asked.writes,
+                asked.strict,
+                asked.quiet,
+                words,
+                asked.told,
+                asked.as_json,
+                asked.full and asked.writes,
+            )
+            with named_in_full(place):
+                return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = Identity(tuple(files.values()), project.parent, asked.told)

@@ -15,6 +15,7 @@ from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, Observat
 from mor.parameters.index import Index
 from mor.project.domains.parts import OWNED, SHARED, Parts, Section, group_names
 from mor.project.domains.refusals import is_divided
+from mor.project.domains.undeclared import point_tables
 from mor.project.file.model import Datum, Project
 from mor.project.file.model import Report as NoReport
 from mor.project.file.nodes import Document
@@ -162,9 +163,11 @@ def _tables(
 ) -> dict[int, Any]:
     """Tables of images, or of points, that have rows in the domain, by their number in the project."""
     found = {}
-    for k, table in enumerate(getattr(project, section)):
+    tables = point_tables(project) if section == "points" else getattr(project, section)
+    for k, table in enumerate(tables):
         frame = _frame(parts, (section, k), domain)
         if frame is not None:
+            frame = frame.unique("id", maintain_order=True) if k >= len(getattr(project, section)) else frame
             name = table_label(section, k, table)
             found[k] = _standing_in(table, (section, k), frame, frames).model_copy(update={"name": name})
     return found

@@ -7,27 +7,34 @@ which has the points and images that it names, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from mor.arrays import IntArray, SmallIntArray
+from mor.arrays import IntArray
 from mor.errors import InputError, Problem
 from mor.project.domains.division import Halves, halved, without_empty
+from mor.project.domains.division_of_points import Cut, OfPoints, divide_points, rays_of_points
 from mor.project.domains.refusals import is_divided
-from mor.project.domains.tables import ROWS_AT_A_TIME, pieces
+from mor.project.domains.tables import Rows, pieces
+from mor.project.domains.undeclared import (
+    Found,
+    Named,
+    are_free,
+    declared,
+    notes_of,
+    undeclared_in_order,
+    undeclared_names,
+)
 from mor.project.file.model import Project
 from mor.project.file.nodes import Document
 from mor.project.network.reading import table_label
 from mor.project.tables.columns import Place
 
-Rows: TypeAlias = Callable[[str, int], Iterator[pl.DataFrame]]
-"""What reads a table, by its section and number, a part at a time."""
 Section = tuple[str, int]
 """Section of the project file and number of the table in it."""
 
@@ -46,6 +53,8 @@ class Parts:
     """Image points of each domain."""
     images: int
     """Number of images."""
+    notes: tuple[Problem, ...] = ()
+    """What is noted of points that no table declares."""
 
     @property
     def lonely(self) -> int:
@@ -71,12 +80,12 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     count = max(-(-int(amount.sum()) // rays_of_domain), 1)
     places, ids = images.select("x", "y", "z").to_numpy(), images.select("id")
 
-    def cut(count: int) -> _Cut:
+    def cut(count: int) -> Cut:
         domain, tree = halved(places, np.maximum(amount, 1e-3), min(count, images.height))
         of_images = ids.with_columns(domain=pl.Series(domain, dtype=pl.Int32))
-        return _Cut(domain, tree, _points(rows, divided, of_images))
+        return Cut(domain, tree, rays_of_points(rows, divided, of_images))
 
-    domain, tree, of_points = _divided(cut, count, rays_of_domain)
+    domain, tree, of_points = divide_points(cut, count, rays_of_domain)
     used = np.bincount(of_points.domains, minlength=int(domain.max()) + 1) > 0
     tree, number = without_empty(tree, used)
     count = int(number.max()) + 1
@@ -86,27 +95,72 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     if ground >= 0:
         tree, count = (tree, ground), count + 1
     names = _texts(document, rows, project, divided) if ground >= 0 else pl.Series("id", [], dtype=pl.String)
+    to = _To(folder, of_points, names, ground)
+    totals, seen = _divide_rays(to, rows, divided, count)
+    notes = _divide_undeclared(to, project, document, source, rows, divided) if are_free(project) else ()
+    _divide_images(folder, project, rows, seen, of_images, names, ground)
+    _divide_points(folder, project, rows, of_points, names, ground, ground if ground >= 0 else 0)
+    return Parts(folder, tree, count, ground, tuple(totals.tolist()), of_images.height, notes)
+
+
+class _To(NamedTuple):
+    """Where rows go."""
+
+    folder: Path
+    points: OfPoints
+    names: pl.Series
+    """Every text in what is not divided."""
+    ground: int
+
+
+def _divide_rays(to: _To, rows: Rows, divided: list[int], count: int) -> tuple[IntArray, pl.DataFrame]:
+    """Rays go where their points are; how many each domain has, and which images they are of."""
     totals, seen = np.zeros(count, dtype=np.int64), []
     for k in divided:
         for piece, frame in enumerate(rows("observations", k)):
-            placed = frame.with_columns(domain=of_points.of(frame["point"], 0))
+            placed = frame.with_columns(domain=to.points.of(frame["point"], 0))
             seen.append(placed.group_by("image", "domain").len())
             totals += np.bincount(placed["domain"].to_numpy(), minlength=count)
-            _write(folder, ("observations", k), piece, placed)
-    lone = ground if ground >= 0 else 0
-    _divide_images(folder, project, rows, pl.concat(seen), of_images, names, ground)
-    _divide_points(folder, project, rows, of_points, names, ground, lone)
-    return Parts(folder, tree, count, ground, tuple(totals.tolist()), of_images.height)
+            _write(to.folder, ("observations", k), piece, placed)
+    return totals, pl.concat(seen)
+
+
+def _divide_undeclared(
+    to: _To, project: Project, document: Document, source: Path, rows: Rows, divided: list[int]
+) -> tuple[Problem, ...]:
+    """Points that no table declares go where their rays are, and to the ground; what is noted of them."""
+    known, section, piece = declared(project, rows), ("points", len(project.points)), 0
+    for k in divided:
+        for frame in rows("observations", k):
+            ids = undeclared_names(frame.select("point"), known).rename({"point": "id"})
+            both = ids.with_columns(domain=to.points.of(ids["id"], 0))
+            if to.ground >= 0:
+                both = pl.concat([both, _in_ground(ids, to.names, to.ground)])
+            _write_owned(to.folder, section, piece, ids, both)
+            piece += 1
+
+    def names() -> Iterator[pl.Series]:
+        for file in sorted((to.folder / f"points-{section[1]}").glob("*.parquet")):
+            yield pl.read_parquet(file)["id"].unique(maintain_order=True)
+
+    named = Named(to.points.hashes, to.points.rays)
+    return notes_of(project, document, source, rows, Found(known, named, names, to.names))
 
 
 def names_in_order(project: Project, document: Document, source: Path, section: str) -> list[str]:
     """Names of the points, or images, in the order of the project."""
-    return [
+
+    def rows(section: str, number: int) -> Iterator[pl.DataFrame]:
+        return pieces(getattr(project, section)[number], Place(document, (section, number), source))
+
+    names = [
         name
-        for number, table in enumerate(getattr(project, section))
-        for frame in pieces(table, Place(document, (section, number), source))
+        for number in range(len(getattr(project, section)))
+        for frame in rows(section, number)
         for name in frame["id"].to_list()
     ]
+    further = undeclared_in_order(project, rows) if section == "points" and are_free(project) else []
+    return [*names, *further]
 
 
 def group_names(project: Project) -> list[str]:
@@ -158,102 +212,6 @@ def _images(project: Project, document: Document, rows: Rows) -> pl.DataFrame:
     if problems or not found:
         raise InputError(problems or [Problem("there are no images to divide", document.file)])
     return pl.concat(found)
-
-
-def hashed(names: pl.Series) -> pl.Series:
-    """(n,) numbers that are the same for the same names."""
-    return names.hash()
-
-
-class _OfPoints(NamedTuple):
-    """Domain of each point, by a hash of its name: of a hundred million rows a join would look at all names each time.
-
-    Two names with the same hash are in the same domain, which is as good as any other.
-    """
-
-    hashes: NDArray[np.uint64]
-    """(p,) ascending."""
-    domains: SmallIntArray
-
-    def of(self, names: pl.Series, otherwise: int) -> pl.Series:
-        """(n,) domains of names; ``otherwise`` where no ray has one."""
-        wanted = hashed(names).to_numpy()
-        if len(self.hashes) == 0:
-            return pl.repeat(otherwise, len(wanted), dtype=pl.Int32, eager=True)
-        at = np.minimum(np.searchsorted(self.hashes, wanted), len(self.hashes) - 1)
-        return pl.Series(np.where(self.hashes[at] == wanted, self.domains[at], np.int32(otherwise)))
-
-
-class _Cut(NamedTuple):
-    """Images divided, and what their points are then."""
-
-    domain: IntArray
-    """(n,) of the images."""
-    tree: Halves
-    points: pl.DataFrame
-    """By ascending ``hash`` of the name: ``last`` and ``most``, the last domain with rays of it, and that of most of
-    them, the first one of several; number of its ``rays``."""
-
-    @property
-    def largest(self) -> float:
-        """Rays of the largest domain where all points are in the last one."""
-        weights = self.points["rays"].to_numpy().astype(float)
-        return float(np.bincount(self.points["last"].to_numpy(), weights=weights).max(initial=0.0))
-
-    def of_points(self, rule: str) -> _OfPoints:
-        """Domains of the points."""
-        return _OfPoints(self.points["hash"].to_numpy(), self.points[rule].to_numpy())
-
-
-def _divided(
-    cut: Callable[[int], _Cut], count: int, rays_of_domain: int
-) -> tuple[IntArray, Halves, _OfPoints]:
-    """Domain (n,) of the images, the tree of about ``count`` domains, and domains of the points.
-
-    With a point in the last domain that it has rays from, none before it has images of that one: borders are half as
-    wide as where a point goes where most of its rays come from, and their dense matrices take an eighth of the time.
-    The last domains are larger then, for which a few more of them make up; not where domains are as small as images.
-    """
-    found = cut(count)
-    if found.largest <= rays_of_domain:
-        return found.domain, found.tree, found.of_points("last")
-    more = cut(int(np.ceil(count * found.largest / rays_of_domain)))
-    if more.largest <= rays_of_domain:
-        return more.domain, more.tree, more.of_points("last")
-    return found.domain, found.tree, found.of_points("most")
-
-
-def _points(rows: Rows, divided: list[int], of_images: pl.DataFrame) -> pl.DataFrame:
-    """Domains that points have rays from, as :class:`_Cut` has them."""
-    counts = pl.DataFrame(schema={"hash": pl.UInt64, "domain": pl.Int32, "len": pl.UInt32})
-    waiting: list[pl.DataFrame] = []
-
-    def together() -> pl.DataFrame:
-        return pl.concat([counts, *waiting]).group_by("hash", "domain").agg(pl.col("len").sum())
-
-    for k in divided:
-        for frame in rows("observations", k):
-            found = frame.select("image", hash=hashed(frame["point"]))
-            found = found.join(of_images, left_on="image", right_on="id", how="left")
-            found = found.with_columns(pl.col("domain").fill_null(0))
-            waiting.append(found.group_by("hash", "domain").len())
-            if sum(part.height for part in waiting) > max(counts.height, ROWS_AT_A_TIME):
-                counts, waiting = together(), []
-    # Most rays first, then the first domain: the largest of these numbers.
-    order = (pl.col("len").cast(pl.Int64) * (_LAST + 1)) + (_LAST - pl.col("domain").cast(pl.Int64))
-    first = (_LAST - pl.col("most") % (_LAST + 1)).cast(pl.Int32).alias("most")
-    points = (
-        together()
-        .group_by("hash")
-        .agg(
-            pl.col("domain").max().alias("last"), order.max().alias("most"), pl.col("len").sum().alias("rays")
-        )
-    )
-    return points.with_columns(first).sort("hash")
-
-
-_LAST = 2**31 - 1
-"""No domain has a larger number."""
 
 
 def has_ground(project: Project) -> bool:
@@ -321,7 +279,7 @@ def _divide_points(
     folder: Path,
     project: Project,
     rows: Rows,
-    of_points: _OfPoints,
+    of_points: OfPoints,
     names: pl.Series,
     ground: int,
     lone: int,

@@ -30,8 +30,6 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         found.append(("a robust solution", ("settings", "robust")))
     if settings.variance_components == "iterate":
         found.append(("iterated variance components", ("settings", "variance_components")))
-    if settings.undeclared_points == "free":
-        found.append(("points that no table declares", ("settings", "undeclared_points")))
     if settings.undetermined == "leave_out":
         found.append(("leaving out what nothing determines", ("settings", "undetermined")))
     if project.report.relative:

@@ -5,10 +5,12 @@ Parquet is read a part at a time; a CSV file is read as a whole, for where its r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, TypeAlias
 
 import polars as pl
 
+from mor.arrays import SmallIntArray
 from mor.errors import InputError, Problem
 from mor.input_files import check_regular, note_file
 from mor.project.file.table import Table
@@ -17,6 +19,8 @@ from mor.project.tables.sources import from_file, from_rows
 from mor.project.tables.texts import our_name
 
 ROWS_AT_A_TIME = 2_000_000
+Rows: TypeAlias = Callable[[str, int], Iterator[pl.DataFrame]]
+"""What reads a table, by its section and number, a part at a time."""
 
 
 def pieces(table: Table, place: Place) -> Iterator[pl.DataFrame]:
@@ -38,6 +42,32 @@ def pieces(table: Table, place: Place) -> Iterator[pl.DataFrame]:
     if problems or source is None:
         raise InputError(problems)
     yield _with_values(pl.DataFrame(source.columns), table)
+
+
+class Lines(NamedTuple):
+    """Where the rows of a table stand."""
+
+    file: str
+    numbers: SmallIntArray | None
+    """(n,) lines; nothing where a row counts as a line, from 1."""
+
+    def of(self, row: int) -> int:
+        """Line of a row."""
+        return row + 1 if self.numbers is None else int(self.numbers[row])
+
+
+def lines_of(table: Table, place: Place) -> Lines:
+    """File and lines of the rows of a table in a file."""
+    path = place.folder / str(table.file)
+    if str(table.file).endswith(".parquet") or place.document.frame(str(table.file)) is not None:
+        return Lines(str(path), None)
+    source = from_file(table, {name: Column(name) for name in _TEXTS}, place, [])
+    return Lines(str(path), None if source is None else source.lines)
+
+
+def hashed(names: pl.Series) -> pl.Series:
+    """(n,) numbers that are the same for the same names."""
+    return names.hash()
 
 
 _TEXTS = ("id", "image", "point", "camera")

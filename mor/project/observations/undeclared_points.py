@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,24 +51,44 @@ def check_undeclared(reading: Reading, groups: Sequence[ObservationGroup]) -> No
     points = reading.shop.things["point"]
     rows = _rows_of_points(groups, len(reading.shop.store("point").ids))
     declared = [name for name in points.ids if name not in reading.undeclared]
-    alike = _alike(reading.undeclared, declared)
-    notes = []
-    for name, near in alike.items():
-        file, line = reading.undeclared[name]
-        if rows[points.part(name, "position")] == 1:
+    found = [
+        Slip(name, near, int(rows[points.part(name, "position")]), *reading.undeclared[name])
+        for name, near in alike(reading.undeclared, declared).items()
+    ]
+    mistakes, notes = told(found, len(reading.undeclared))
+    reading.problems.extend(mistakes)
+    reading.notes.extend(notes)
+
+
+class Slip(NamedTuple):
+    """A point that only observations name, and a declared one that a single character tells from it."""
+
+    name: str
+    near: str
+    rows: int
+    """Rows that name it."""
+    file: str
+    line: int
+    """Where the first of them stands."""
+
+
+def told(slips: Sequence[Slip], count: int) -> tuple[list[Problem], list[Problem]]:
+    """What is a mistake, and what is noted of ``count`` points that only observations name."""
+    mistakes, notes = [], []
+    for one in slips:
+        if one.rows == 1:
             words = (
-                f"point {name!r} is named by this row only, and no table of points has it; did you mean {near!r}? "
-                "If not, declare it among the points"
+                f"point {one.name!r} is named by this row only, and no table of points has it; "
+                f"did you mean {one.near!r}? If not, declare it among the points"
             )
-            reading.problems.append(Problem(words, file, line))
+            mistakes.append(Problem(words, one.file, one.line))
         else:
-            words = f"point {name!r} is in no table of points and therefore free; {near!r} is"
-            notes.append(Problem(words, file, line))
+            words = f"point {one.name!r} is in no table of points and therefore free; {one.near!r} is"
+            notes.append(Problem(words, one.file, one.line))
     if len(notes) > MOST_TOLD:
         notes[MOST_TOLD:] = [Problem(f"{len(notes) - MOST_TOLD} more points like these")]
-    many = counted(len(reading.undeclared), "point")
-    reading.notes.append(Problem(f"{many} that only observations name: free (undeclared_points: free)"))
-    reading.notes.extend(notes)
+    many = counted(count, "point")
+    return mistakes, [Problem(f"{many} that only observations name: free (undeclared_points: free)"), *notes]
 
 
 def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarray:
@@ -80,7 +101,7 @@ def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarra
     return rows
 
 
-def _alike(names: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
+def alike(names: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     """Of each name a declared one from which at most one character, or the case of letters, tells it apart."""
     known: dict[str, str] = {}
     for name in declared:

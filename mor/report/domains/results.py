@@ -35,6 +35,7 @@ class Inlined(NamedTuple):
 
     points: pl.DataFrame | None = None
     images: pl.DataFrame | None = None
+    residuals: pl.DataFrame | None = None
 
 
 def results_of_domains(
@@ -53,12 +54,12 @@ def results_of_domains(
 
     ``fixed`` are the tests of fixed points that several domains observe.
 
-    ``order`` are the names of the images as the project has them. Residuals are in their table alone.
+    ``order`` are the names of the images as the project has them.
     """
     undetermined = [{"unknowns": [name], "amounts": [1.0]} for name in loose]
     if whole is None:
         head = summary_of(project, ended, undetermined, [], NO_STATISTICS)
-        return {**head, **said, **_NOTHING, "tables": dict(tables)}
+        return _ordered({**head, **said, **_NOTHING, "tables": dict(tables)})
     flagged, uncontrolled = (
         sum(part.statistics[key] for part in parts) for key in ("flagged", "uncontrolled")
     )
@@ -75,7 +76,7 @@ def results_of_domains(
     names = {"images": order, "points": _ids(inlined.points)}
     interiors = {name: one for part in parts for name, one in part.interiors.items()}
     images = inlined.images.to_dicts() if inlined.images is not None else None
-    return {
+    found = {
         **summary_of(project, ended, [], [], numbers),
         **said,
         "notes": notes,
@@ -95,8 +96,25 @@ def results_of_domains(
         "fixed_points": [*(row for part in parts for row in part.fixed_points), *fixed],
         "checks": check_rows(parts),
         "tables": dict(tables),
-        "residuals": None,
+        "residuals": inlined.residuals.to_dicts() if inlined.residuals is not None else None,
     }
+    return _ordered(found)
+
+
+def _ordered(found: dict[str, Any]) -> dict[str, Any]:
+    """The same with its keys in the order they have on one machine."""
+    return {
+        **{key: value for key, value in found.items() if key not in _KEYS},
+        **{key: found[key] for key in _KEYS},
+    }
+
+
+_KEYS = (
+    *("identity", "notes", "verdict", "reliability", "points", "images", "motions", "epochs", "trajectories"),
+    *("boresights", "cameras", "stations", "systems", "pairs", "features", "others", "groups"),
+    *("variance_components", "gross_errors", "suspects", "hypotheses", "fixed_points", "relative", "checks"),
+    *("failure", "tables", "residuals"),
+)
 
 
 def ended_of(

@@ -12,7 +12,7 @@ import polars as pl
 from mor.escapes import escaped
 from mor.quality.tests.test_statistics import GlobalTest
 from mor.report.columns import paragraphs
-from mor.report.layout import fixed, heading, short, table
+from mor.report.layout import ALL, fixed, heading, short, table
 from mor.report.text import checks
 from mor.report.text.reliability import snooped_in_words
 from mor.report.verdict import sentences, words_of_reliability
@@ -119,19 +119,22 @@ def _of_solution(one: Solution) -> dict[str, Any]:
     }
 
 
-def as_text(summary: Summary, words: Words = ENGLISH) -> str:
-    """The report, ``report.txt``."""
+def as_text(summary: Summary, words: Words = ENGLISH, full: bool = False) -> str:
+    """The report, ``report.txt``; ``full`` without its long lists cut."""
     sections = [_head(summary, words)]
     if summary.solution is not None:
         one = summary.solution
+        shown: dict[str, int] = {"shown": ALL} if full else {}
         sections += [
             checks.section_of(one.checks, one.length, words),
-            sentences.section_of(one.verdict, words),
-            words_of_reliability.section_of(one.reliability, one.length, words),
+            sentences.section_of(one.verdict, words, **shown),
+            words_of_reliability.section_of(
+                one.reliability, one.length, words, **({"weakest": ALL, "named": ALL} if full else {})
+            ),
             _groups(one, words),
             _cameras(one, words),
             _worst(one, words),
-            "\n".join(snooped_in_words(one.snooping, words)),
+            "\n".join(snooped_in_words(one.snooping, words, **shown)),
         ]
     sections += [_iterations(summary, words), _domains(summary, words)]
     return escaped("\n\n".join(section for section in sections if section) + "\n")

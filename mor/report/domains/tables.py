@@ -57,9 +57,17 @@ def _with_sums(frame: pl.DataFrame, sums: pl.DataFrame, name: str) -> pl.DataFra
 
 def read_parts(folder: Path) -> pl.DataFrame:
     """All rows of a table in parts."""
-    files = sorted(file for file in folder.iterdir() if file.suffix in (".csv", ".parquet"))
-    read = [pl.read_parquet(file) if file.suffix == ".parquet" else read_residuals(file) for file in files]
-    return pl.concat(read)
+    return pl.concat([read_part(file) for file in part_files(folder)])
+
+
+def part_files(folder: Path) -> list[Path]:
+    """Files of a table in parts, domain by domain."""
+    return sorted(file for file in folder.iterdir() if file.suffix in (".csv", ".parquet"))
+
+
+def read_part(file: Path) -> pl.DataFrame:
+    """The rows of a part."""
+    return pl.read_parquet(file) if file.suffix == ".parquet" else read_residuals(file)
 
 
 def read_residuals(path: Path) -> pl.DataFrame:
@@ -80,7 +88,7 @@ def _called(name: str, kind: Kind) -> str:
 
 def _writer(parts: Path, kind: Kind) -> Writer:
     def write(path: Path) -> None:
-        files = sorted(file for file in parts.iterdir() if file.suffix in (".csv", ".parquet"))
+        files = part_files(parts)
         if kind == "parquet":
             path.mkdir()
             for file in files:

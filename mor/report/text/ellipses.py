@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mor.project.file.model import Project
 from mor.quality.precision.ellipses import confidence_factor
 from mor.quality.solved import Solved
-from mor.report.edge import angle_unit
+from mor.report.edge import angle_unit, angle_unit_of
 from mor.report.layout import DIGITS, fixed, heading, table
 from mor.report.tables.ellipses import (
     chosen_pairs,
@@ -27,14 +29,19 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     if len(free_points(solved)) == 0 or dimensions == "z":
         return ""
     rows = ellipse_table(solved).to_dicts()
-    lines = [heading(words("Error ellipses")), _explained(solved, words), _plan(solved, rows, words)]
+    lines = [
+        heading(words("Error ellipses")),
+        _explained(solved, words),
+        plan(rows, solved.network.project, words),
+    ]
     if dimensions == "xyz":
         lines += ["", _space(solved, rows, words)]
     return "\n".join(lines)
 
 
-def _plan(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
-    length, angle = solved.network.project.units.length, angle_unit(solved)
+def plan(rows: Sequence[Mapping[str, Any]], project: Project, words: Words) -> str:
+    """The ellipses in plan of points: ``id``, ``a``, ``b`` and ``azimuth``."""
+    length, angle = project.units.length, angle_unit_of(project)
     headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
     d = DIGITS[length]
     cells = [[row["id"], fixed(row["a"], d), fixed(row["b"], d), fixed(row["azimuth"], 1)] for row in rows]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import polars as pl
 
 from mor.parameters.kinds import IMAGE_VELOCITY, ROTATION_RATE
+from mor.project.edge import ImageScale
+from mor.project.file.model import Project
 from mor.quality.solved import Solved
-from mor.report.edge import angle_unit
+from mor.report.edge import angle_unit_of
 from mor.report.layout import ANGLE_DIGITS, DIGITS, fixed, heading, table
 from mor.report.tables.estimates import image_table
 from mor.report.words.language import ENGLISH, Words
@@ -17,9 +21,17 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     frame = image_table(solved)
     if frame.height == 0:
         return ""
-    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    project, scales = solved.network.project, solved.network.scales
+    return "\n".join([heading(words("Images")), *listed(frame, project, scales, words)])
+
+
+def listed(
+    frame: pl.DataFrame, project: Project, scales: Mapping[str, ImageScale], words: Words
+) -> list[str]:
+    """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
+    unit, angle = project.units.length, angle_unit_of(project)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
-    units = {name: scale.coordinate_unit for name, scale in solved.network.scales.items()}
+    units = {name: scale.coordinate_unit for name, scale in scales.items()}
     positions, attitudes = [], []
     for row in frame.to_dicts():
         sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
@@ -44,15 +56,12 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
         "points",
     ]
     angle_headers = ["omega", "phi", "kappa", "somega", "sphi", "skappa"]
-    return "\n".join(
-        [
-            heading(words("Images")),
-            table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
-            "",
-            table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
-            *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
-        ]
-    )
+    return [
+        table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
+        "",
+        table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
+        *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
+    ]
 
 
 def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 
 from mor.quality.solved import Solved
 from mor.report.layout import DIGITS, fixed, heading, table
@@ -21,14 +22,11 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
         return ""
     unit = solved.network.project.units.length
     d = DIGITS[unit]
-    rows = []
-    for row in frame.head(shown).to_dicts():
-        coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
-        rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
-    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
-    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
-    lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
+    lines = [
+        heading(words("Points (datum: {datum})", datum=datum)),
+        listed(frame.head(shown), unit, words),
+    ]
     if frame.height > shown:
         lines.append(
             words("{count:more point is|more points are} in the table of points.", count=frame.height - shown)
@@ -45,3 +43,15 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
                 )
             )
     return "\n".join(lines)
+
+
+def listed(frame: pl.DataFrame, unit: str, words: Words) -> str:
+    """The rows of a table of points, lengths in a unit."""
+    d = DIGITS[unit]
+    rows = []
+    for row in frame.to_dicts():
+        coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
+        rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
+    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
+    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
+    return table(headers, rows, words=words)

@@ -20,14 +20,14 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     limit, least = fixed(solved.quality.critical, 2), f"{solved.quality.levels.least_redundancy:g}"
     parts = [
         heading(words("Worst residuals first (|w| > {limit} is flagged)", limit=limit)),
-        _table(worst_residuals(solved, SHOWN), words),
+        rows_of(worst_residuals(solved, SHOWN), words),
     ]
     loose, count = uncontrolled_residuals(solved, SHOWN)
     if count:
         parts += [
             "",
             heading(words("Observations that hardly anything controls (r < {limit})", limit=least)),
-            _table(loose, words),
+            rows_of(loose, words),
         ]
         if count > SHOWN:
             parts.append(words("and {count} more in the table of residuals", count=count - SHOWN))
@@ -38,7 +38,7 @@ def listed(solved: Solved, words: Words = ENGLISH) -> str:
     """All observations in the order of the input, those that were kept out among them."""
     if solved.quality is None:
         return ""
-    return "\n".join([heading(words("All observations")), _table(observation_table(solved), words)])
+    return "\n".join([heading(words("All observations")), rows_of(observation_table(solved), words)])
 
 
 _ROUND_OFF = 1e-9
@@ -49,7 +49,8 @@ def _without_round_off(v: float | None, sigma: float | None) -> float | None:
     return 0.0 if v is not None and sigma and abs(v) < _ROUND_OFF * sigma else v
 
 
-def _table(frame: pl.DataFrame, words: Words) -> str:
+def rows_of(frame: pl.DataFrame, words: Words) -> str:
+    """Rows of the table of residuals."""
     rows = [
         [
             row["type"],
