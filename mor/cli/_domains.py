@@ -245,8 +245,7 @@ def _adjusted(
     say.phase("dividing")
     found = divided(document, folder, scratch, size, snoop)
     with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
-        say.phase("reading")
-        ready = prepared(engine, found)
+        ready = prepared(engine, found, say.phase("reading", found.parts.count))
         say.notes(ready.notes)
         most = max(found.parts.rays)
         widest = ready.boundaries.widest

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,15 +45,18 @@ class Prepared(NamedTuple):
         return max(len(numbers) for numbers in self.boundaries.numbers)
 
 
-def prepared(engine: Engine, found: Divided) -> Prepared:
+def prepared(engine: Engine, found: Divided, done: Callable[[int], None] = lambda domains: None) -> Prepared:
     """Read and plan all domains, and number what several of them have; their tables are gone then.
 
-    Raises :class:`NoStartValuesError` where points cannot be intersected.
+    ``done`` hears how many more are read. Raises :class:`NoStartValuesError` where points cannot be intersected.
     """
     engine.store.save("divided", found)
     ground = found.parts.ground
     divided = [d for d in range(found.parts.count) if d != ground]
-    begun: list[Begun] = [engine.result(task) for task in [engine.submit(prepare, d) for d in divided]]
+    begun: list[Begun] = []
+    for task in [engine.submit(prepare, d) for d in divided]:
+        begun.append(engine.result(task))
+        done(1)
     _check_started(begun, found.document.file)
     if ground >= 0:
         places = {name: place for one in begun for name, place in one.found.items()}

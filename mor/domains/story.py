@@ -6,7 +6,6 @@ project file → Project → parts of its tables → domains → joined adjustme
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -77,27 +76,30 @@ def solved(
     kind: Kind,
     residuals: bool,
     watch: Watcher | None = None,
-    assessing: Callable[[], object] = lambda: None,
+    assessing: Callable[[int], Callable[[int], None]] = lambda domains: lambda assessed: None,
 ) -> Outcomes:
-    """Adjust prepared domains; where there is a solution, assess it and write the parts of the tables."""
+    """Adjust prepared domains; where there is a solution, assess it and write the parts of the tables.
+
+    ``assessing`` is called between the two with the number of domains; what it returns is told how many more are done.
+    """
     settings = ready.project.settings
     free = ready.project.datum != "fixed"
     joined = adjust(engine, ready.boundaries, ready.sizes, free, settings.max_iterations, watch)
     ready, joined = with_settled_sigma(engine, ready, joined, watch)
     if not joined.outcome.is_solution:
         return Outcomes(ready, joined, engine.store)
-    assessing()
+    done = assessing(len(joined.domains))
     first = solution_of(engine, joined, settings)
     few = ready.sizes.observations <= INLINE
     order = Order(first, folder, kind, residuals, few, ready.parts.images)
     if settings.snooping:
-        return _snooped(tested(engine, ready, joined, first, count(1)), order)
-    assessed = with_cofactors(
-        engine,
-        joined,
-        lambda d: engine.submit(assess_domain, d, order),
-        partial(_forget, engine, ready, joined),
-    )
+        return _snooped(tested(engine, ready, joined, first, count(1)), order, done)
+
+    def after(d: int) -> None:
+        _forget(engine, ready, joined, d)
+        done(1)
+
+    assessed = with_cofactors(engine, joined, lambda d: engine.submit(assess_domain, d, order), after)
     useless = tuple(key for one in assessed for key in one.useless)
     sums = sum(one.redundancy for one in assessed)
     sound = checked(joined, useless, sums)
@@ -124,7 +126,7 @@ def _forget(engine: Engine, ready: Prepared, joined: Joined, d: int) -> None:
         engine.store.drop(f"{name}/{d}")
 
 
-def _snooped(first: InDomains, order: Order) -> Outcomes:
+def _snooped(first: InDomains, order: Order, done: Callable[[int], None]) -> Outcomes:
     """Snoop from a tested adjustment; where it is a solution, assess what is left and write the parts of the tables."""
     sound = checked(first.joined, first.useless, first.redundancy_sum)
     if not sound.outcome.is_solution:
@@ -134,9 +136,12 @@ def _snooped(first: InDomains, order: Order) -> Outcomes:
     through = Rounds(first.solution.whole.sigma0, ended.steps, ended.clean)
     order = order._replace(solution=last.solution, rounds=through)
     tasks = [engine.submit(assess_domain, d, order) for d in last.joined.domains]
-    assessed = tuple(engine.result(task) for task in tasks)
+    assessed = []
+    for task in tasks:
+        assessed.append(engine.result(task))
+        done(1)
     joined = last.joined._replace(iterations=first.joined.iterations)
-    found = Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed)
+    found = Outcomes(last.ready, joined, engine.store, last.solution.whole, tuple(assessed))
     return _with_fixed(engine, found, last.solution)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import polars as pl
@@ -11,6 +12,7 @@ import pytest
 from domains_blocks import Ended, Kind, command, write_block
 from domains_compared import differences
 
+from mor.cli._progress import Progress
 from mor.domains import assessing, results, room, story
 from mor.errors import InputError
 from mor.report.domains import listed
@@ -44,6 +46,27 @@ def test_results_in_parts_and_nothing_else_left(tmp_path: Path) -> None:
     assert images["points"].sum() == rays
     assert sorted(path.name for path in tmp_path.iterdir()) == ["block", "out"]
     assert "sum of redundancy numbers" in (tmp_path / "out" / "report.txt").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("small_domains")
+@pytest.mark.parametrize("options", [(), ("--snoop",)])
+def test_domains_are_counted_while_they_are_read_and_assessed(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counted: dict[str, list[int]] = {}
+
+    def counter(self: Progress, total: int) -> Callable[[int], None]:
+        told = counted.setdefault(self.name, [])
+        told.append(-total)
+        return told.append
+
+    monkeypatch.setattr(Progress, "counter", counter)
+    project = write_block(tmp_path / "block", Kind(control=6))
+    done = adjust(project, "--memory", "1MB", "--no-html", "-o", str(tmp_path / "out"), *options)
+    assert done.exit_code == 0, done.stderr
+    count = len(json.loads((tmp_path / "out" / "domains.json").read_text(encoding="utf-8"))["domains"])
+    for phase in ("reading", "precision and reliability"):
+        assert [-counted[phase][-count - 1], *counted[phase][-count:]] == [count, *[1] * count]
 
 
 def test_what_fits_is_adjusted_as_ever(tmp_path: Path) -> None:
