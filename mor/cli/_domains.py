@@ -220,8 +220,10 @@ def _adjusted(
     from mor.domains.prepared import prepared
     from mor.domains.room import check_boundaries, wide_borders
     from mor.domains.story import divided, solved
+    from mor.machine import keep_freed_memory
     from mor.sparse.blas_threads import one_thread
 
+    keep_freed_memory()
     say.phase("dividing")
     found = divided(document, folder, scratch, size, snoop)
     with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):

@@ -25,7 +25,7 @@ from mor.adjustment.domains.store import FileStore
 from mor.compilation import chosen_by_size
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
-from mor.machine import available
+from mor.machine import available, keep_freed_memory
 from mor.sparse.blas_threads import one_thread
 
 _PATIENCE = 60.0
@@ -132,6 +132,7 @@ _IDLE = {
 
 
 def _done(task: Callable[..., Any], store: FileStore, observations: int, *arguments: Any) -> Any:
+    keep_freed_memory()
     with chosen_by_size(observations), one_thread(), np.errstate(all="ignore"):
         return task(store, *arguments)
 
