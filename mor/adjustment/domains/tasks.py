@@ -22,6 +22,7 @@ from mor.adjustment.domains.domain import (
     reduce_side,
     solve_side,
     step_of,
+    turned,
 )
 from mor.adjustment.domains.store import Store
 from mor.adjustment.normals import image_of, normal_product
@@ -148,6 +149,23 @@ def advance(store: Store, d: int, stage: str, movement: FloatArray, to: str) -> 
     """Move on to the next stage and linearise there."""
     mine = role(store, d)
     return _eliminated(store, d, mine, _moved(store, d, mine.domain, stage, movement, to), 0.0, to)
+
+
+class Turned(NamedTuple):
+    """A new right-hand side of a domain."""
+
+    objective: float
+    left: FloatArray
+    """(s, 1) for its outer unknowns."""
+
+
+def turn(store: Store, d: int, stage: str, movement: FloatArray, to: str) -> Turned:
+    """Move on to the next stage and work out its right-hand side alone: the factor stays that of the stage before."""
+    domain: Domain = store.load(f"domain/{d}")
+    values = _moved(store, d, domain, stage, movement, to)
+    found, left = turned(domain, store.load(f"stage/{stage}/{d}"), values)
+    store.save(f"stage/{to}/{d}", found)
+    return Turned(found.normals.objective, left)
 
 
 def null_image(store: Store, d: int, stage: str, outer: FloatArray, vectors: FloatArray) -> FloatArray:

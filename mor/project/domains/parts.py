@@ -180,7 +180,7 @@ class _OfPoints(NamedTuple):
         wanted = hashed(names).to_numpy()
         if len(self.hashes) == 0:
             return pl.repeat(otherwise, len(wanted), dtype=pl.Int32, eager=True)
-        # In ascending order what is looked at next is near in memory: an eighth of the time among twenty million points.
+        # In ascending order what is looked at next is near in memory: of twenty million points an eighth of the time.
         order = np.argsort(wanted)
         at = np.empty(len(wanted), dtype=np.int64)
         at[order] = np.searchsorted(self.hashes, wanted[order])
