@@ -238,10 +238,12 @@ def _adjusted(
 
     from mor.compilation import chosen_by_size
     from mor.domains.prepared import prepared
-    from mor.domains.room import check_boundaries, wide_borders
+    from mor.domains.room import check_boundaries, need_of_domains, wide_borders
     from mor.domains.story import divided, solved
+    from mor.machine import keep_freed_memory
     from mor.sparse.blas_threads import one_thread
 
+    keep_freed_memory()
     say.phase("dividing")
     found = divided(document, folder, scratch, size, snoop)
     with chosen_by_size(2 * found.observations), one_thread(), np.errstate(all="ignore"):
@@ -250,7 +252,8 @@ def _adjusted(
         most = max(found.parts.rays)
         widest = ready.boundaries.widest
         check_boundaries([len(numbers) for numbers in ready.boundaries.numbers], widest, memory)
-        borders = f"the widest border has {widest} unknowns"
+        need = need_of_domains(found.observations, most, widest)
+        borders = f"the widest border has {widest} unknowns; about {need / 1e9:.2f} GB in one process"
         say.notes([Mistake(f"domains: {found.parts.count}, the largest with {most} image points; {borders}")])
         if wide_borders(widest, most):
             words = "its dense matrices take more time and room than the image points of a domain"

@@ -13,7 +13,7 @@ import polars as pl
 from mor.adjustment.domains.store import Store
 from mor.domains.settling import Solution, quality_of
 from mor.domains.snooping import kept_out
-from mor.machine import largest_resident
+from mor.machine import give_back_freed_memory, largest_resident
 from mor.project.domains.part_network import PartNetwork
 from mor.quality.assess import Quality
 from mor.quality.diagnosis.self_check import beyond_use
@@ -85,6 +85,7 @@ class Assessed(NamedTuple):
 def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     """Quality of a domain, cofactors of its outer unknowns being in the store; its parts of the tables are written."""
     gc.collect()  # what is left of the domain before goes first
+    give_back_freed_memory()  # tables are not made with it
     part: PartNetwork = store.load(f"network/{d}")
     quality = quality_of(store, d, order.solution)
     snooping, numbers = _snooping(store, d, quality, order.rounds)

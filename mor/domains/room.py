@@ -20,8 +20,12 @@ PROGRAM = 330e6
 """Bytes that the program takes with its libraries and compiled kernels."""
 OF_RAY, OF_RAY_ON_PAGE, OF_RAY_SNOOPED = 700, 1200, 1400
 """Bytes of an image point on one machine, all in memory; on the page; and of two adjustments while data snooping."""
-OF_RAY_IN_DOMAIN = 1300
+OF_RAY_WORKED_ON = 400
 """Bytes of an image point of the domain that is worked on: read, planned, linearised, assessed, written."""
+OF_RAY_IN_DOMAIN = 1300
+"""The same with what is left to borders, by which domains are made as large as fits: how wide they are shows later."""
+OF_PIECE = 100e6
+"""Bytes of the piece of a table, or of the rays, that is worked on."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
 OF_OUTER = 8 * 5
@@ -94,12 +98,22 @@ def has_page(rays: int, memory: float, wanted: bool | None) -> bool:
 
 def rays_of_domain(rays: int, memory: float, workers: int = 1) -> int:
     """Image points of a domain that fits in so much memory of a process. Raises :class:`OutOfMemoryError`."""
-    dividing = PROGRAM + OF_RAY_DIVIDED * rays + 600e6 * min(rays / 2e6, 1.0)
+    dividing = _need_of_dividing(rays)
     if dividing > memory:
         words = f"dividing {rays} image points takes about {dividing / 1e9:.2f} GB in one process"
         raise OutOfMemoryError(f"{words}, and {memory / 1e9:.2f} GB are allowed (--memory)")
     fits = int((memory - PROGRAM) / OF_RAY_IN_DOMAIN)
     return max(min(fits, -(-rays // max(workers, 2))), _FEWEST)
+
+
+def _need_of_dividing(rays: int) -> float:
+    return PROGRAM + OF_RAY_DIVIDED * rays + 600e6 * min(rays / 2e6, 1.0)
+
+
+def need_of_domains(rays: int, most: int, widest: int) -> float:
+    """Bytes of a process for so many image points, ``most`` of them in the largest domain, and the widest border."""
+    working = PROGRAM + OF_PIECE + OF_RAY_WORKED_ON * most + OF_OUTER * float(widest) ** 2
+    return max(_need_of_dividing(rays), working)
 
 
 def check_boundaries(outer: Sequence[int], root: int, memory: float) -> None:

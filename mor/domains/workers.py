@@ -16,6 +16,7 @@ import numpy as np
 from mor.adjustment.domains.store import FileStore
 from mor.cluster import Cluster
 from mor.compilation import chosen_by_size
+from mor.machine import keep_freed_memory
 from mor.sparse.blas_threads import one_thread
 
 
@@ -47,5 +48,6 @@ class Workers:
 
 
 def _done(task: Callable[..., Any], store: FileStore, observations: int, *arguments: Any) -> Any:
+    keep_freed_memory()
     with chosen_by_size(observations), one_thread(), np.errstate(all="ignore"):
         return task(store, *arguments)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import polars as pl
@@ -119,6 +121,35 @@ def test_random_blocks_with_state_in_files(seed: int, tmp_path: Path) -> None:
     assert several.whole.sigma0 == pytest.approx(one.quality.sigma0, rel=1e-11)
     found = largest_difference(table(tmp_path, "points"), point_table(one), ["id"])
     assert max(found[name] for name in ("x", "y", "z", "sx", "sy", "sz")) < 1e-9
+
+
+class Counting(Here):
+    """Tells the names of the tasks it has done."""
+
+    done: ClassVar[list[str]] = []
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
+        """Do the task."""
+        self.done.append(task.__name__)
+        return super().submit(task, *arguments)
+
+
+@pytest.mark.parametrize(("name", "fewer"), [("aerial", True), ("free", False)])
+def test_small_steps_have_the_matrix_before_and_the_solution_its_own(
+    name: str, fewer: bool, tmp_path: Path
+) -> None:
+    path = write_block(tmp_path / "project", BLOCKS[name])
+    engine = Counting(FileStore(tmp_path / "state"))
+    engine.done.clear()
+    with np.errstate(all="ignore"):
+        found = divided(read_document(path), path.parent, tmp_path / "scratch", 250)
+        several = solved(engine, prepared(engine, found), tmp_path / "parts", "parquet", True)
+    joined, domains = several.joined, len(several.prepared.heads)
+    turned = engine.done.count("turn")
+    assert (turned > 0) == fewer  # a free network moves into its datum, which its changes do not tell
+    factorised = engine.done.count("linearise") + engine.done.count("advance")
+    assert factorised + turned == (len(joined.iterations) + (not joined.moved)) * domains
+    assert joined.factored == joined.stage
 
 
 def test_an_undetermined_point_is_named(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """The loop of :mod:`mor.adjustment.solve` over domains: the same steps, the same end, sums over domains for sums.
 
-Steps are those of Gauss-Newton, damped (Levenberg-Marquardt) where one would make the objective larger. Directions that
-the observations hardly determine are left to one machine: here they end the adjustment, and it is said.
+Steps are those of Gauss-Newton, damped (Levenberg-Marquardt) where one would make the objective larger. After a step
+that hardly moves anything the next one has the same matrix, and a new right-hand side (C. T. Kelley, 1995, the chord
+method): wide borders make matrices dear. The solution is factorised at its own values. Directions that the observations
+hardly determine are left to one machine: here they end the adjustment, and it is said.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from mor.adjustment.convergence import ACCURACY, left_after, stands_still
 from mor.adjustment.domains.null_space import NullSpace, explain
 from mor.adjustment.domains.tasks import (
     Followed,
+    Turned,
     advance,
     follow,
     linearise,
@@ -23,6 +26,7 @@ from mor.adjustment.domains.tasks import (
     round_off_of,
     rows_of_datum,
     shifted,
+    turn,
     variances_of_datum,
 )
 from mor.adjustment.domains.tree import Boundaries, Engine, Root, down, down_step, nodes, solve, up
@@ -35,6 +39,8 @@ from mor.sparse.symbolic_factorisation import analyse
 _EPS = float(np.finfo(float).eps)
 _EXPECTED = 0.25
 """Part of the gain a damped step promises that it must keep."""
+_MATRIX_STAYS = 0.1
+"""Change in units of σ after which the matrix is the same to some digits: the next step shrinks as much at least."""
 
 HARDLY = "directions are hardly determined, which domains are not made for: adjust it on one machine"
 LOOSE = "unknowns are not determined by the observations"
@@ -58,7 +64,7 @@ class Joined(NamedTuple):
     outcome: Outcome
     reason: str
     stage: str
-    """The last stage, at which the system is factorised."""
+    """The last stage; of a solution the one at which the system is factorised."""
     root: Root
     objective: float
     null_space: NullSpace
@@ -69,6 +75,10 @@ class Joined(NamedTuple):
     """Unknowns inside domains that nothing determines."""
     moved: bool = False
     """True where the solution lies a last step away from the stage, at the values of ``solution``."""
+    factored: str = "0"
+    """The stage at which root and nodes are factorised."""
+    left: tuple[FloatArray, ...] = ()
+    """(s, 1) of each domain, right-hand sides of outer unknowns at the last stage, where that is a later one."""
 
     @property
     def values(self) -> str:
@@ -160,13 +170,16 @@ class _Step(NamedTuple):
         return float(np.sqrt(max(self.gain, 0.0)))
 
 
-def _step(
-    engine: Engine, state: Joined, stage: str, root: Root, anchors: IntArray, tolerance: float
-) -> _Step:
-    factor = root.factor(anchors, tolerance)
-    outer = down_step(engine, state.boundaries, stage, root, root.solve(factor, root.rhs))
-    held = down(engine, state.boundaries, stage, root, root.held(factor, anchors))
-    parts = [engine.submit(follow, d, stage, outer[d][:, 0], held[d]) for d in state.domains]
+def _step(engine: Engine, state: Joined, anchors: IntArray, tolerance: float) -> _Step:
+    root, factor = state.root, state.root.factor(anchors, tolerance)
+    of_nodes = engine, state.boundaries, state.factored, root
+    outer = (
+        solve(*of_nodes, factor, list(state.left))
+        if state.left
+        else down_step(*of_nodes, root.solve(factor, root.rhs))
+    )
+    held = down(*of_nodes, root.held(factor, anchors))
+    parts = [engine.submit(follow, d, state.stage, outer[d][:, 0], held[d]) for d in state.domains]
     followed: list[Followed] = [engine.result(part) for part in parts]
     across = sum((one.across for one in followed), np.zeros((len(anchors),) * 2))
     missing = sum((one.missing for one in followed), np.zeros(len(anchors)))
@@ -178,28 +191,61 @@ def _step(
 
 def _advance(engine: Engine, state: Joined) -> Joined:
     """One accepted step, or the end."""
-    step = _step(engine, state, state.stage, state.root, state.null_space.anchors, 1e-10)
+    step = _step(engine, state, state.null_space.anchors, 1e-10)
     if not np.isfinite(step.movement).all():
         return state._replace(outcome=Outcome.SINGULAR, reason=NOT_SETTLED)
     change, number = step.change, len(state.iterations) + 1
     over = _is_over(engine, state, step) and _is_in_datum(engine, state, step)
     iteration = Iteration(number, state.objective, change, 0.0, state.redundancy)
     iterations = (*state.iterations, iteration)
-    if over and change <= ACCURACY:
+    if over and change <= ACCURACY and state.factored == state.stage:
         _each(engine, state, lambda d: engine.submit(move_on, d, state.stage, step.movement, "solution"))
         objective = max(state.objective - change**2, 0.0)
         return _converged(engine, state._replace(iterations=iterations, objective=objective, moved=True))
     to = str(number)
+    if not over and _matrix_stays(state, change):
+        return _turned(engine, state, step, iteration, to)
     root, handed = up(
         engine, state.boundaries, to, lambda d: engine.submit(advance, d, state.stage, step.movement, to)
     )
-    if not handed.objective <= state.objective * (1.0 + 1e-6) + 1e-6:
+    if not _keeps(state, handed.objective):
         return _damped(engine, state, iteration, to)
     _forget(engine, state)
-    moved = state._replace(stage=to, root=root, objective=handed.objective, iterations=iterations)
+    moved = _factored(state, to, root)._replace(objective=handed.objective, iterations=iterations)
     if handed.vanished:
         return moved._replace(outcome=Outcome.SINGULAR, reason=LOOSE, loose=handed.vanished)
     return _converged(engine, moved) if over else moved
+
+
+def _factored(state: Joined, stage: str, root: Root) -> Joined:
+    return state._replace(stage=stage, factored=stage, root=root, left=())
+
+
+def _matrix_stays(state: Joined, change: float) -> bool:
+    """True where a step moves so little that the next one may have the same matrix.
+
+    Not where a datum is to be settled: the movement into it is no part of the change.
+    """
+    return change <= _MATRIX_STAYS and state.defect == 0
+
+
+def _turned(engine: Engine, state: Joined, step: _Step, iteration: Iteration, to: str) -> Joined:
+    """The next stage with a right-hand side of its own and the factor of the one before."""
+    parts: list[Turned] = _each(
+        engine, state, lambda d: engine.submit(turn, d, state.stage, step.movement, to)
+    )
+    objective = sum(one.objective for one in parts)
+    if not _keeps(state, objective):
+        return _damped(engine, state, iteration, to)
+    _forget(engine, state, nodes_too=False)
+    left = tuple(one.left for one in parts)
+    iterations = (*state.iterations, iteration)
+    return state._replace(stage=to, left=left, objective=objective, iterations=iterations)
+
+
+def _keeps(state: Joined, objective: float) -> bool:
+    """True where a step makes the objective no larger than round-off may."""
+    return objective <= state.objective * (1.0 + 1e-6) + 1e-6
 
 
 def _damped(engine: Engine, state: Joined, iteration: Iteration, to: str) -> Joined:
@@ -211,7 +257,7 @@ def _damped(engine: Engine, state: Joined, iteration: Iteration, to: str) -> Joi
             root, objective = taken
             _forget(engine, state)
             iterations = (*state.iterations, iteration._replace(damping=damping))
-            return state._replace(stage=to, root=root, objective=objective, iterations=iterations)
+            return _factored(state, to, root)._replace(objective=objective, iterations=iterations)
         damping *= 10.0
     return state._replace(outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
 
@@ -224,7 +270,7 @@ def _tried(engine: Engine, state: Joined, to: str, damping: float) -> tuple[Root
         return engine.submit(linearise, d, state.stage, damping, stage)
 
     root, _ = up(engine, state.boundaries, stage, damped)
-    step = _step(engine, state, stage, root, none, 1e-16)
+    step = _step(engine, _factored(state, stage, root), none, 1e-16)
 
     def advanced(d: int) -> object:
         return engine.submit(advance, d, stage, step.movement, there)
@@ -273,7 +319,7 @@ def _sigmas(engine: Engine, state: Joined, step: _Step, d: int, unknown: int) ->
         lambda k: engine.submit(rows_of_datum, k, state.stage, unknown if k == d else -1, null, step.across),
     )
     factor = state.root.factor(state.null_space.anchors)
-    outer = solve(engine, state.boundaries, state.stage, state.root, factor, left)
+    outer = solve(engine, state.boundaries, state.factored, state.root, factor, left)
     parts = _each(engine, state, lambda k: engine.submit(variances_of_datum, k, state.stage, outer[k]))
     return np.asarray(np.sqrt(np.maximum(sum(parts), 0.0)))
 
@@ -293,11 +339,11 @@ def _each(engine: Engine, state: Joined, task: Callable[[int], object]) -> list:
     return [engine.result(part) for part in [task(d) for d in state.domains]]
 
 
-def _forget(engine: Engine, state: Joined) -> None:
+def _forget(engine: Engine, state: Joined, nodes_too: bool = True) -> None:
     """Drop what nobody asks for any more once the next stage is accepted."""
     for d in state.domains:
         for name in ("values", "stage", "step"):
             for stage in (state.stage, f"{state.stage} damped", f"{int(state.stage) + 1} damped"):
                 engine.store.drop(f"{name}/{stage}/{d}")
-    for name in nodes(state.boundaries):
-        engine.store.drop(f"node/{state.stage}/{name}")
+    for name in nodes(state.boundaries) if nodes_too else ():
+        engine.store.drop(f"node/{state.factored}/{name}")

@@ -114,6 +114,14 @@ def eliminate(domain: Domain, values: Values, numbers: IntArray, damping: float 
     return Stage(values, normals._replace(matrix=nothing), damping, inner, scale, y), share
 
 
+def turned(domain: Domain, stage: Stage, values: Values) -> tuple[Stage, FloatArray]:
+    """A stage at other values with the factor of this one, and its right-hand side left for outer unknowns (s, 1)."""
+    normals = build_normals(domain.plan, values)
+    y, left = stage.factor.reduce((stage.scale * normals.reduced_rhs)[:, None])
+    kept = normals._replace(matrix=stage.normals.matrix)
+    return stage._replace(values=values, normals=kept, y=y), left
+
+
 def step_of(domain: Domain, stage: Stage, outer: FloatArray) -> FloatArray:
     """Step (u,) of all unknowns from that of the outer ones (s,)."""
     reduced = stage.scale * stage.factor.follow(stage.y, outer[:, None])[:, 0]

@@ -22,11 +22,12 @@ from mor.adjustment.domains.domain import (
     reduce_side,
     solve_side,
     step_of,
+    turned,
 )
 from mor.adjustment.domains.store import Store
 from mor.adjustment.normals import image_of, normal_product
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.parameters.index import move
+from mor.parameters.index import Values, move
 from mor.sparse.joining import Share, join
 
 
@@ -60,9 +61,15 @@ def role(store: Store, d: int) -> Role:
 
 def linearise(store: Store, d: int, stage: str, damping: float = 0.0, to: str = "") -> Handed:
     """Linearise and eliminate at the values of a stage; the result is kept as stage ``to``, or the same."""
-    mine = role(store, d)
-    found, share = eliminate(mine.domain, store.load(f"values/{stage}/{d}"), mine.numbers, damping)
-    store.save(f"stage/{to or stage}/{d}", found)
+    values = store.load(f"values/{stage}/{d}")
+    if to:
+        store.save(f"values/{to}/{d}", values)
+    return _eliminated(store, d, role(store, d), values, damping, to or stage)
+
+
+def _eliminated(store: Store, d: int, mine: Role, values: Values, damping: float, stage: str) -> Handed:
+    found, share = eliminate(mine.domain, values, mine.numbers, damping)
+    store.save(f"stage/{stage}/{d}", found)
     return Handed(share, found.normals.objective, tuple(found.vanished(mine.domain)))
 
 
@@ -128,16 +135,37 @@ def shifted(store: Store, d: int, stage: str, movement: FloatArray) -> tuple[flo
 
 def move_on(store: Store, d: int, stage: str, movement: FloatArray, to: str) -> None:
     """Values after the step and the movement into the datum (d,), kept as those of stage ``to``."""
-    domain = store.load(f"domain/{d}")
+    _moved(store, d, store.load(f"domain/{d}"), stage, movement, to)
+
+
+def _moved(store: Store, d: int, domain: Domain, stage: str, movement: FloatArray, to: str) -> Values:
     step, null = store.load(f"step/{stage}/{d}")
-    values = store.load(f"stage/{stage}/{d}").values
-    store.save(f"values/{to}/{d}", move(domain.problem.index, values, step - null @ movement))
+    values = move(domain.problem.index, store.load(f"values/{stage}/{d}"), step - null @ movement)
+    store.save(f"values/{to}/{d}", values)
+    return values
 
 
 def advance(store: Store, d: int, stage: str, movement: FloatArray, to: str) -> Handed:
     """Move on to the next stage and linearise there."""
-    move_on(store, d, stage, movement, to)
-    return linearise(store, d, to)
+    mine = role(store, d)
+    return _eliminated(store, d, mine, _moved(store, d, mine.domain, stage, movement, to), 0.0, to)
+
+
+class Turned(NamedTuple):
+    """A new right-hand side of a domain."""
+
+    objective: float
+    left: FloatArray
+    """(s, 1) for its outer unknowns."""
+
+
+def turn(store: Store, d: int, stage: str, movement: FloatArray, to: str) -> Turned:
+    """Move on to the next stage and work out its right-hand side alone: the factor stays that of the stage before."""
+    domain: Domain = store.load(f"domain/{d}")
+    values = _moved(store, d, domain, stage, movement, to)
+    found, left = turned(domain, store.load(f"stage/{stage}/{d}"), values)
+    store.save(f"stage/{to}/{d}", found)
+    return Turned(found.normals.objective, left)
 
 
 def null_image(store: Store, d: int, stage: str, outer: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -217,7 +217,7 @@ def _down(
     """``halves`` are y of the nodes; where there are none, those kept in the nodes (``None``), or zeros."""
     found = np.zeros((boundaries.count, solution.shape[1]))
     found[root.numbers] = solution
-    for name in reversed(nodes(boundaries)):
+    for name in reversed(nodes(boundaries)) if solution.shape[1] else ():  # a settled datum holds nothing
         node: Node = engine.store.load(f"node/{stage}/{name}")
         none = np.zeros((len(node.pivots), solution.shape[1]))
         y = node.y if halves is None else halves.get(name, none)

@@ -31,7 +31,11 @@ class OfPoints(NamedTuple):
         wanted = hashed(names).to_numpy()
         if len(self.hashes) == 0:
             return pl.repeat(otherwise, len(wanted), dtype=pl.Int32, eager=True)
-        at = np.minimum(np.searchsorted(self.hashes, wanted), len(self.hashes) - 1)
+        # In ascending order what is looked at next is near in memory: of twenty million points an eighth of the time.
+        order = np.argsort(wanted)
+        at = np.empty(len(wanted), dtype=np.int64)
+        at[order] = np.searchsorted(self.hashes, wanted[order])
+        at = np.minimum(at, len(self.hashes) - 1)
         return pl.Series(np.where(self.hashes[at] == wanted, self.domains[at], np.int32(otherwise)))
 
 
