@@ -17,7 +17,7 @@ import numpy as np
 
 from mor import compilation
 from mor.adjustment.rays import point_reference
-from mor.adjustment.rays.compiled import frame_sums, image_passes, point_cofactors, point_products, points
+from mor.adjustment.rays.compiled import common_columns, frame_sums, image_passes, point_cofactors, point_products, points
 from mor.adjustment.rays.compiled.cliques import Pattern
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.point_products import System
@@ -25,6 +25,9 @@ from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.reduced_system import ReducedSystem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
+
+_FOURS = 4
+"""Columns that are worked on together where cofactors are worked out."""
 
 
 class Eliminated(NamedTuple):
@@ -55,7 +58,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
     _refuse_columns_beyond(rays.columns, reduced.matrix.structure.unknowns)
     if not compilation.wanted():
         return Eliminated(*point_reference.accumulate(rays, reduced, damping))
-    residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays))
+    residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays, frame_sums.COLUMNS))
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
     gathering = point_products.begin_gathering(columns, pattern)
     noted = _nothing_noted(rays.points)
@@ -81,7 +84,7 @@ def accumulate_images(
         ValueError: as ``accumulate``.
     """
     _refuse_columns_beyond(columns, reduced.matrix.structure.unknowns)
-    wide = np.ascontiguousarray(_wide_columns(columns), dtype=np.int64)
+    wide = np.ascontiguousarray(_wide_columns(columns, frame_sums.COLUMNS), dtype=np.int64)
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
     gathering = point_products.begin_gathering(wide, pattern)
     noted = _nothing_noted(len(rays.points))
@@ -132,24 +135,53 @@ class Cofactors(NamedTuple):
     """(n, 2) parts a (Q Jᵀ)_p of their diagonals that go into the points."""
 
 
-def cofactors(rays: Rays, inverse: BlockMatrix) -> Cofactors:
+class Split(NamedTuple):
+    """The selected inverse Q of a reduced system, and what kernels take of it: R and W of ``common_columns``."""
+
+    inverse: BlockMatrix
+    own: int
+    """Columns of the frames before those that all have in common."""
+    rest: FloatArray
+    """Values of R, where those of Q are."""
+    by_common: FloatArray
+    """(n, z) W."""
+
+
+def split(columns: IntArray, inverse: BlockMatrix) -> Split:
+    """Split a selected inverse for rays whose frames have no other columns than these (f, K)."""
+    if not compilation.wanted():
+        return Split(inverse, columns.shape[1], np.zeros(0), np.zeros((0, 0)))
+    columns = _wide_columns(columns, _FOURS)
+    varied = np.flatnonzero((columns != columns[:1]).any(axis=0))
+    own = int(varied.max(initial=-1)) + 1
+    common = np.full(columns.shape[1] - own + (own - columns.shape[1]) % _FOURS, -1)
+    common[: columns.shape[1] - own] = columns[0, own:] if len(columns) else -1
+    rest, by_common = np.empty(inverse.values.shape), np.zeros((inverse.structure.unknowns, len(common)))
+    common_columns.split_cofactors(common, _pattern(inverse.structure), inverse.values, by_common, rest)
+    return Split(inverse, own, rest, by_common)
+
+
+def cofactors(rays: Rays, selected: Split) -> Cofactors:
     """Return the cofactors of the points and of the computed values of a chunk of rays, exactly.
 
     Args:
         rays: Jacobians; the residuals are not looked at.
-        inverse: selected inverse of the reduced system.
+        selected: selected inverse of the reduced system, split for the frames of these rays and others.
 
     Raises:
         ValueError: the pattern lacks a pair of blocks that meet in a point, or a column is beyond it.
     """
-    _refuse_columns_beyond(rays.columns, inverse.structure.unknowns)
+    structure = selected.inverse.structure
+    _refuse_columns_beyond(rays.columns, structure.unknowns)
     if not compilation.wanted():
-        return Cofactors(*point_reference.cofactors(rays, inverse))
+        return Cofactors(*point_reference.cofactors(rays, selected.inverse))
     result = Cofactors(np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2)), np.empty((rays.rays, 2)))
     stored = point_cofactors.cofactors(
-        *_arrays(rays)[1:],
-        _pattern(inverse.structure),
-        inverse.values,
+        *_arrays(_wide(rays, _FOURS))[1:],
+        selected.own,
+        _pattern(structure),
+        selected.rest,
+        selected.by_common,
         *result,
     )
     _refuse_unless(stored)
@@ -183,9 +215,9 @@ def _nothing_noted(points: int) -> Eliminated:
     return Eliminated(np.empty((points, 3), dtype=np.bool_), np.empty((points, 3)))
 
 
-def _wide(rays: Rays) -> Rays:
-    """The rays with as many columns as are added up together, or a multiple; those that are added are fixed."""
-    columns = _wide_columns(rays.columns)
+def _wide(rays: Rays, together: int) -> Rays:
+    """The rays with as many columns as are worked on together, or a multiple; those that are added are fixed."""
+    columns = _wide_columns(rays.columns, together)
     missing = columns.shape[1] - rays.columns.shape[1]
     if missing == 0:
         return rays
@@ -193,8 +225,8 @@ def _wide(rays: Rays) -> Rays:
     return replace(rays, by_others=np.concatenate([rays.by_others, none], axis=2), columns=columns)
 
 
-def _wide_columns(columns: IntArray) -> IntArray:
-    missing = -columns.shape[1] % frame_sums.COLUMNS
+def _wide_columns(columns: IntArray, together: int) -> IntArray:
+    missing = -columns.shape[1] % together
     return np.hstack([columns, np.full((len(columns), missing), -1)]) if missing else columns
 
 

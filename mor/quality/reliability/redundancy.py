@@ -20,6 +20,7 @@ from mor.adjustment.rays.chunks import RayChunk, ray_chunks, ray_residuals
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_elimination import cofactors as ray_cofactors
+from mor.adjustment.rays.point_elimination import split
 from mor.adjustment.state import Adjustment
 from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
@@ -68,10 +69,11 @@ def observation_quality(
     ]
     of_points = np.zeros((len(adjustment.problem.index.columns.get("point", ())), 3, 3))
     weak = adjustment.inverse.weak
+    selected = split(reduced_columns(plan.rays.frames.columns, plan.reduced), cofactors)
 
     def of_lane(rays: RayPlan) -> None:
         for chunk in ray_chunks(adjustment.problem, rays, plan.reduced, values):
-            of_points[rays.points[chunk.points]], white, shares = ray_cofactors(chunk.rays, cofactors)
+            of_points[rays.points[chunk.points]], white, shares = ray_cofactors(chunk.rays, selected)
             if weak.shape[1]:
                 image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
                 white = white + image @ np.swapaxes(image, 1, 2)

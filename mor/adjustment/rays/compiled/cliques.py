@@ -326,6 +326,28 @@ def starts_of_column(
 
 
 @compile_kernel
+def pairs_of_columns(
+    blocks: IntArray, low: int, high: int, met: Met, pattern: Pattern, pairs: IntArray
+) -> int:
+    """Set where the blocks of a clique start in the columns low … high − 1, and their row and column: (n, 3).
+
+    Returns how many, -1 where one of them is not stored.
+    """
+    count = 0
+    for slot in range(low, high):
+        column = blocks[slot]
+        for other in range(slot, blocks.size):
+            start = met.starts[column, blocks[other]]
+            if start < 0:
+                start = look_up(met, pattern, blocks[other], column)
+                if start < 0:
+                    return -1
+            pairs[count, 0], pairs[count, 1], pairs[count, 2] = start, other, slot
+            count += 1
+    return count
+
+
+@compile_kernel
 def places_of_frame(columns: IntArray, pattern: Pattern, starts: IntArray, places: IntArray) -> bool:
     """Set where the pairs of columns (K,) of a frame stand in the flat values: (K, K).
 

@@ -1,7 +1,7 @@
 """Kernels that couple points to the other unknowns of their rays.
 
 With the Jacobians j of the rays by the others, and any right factor c (n, 2, 3), the coupling of a point is Σ jᵀc,
-kept transposed (3, m), where m counts the merged unknowns of its rays.
+kept transposed (3, m), where m counts the merged unknowns of its rays; or as fours (m, 4), the last number zero.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 from mor.adjustment.rays.compiled.cliques import Runs
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline
+from mor.registers import each, four, put, same
 
 _ONE, _TWO = (np.uint64(k) for k in range(1, 3))
 
@@ -146,3 +147,40 @@ def reduce_two(
     reduced[x + _ONE] = x1 - (a * p1 + b * q1 + c * r1)
     reduced[y] = y0 - (d * p0 + e * q0 + f * r0)
     reduced[y + _ONE] = y1 - (d * p1 + e * q1 + f * r1)
+
+
+@compile_inline
+def couple_fours(
+    factor: FloatArray,
+    by_others: FloatArray,
+    width: int,
+    frame: IntArray,
+    first: int,
+    end: int,
+    runs: Runs,
+    local: IntArray,
+    shared: FloatArray,
+    z: int,
+    couplings: FloatArray,
+    base: int,
+    size: int,
+) -> None:
+    """Set the coupling (size + z, 4) of one point, from ``base`` on: with its unknowns, and with what is common.
+
+    The factor (n, 2, 4), the Jacobians of both, ``shared`` (n, 2, z), and all else are flat.
+    """
+    for at in range(base, base + 4 * (size + z), 4):
+        put(couplings, at, same(0.0))
+    for i in range(first, end):
+        a, b = four(factor, 8 * i), four(factor, 8 * i + 4)
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at, x = base + 4 * local[i - first, t - start], 2 * i * width + runs.first[t]
+            for k in range(x, x + runs.length[t]):
+                moved = each(by_others, k) * a + each(by_others, k + width) * b
+                put(couplings, at, four(couplings, at) + moved)
+                at += 4
+        at = base + 4 * size
+        for k in range(2 * i * z, 2 * i * z + z):
+            put(couplings, at, four(couplings, at) + each(shared, k) * a + each(shared, k + z) * b)
+            at += 4

@@ -11,6 +11,7 @@ import numpy as np
 
 from mor.adjustment.rays.compiled.cliques import NONE, Pattern
 from mor.adjustment.rays.compiled.frame_sums import add_rays
+from mor.adjustment.rays.compiled.pieces import end_of_piece, largest_piece
 from mor.adjustment.rays.compiled.point_products import Gathering, store_points
 from mor.adjustment.rays.compiled.points import solve_points, whiten_points
 from mor.adjustment.rays.compiled.sights.image_rays import (
@@ -73,14 +74,14 @@ def gather_image_rays(
     """
     values, layout, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     count, width = points.shape[0], gathering.columns.shape[1]
-    room = largest_piece(pointers)
+    room = largest_piece(pointers, RAYS_OF_A_PIECE)
     residuals, by_points = np.empty((room, 2)), np.empty((room, 2, 3))
     shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
     by_others, without = np.empty((room, 2, width)), np.zeros((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     squares, first = 0.0, NONE
     while first < count:
-        last = end_of_piece(pointers, first)
+        last = end_of_piece(pointers, first, RAYS_OF_A_PIECE)
         begin, end = pointers[first], pointers[last]
         n = end - begin
         for i in range(n):
@@ -116,7 +117,7 @@ def solve_image_points(
 ) -> None:
     """Set the steps (p, 3) of the points after a small change of the frames."""
     values, _, frames, local, pointers, points, (observed, weight, measured, clock) = rays
-    room = largest_piece(pointers)
+    room = largest_piece(pointers, RAYS_OF_A_PIECE)
     residuals, by_points, overall = (
         np.empty((room, 2)),
         np.empty((room, 2, 3)),
@@ -124,7 +125,7 @@ def solve_image_points(
     )
     first = NONE
     while first < points.shape[0]:
-        last = end_of_piece(pointers, first)
+        last = end_of_piece(pointers, first, RAYS_OF_A_PIECE)
         begin, end = pointers[first], pointers[last]
         n = end - begin
         for i in range(n):
@@ -138,21 +139,3 @@ def solve_image_points(
             follow_along(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         solve_points(residual, by_point, own, damping, steps[first:last])
         first = last
-
-
-@compile_kernel
-def end_of_piece(pointers: IntArray, first: int) -> int:
-    """Return the end of the points of the piece that begins with the point ``first``, one at least."""
-    last = first + 1
-    while last < pointers.size - 1 and pointers[last + 1] - pointers[first] <= RAYS_OF_A_PIECE:
-        last += 1
-    return last
-
-
-@compile_kernel
-def largest_piece(pointers: IntArray) -> int:
-    """Return the largest number of rays of a piece."""
-    largest = 0
-    for p in range(pointers.size - 1):
-        largest = max(largest, pointers[p + 1] - pointers[p])
-    return int(max(largest, min(RAYS_OF_A_PIECE, pointers[-1] - pointers[0])))

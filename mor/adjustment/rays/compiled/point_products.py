@@ -27,6 +27,7 @@ from mor.adjustment.rays.compiled.couplings import couple, reduce_rays
 from mor.adjustment.rays.compiled.frame_sums import FrameSums, carry_frames
 from mor.adjustment.rays.compiled.point_store import (
     LARGE_STORE,
+    STRIP,
     Store,
     append_point,
     end_in_strip,
@@ -145,13 +146,13 @@ def gather_points(
     runs, met, store, nested = gathering.runs, gathering.met, gathering.store, gathering.nested
     flat, rows, width, local = by_others.reshape(-1), reduced.reshape(-1), by_others.shape[2], clique.local
     couplings, before, size = store.couplings, -1, 0
-    while done < order.size and not is_full(store, groups, room):
+    while done < order.size and not is_full(store, groups, 3 * room):
         p = order[done]
         first, end = pointers[p], pointers[p + 1]
         if before < 0 or not same_frames(frame, pointers, p, before):
             size = open_group(store, groups, frame, first, end, runs, met, clique)
             groups += 1
-        base = append_point(store, groups, size)
+        base = append_point(store, groups, 3 * size)
         couple(white, flat, width, frame, first, end, runs, local, couplings, base, size)
         if nested:
             reduce_rays(white, flat, width, frame, first, end, runs, local, couplings, base, size, rows)
@@ -175,7 +176,7 @@ def subtract_products(store: Store, groups: int, met: Met, pattern: Pattern, val
     """Subtract V Vᵀ of all groups from the reduced matrix, strip by strip; False where a pair is not stored."""
     first, reached = NONE, np.zeros(groups, dtype=np.int64)
     while first < met.size.size:
-        last = end_of_strip(first, met.size)
+        last = end_of_strip(first, met.size, STRIP)
         if not subtract_from_strip(store, groups, met, pattern, values, last, reached):
             return False
         first = last

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.rays.compiled.cliques import Clique, Met, Runs, merge, same_frames
-from mor.adjustment.rays.compiled.couplings import couple
+from mor.adjustment.rays.compiled.cliques import Clique, Met, Runs, merge
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
 
@@ -26,7 +25,7 @@ class Store(NamedTuple):
     """Groups of points with the same unknowns.
 
     Attributes:
-        couplings: group after group (3 · points, m), transposed couplings with the m unknowns of the group.
+        couplings: group after group, those of its points with its m unknowns, transposed (3, m), or (m, 4) as ``Four``s.
         first_coupling: (groups+1,) where those of a group start.
         points: (groups,) number of points.
         blocks: group after group, ascending block numbers of its unknowns.
@@ -68,9 +67,9 @@ def store_for(numbers: int) -> Store:
 
 
 @compile_inline
-def is_full(store: Store, groups: int, size: int) -> bool:
-    """Return whether there may be no room for another group with a point of that size."""
-    return groups + 1 >= store.points.size or store.first_coupling[groups] + 3 * size > store.couplings.size
+def is_full(store: Store, groups: int, numbers: int) -> bool:
+    """Return whether there may be no room for another group with a point whose coupling takes so many numbers."""
+    return groups + 1 >= store.points.size or store.first_coupling[groups] + numbers > store.couplings.size
 
 
 @compile_kernel
@@ -91,20 +90,20 @@ def open_group(
 
 
 @compile_inline
-def append_point(store: Store, groups: int, size: int) -> int:
-    """Append a point to the last of so many groups; return where its coupling (3, size) starts."""
+def append_point(store: Store, groups: int, numbers: int) -> int:
+    """Append a point to the last of so many groups; return where its coupling of so many numbers starts."""
     first = store.first_coupling[groups]
-    store.first_coupling[groups] = first + 3 * size
+    store.first_coupling[groups] = first + numbers
     store.points[groups - 1] += 1
     return int(first)
 
 
 @compile_kernel
-def end_of_strip(first: int, size: IntArray) -> int:
-    """Return the end of the strip of met blocks, of these sizes, that begins with ``first``."""
+def end_of_strip(first: int, size: IntArray, most: int) -> int:
+    """Return the end of the strip of met blocks, of these sizes, that begins with ``first``, with so many numbers."""
     below = size[first:].sum()
     last, numbers = first, 0
-    while last < size.size and (last == first or numbers + size[last] * below <= STRIP):
+    while last < size.size and (last == first or numbers + size[last] * below <= most):
         numbers += size[last] * below
         below -= size[last]
         last += 1
@@ -117,47 +116,3 @@ def end_in_strip(blocks: IntArray, first: int, end: int, last: int) -> int:
     while first < end and blocks[first] < last:
         first += 1
     return first
-
-
-@compile_kernel
-def fill_store(
-    store: Store,
-    groups: int,
-    order: IntArray,
-    done: int,
-    factor: FloatArray,
-    by_others: FloatArray,
-    frame: IntArray,
-    pointers: IntArray,
-    runs: Runs,
-    met: Met,
-    clique: Clique,
-    room: int,
-) -> tuple[int, int]:
-    """Store the couplings Σ jᵀ factor of points in this order, from the place ``done`` on, behind so many groups.
-
-    Stops where there may be no room for a point with ``room`` unknowns. Returns the place, and the number of groups.
-    """
-    flat, width, before, size = by_others.reshape(-1), by_others.shape[2], -1, 0
-    while done < order.size and not is_full(store, groups, room):
-        p = order[done]
-        if before < 0 or not same_frames(frame, pointers, p, before):
-            size = open_group(store, groups, frame, pointers[p], pointers[p + 1], runs, met, clique)
-            groups += 1
-        base = append_point(store, groups, size)
-        couple(
-            factor,
-            flat,
-            width,
-            frame,
-            pointers[p],
-            pointers[p + 1],
-            runs,
-            clique.local,
-            store.couplings,
-            base,
-            size,
-        )
-        before = p
-        done += 1
-    return done, groups

@@ -112,7 +112,7 @@ def whiten_points(
 
 @compile_kernel
 def invert_points(by_point: FloatArray, pointers: IntArray, factor: FloatArray, inverse: FloatArray) -> None:
-    """Set N_pp⁻¹ of all points as ``inverse`` (p, 3, 3), and a N_pp⁻¹ of their rays as ``factor`` (n, 2, 3)."""
+    """Set N_pp⁻¹ of all points as ``inverse`` (p, 3, 3), and a N_pp⁻¹ of their rays as ``factor`` (n, 2, 4), filled up."""
     nothing = np.zeros((by_point.shape[0], 2))
     for point in range(pointers.size - 1):
         first, end = pointers[point], pointers[point + 1]
@@ -131,6 +131,7 @@ def invert_points(by_point: FloatArray, pointers: IntArray, factor: FloatArray, 
                 factor[i, m, 0] = x * n00 + y * n10 + z * n20
                 factor[i, m, 1] = x * n10 + y * n11 + z * n21
                 factor[i, m, 2] = x * n20 + y * n21 + z * n22
+                factor[i, m, 3] = 0.0
 
 
 @compile_kernel

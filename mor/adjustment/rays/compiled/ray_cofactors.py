@@ -3,7 +3,7 @@
 With E = W N_pp⁻¹ and H = Q_cc E of its point, a ray with the derivatives a by the point and j by all else has a
 computed value of the cofactor
 
-    a Q_pp aᵀ − 2 a Hᵀ jᵀ + j Q_cc jᵀ,
+    a Q_pp aᵀ − 2 a Hᵀ jᵀ + j Q_cc jᵀ,        Q_pp = N_pp⁻¹ + Σ (a N_pp⁻¹)ᵀ j H,
 
 and an error of 1 in it moves the point by (Q Aᵀ)_p = Q_pp aᵀ − Hᵀ jᵀ: the *share* of it that goes into the point is
 a Q_pp aᵀ − a Hᵀ jᵀ.
@@ -11,44 +11,116 @@ a Q_pp aᵀ − a Hᵀ jᵀ.
 
 from __future__ import annotations
 
-import numpy as np
-
-from mor.adjustment.rays.compiled.cliques import Pattern, Runs, places_of_frame
-from mor.adjustment.rays.compiled.points import clear
+from mor.adjustment.rays.compiled.cliques import Runs
+from mor.adjustment.rays.compiled.frame_sums import sorted_by_frame
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
-
-TILE = 4
-"""Columns that are worked on together."""
-ROOM_FOR_FORMS = 3 * TILE
-_ONE, _TWO, _THREE = (np.uint64(k) for k in range(1, TILE))
+from mor.registers import Four, each, four, put, same, total
 
 
 @compile_kernel
-def gather_frames(columns: IntArray, pattern: Pattern, values: FloatArray, of_frame: FloatArray) -> bool:
-    """Set the part (K, K) of Q_cc for the columns (f, K) of each frame, folded into its lower triangle.
+def forms_of_rays(
+    by_others: FloatArray,
+    frame: IntArray,
+    folded: FloatArray,
+    of_common: FloatArray,
+    forms: FloatArray,
+    shared: FloatArray,
+) -> None:
+    """Set j Q_cc jᵀ (n, 3) of all rays, xx, xy, yy, and j W (n, 2, z).
 
-    What stands off the diagonal is doubled, so that quadratic forms come out right. Returns False where a
-    pair is not stored.
+    ``folded`` (f, F, F) and ``of_common`` (f, K, z) are those of ``gather_frames``. Rays of a frame are worked on
+    together, four at a time.
     """
-    width = columns.shape[1]
-    starts, places = np.empty(width, dtype=np.int64), np.empty((width, width), dtype=np.int64)
-    for f in range(columns.shape[0]):
-        clear(of_frame[f])
-        if not places_of_frame(columns[f], pattern, starts, places):
-            return False
-        for k in range(width):
-            for m in range(width):
-                place = places[k, m]
-                if place >= 0:
-                    factor = 2.0 if places[m, k] < 0 else 1.0
-                    of_frame[f, max(k, m), min(k, m)] += factor * values[place]
-    return True
+    flat, triangles, rows, products = by_others.reshape(-1), folded.reshape(-1), of_common.reshape(-1), shared.reshape(-1)
+    width, own, z = by_others.shape[2], folded.shape[1], shared.shape[2]
+    first, listed = sorted_by_frame(frame, folded.shape[0])
+    for f in range(folded.shape[0]):
+        k = first[f]
+        while listed[k] >= 0:
+            one = listed[k]
+            two = listed[k + 1] if listed[k + 1] >= 0 else one
+            three = listed[k + 2] if two != one and listed[k + 2] >= 0 else two
+            last = listed[k + 3] if three != two and listed[k + 3] >= 0 else three
+            forms_of_four(
+                flat, width, triangles, f * own * own, own, rows, f * width * z, z, one, two, three, last, forms, products
+            )
+            if last == three:
+                break
+            k += 4
 
 
 @compile_inline
-def cofactors_of_rays(
-    by_point: FloatArray,
+def forms_of_four(
+    by_others: FloatArray,
+    width: int,
+    folded: FloatArray,
+    start: int,
+    own: int,
+    of_common: FloatArray,
+    begin: int,
+    z: int,
+    one: int,
+    two: int,
+    three: int,
+    last: int,
+    forms: FloatArray,
+    shared: FloatArray,
+) -> None:
+    """Set the forms of four rays of one frame, whose parts of R and W begin at ``start`` and ``begin``."""
+    zero = same(0.0)
+    a, b, c, d = 2 * width * one, 2 * width * two, 2 * width * three, 2 * width * last
+    e, f, g, h = a + width, b + width, c + width, d + width
+    xx, xy, yy = (zero, zero, zero, zero), (zero, zero, zero, zero), (zero, zero, zero, zero)
+    for m in range(0, own, 4):
+        s, t, u, v = zero, zero, zero, zero  # x F of each ray
+        o, p, q, r = zero, zero, zero, zero  # y F
+        at = start + m * own + m
+        for k in range(m, own):
+            row = four(folded, at)
+            s, o = s + each(by_others, a + k) * row, o + each(by_others, e + k) * row
+            t, p = t + each(by_others, b + k) * row, p + each(by_others, f + k) * row
+            u, q = u + each(by_others, c + k) * row, q + each(by_others, g + k) * row
+            v, r = v + each(by_others, d + k) * row, r + each(by_others, h + k) * row
+            at += own
+        x = four(by_others, a + m), four(by_others, b + m), four(by_others, c + m), four(by_others, d + m)
+        y = four(by_others, e + m), four(by_others, f + m), four(by_others, g + m), four(by_others, h + m)
+        xx = xx[0] + s * x[0], xx[1] + t * x[1], xx[2] + u * x[2], xx[3] + v * x[3]
+        yy = yy[0] + o * y[0], yy[1] + p * y[1], yy[2] + q * y[2], yy[3] + r * y[3]
+        i, j = xy[0] + s * y[0] + o * x[0], xy[1] + t * y[1] + p * x[1]
+        xy = i, j, xy[2] + u * y[2] + q * x[2], xy[3] + v * y[3] + r * x[3]
+    for m in range(0, z, 4):
+        s, t, u, v = zero, zero, zero, zero  # x W of each ray
+        o, p, q, r = zero, zero, zero, zero  # y W
+        for k in range(width):
+            row = four(of_common, begin + k * z + m)
+            s, o = s + each(by_others, a + k) * row, o + each(by_others, e + k) * row
+            t, p = t + each(by_others, b + k) * row, p + each(by_others, f + k) * row
+            u, q = u + each(by_others, c + k) * row, q + each(by_others, g + k) * row
+            v, r = v + each(by_others, d + k) * row, r + each(by_others, h + k) * row
+        xx = xx[0] + s * s, xx[1] + t * t, xx[2] + u * u, xx[3] + v * v
+        yy = yy[0] + o * o, yy[1] + p * p, yy[2] + q * q, yy[3] + r * r
+        xy = xy[0] + 2.0 * s * o, xy[1] + 2.0 * t * p, xy[2] + 2.0 * u * q, xy[3] + 2.0 * v * r
+        put_both(shared, 2 * one * z + m, z, s, o)
+        put_both(shared, 2 * two * z + m, z, t, p)
+        put_both(shared, 2 * three * z + m, z, u, q)
+        put_both(shared, 2 * last * z + m, z, v, r)
+    forms[one, 0], forms[one, 1], forms[one, 2] = total(xx[0]), 0.5 * total(xy[0]), total(yy[0])
+    forms[two, 0], forms[two, 1], forms[two, 2] = total(xx[1]), 0.5 * total(xy[1]), total(yy[1])
+    forms[three, 0], forms[three, 1], forms[three, 2] = total(xx[2]), 0.5 * total(xy[2]), total(yy[2])
+    forms[last, 0], forms[last, 1], forms[last, 2] = total(xx[3]), 0.5 * total(xy[3]), total(yy[3])
+
+
+@compile_inline
+def put_both(array: FloatArray, place: int, further: int, one: Four, other: Four) -> None:
+    """Store fours in two rows of an array, one below the other."""
+    put(array, place, one)
+    put(array, place + further, other)
+
+
+@compile_inline
+def cofactors_of_point(
+    factor: FloatArray,
     by_others: FloatArray,
     width: int,
     frame: IntArray,
@@ -56,114 +128,81 @@ def cofactors_of_rays(
     end: int,
     runs: Runs,
     local: IntArray,
-    of_frame: FloatArray,
+    shared: FloatArray,
+    z: int,
+    E: FloatArray,
     H: FloatArray,
     base: int,
+    size: int,
+    moved: FloatArray,
+    sums: FloatArray,
     Q: FloatArray,
+) -> None:
+    """Make Q_pp of N_pp⁻¹, (3, 3) in ``Q``, by the rays first … end − 1 of one point, and set their j H as ``moved``.
+
+    ``factor``, a N_pp⁻¹ (n, 2, 4), the Jacobians, ``moved`` (n, 2, 4), ``shared`` (n, 2, z), and couplings and products,
+    (size + z, 4) from ``base`` on, are flat; the latter are the same for what is common. ``sums`` (12,) is working space.
+    """
+    one, two, three = same(0.0), same(0.0), same(0.0)
+    for i in range(first, end):
+        x, y, u, v = same(0.0), same(0.0), same(0.0), same(0.0)
+        start = runs.pointers[frame[i]]
+        for t in range(start, runs.pointers[frame[i] + 1]):
+            at, row = 2 * i * width + runs.first[t], base + 4 * local[i - first, t - start]
+            left = runs.length[t]
+            while left >= 2:
+                h, g = four(H, row), four(H, row + 4)
+                x, y = x + each(by_others, at) * h, y + each(by_others, at + width) * h
+                u, v = u + each(by_others, at + 1) * g, v + each(by_others, at + width + 1) * g
+                at, row, left = at + 2, row + 8, left - 2
+            if left == 1:
+                h = four(H, row)
+                x, y = x + each(by_others, at) * h, y + each(by_others, at + width) * h
+        for k in range(z):
+            at, h = 2 * i * z + k, four(E, base + 4 * (size + k))
+            x, y = x + each(shared, at) * h, y + each(shared, at + z) * h
+        x, y = x + u, y + v
+        put(moved, 8 * i, x)
+        put(moved, 8 * i + 4, y)
+        one = one + each(factor, 8 * i) * x + each(factor, 8 * i + 4) * y
+        two = two + each(factor, 8 * i + 1) * x + each(factor, 8 * i + 5) * y
+        three = three + each(factor, 8 * i + 2) * x + each(factor, 8 * i + 6) * y
+    put(sums, 0, one)
+    put(sums, 4, two)
+    put(sums, 8, three)
+    for k in range(3):
+        for m in range(k + 1):
+            Q[k, m] += sums[4 * k + m]
+            Q[m, k] = Q[k, m]
+
+
+@compile_kernel
+def cofactors_of_rays(
+    by_point: FloatArray,
+    pointers: IntArray,
+    of_points: FloatArray,
     forms: FloatArray,
+    moved: FloatArray,
     of_rays: FloatArray,
     shares: FloatArray,
 ) -> None:
-    """Set the cofactors (2, 2) of the rays first … end − 1 of one point with Q_pp = Q, and their shares (2,).
+    """Set the cofactors (n, 2, 2) of rays and their shares (n, 2).
 
-    ``by_others`` and the products H, (m, 4) from the unknown ``base`` on, are flat; ``forms`` is working space.
+    Their points have the cofactors ``of_points`` (p, 3, 3); ``forms`` (n, 3) are j Q_cc jᵀ and ``moved`` j H (n, 2, 4).
     """
-    for i in range(first, end):
-        a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
-        d, e, f = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
-        p = Q[0, 0] * a + Q[0, 1] * b + Q[0, 2] * c
-        q = Q[1, 0] * a + Q[1, 1] * b + Q[1, 2] * c
-        r = Q[2, 0] * a + Q[2, 1] * b + Q[2, 2] * c
-        xx, xy = a * p + b * q + c * r, d * p + e * q + f * r
-        yy = d * (Q[0, 0] * d + Q[0, 1] * e + Q[0, 2] * f) + e * (Q[1, 0] * d + Q[1, 1] * e + Q[1, 2] * f)
-        yy += f * (Q[2, 0] * d + Q[2, 1] * e + Q[2, 2] * f)
-        x0, x1, x2, y0, y1, y2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # Hᵀ jᵀ
-        start = runs.pointers[frame[i]]
-        for t in range(start, runs.pointers[frame[i] + 1]):
-            at, one = 2 * i * width + runs.first[t], 4 * (base + local[i - first, t - start])
-            for k in range(runs.length[t]):
-                x, y = by_others[at + k], by_others[at + width + k]
-                h0, h1, h2 = H[one + 4 * k], H[one + 4 * k + 1], H[one + 4 * k + 2]
-                x0 += x * h0
-                x1 += x * h1
-                x2 += x * h2
-                y0 += y * h0
-                y1 += y * h1
-                y2 += y * h2
-        across_x, across_y = a * x0 + b * x1 + c * x2, d * y0 + e * y1 + f * y2
-        shares[i, 0], shares[i, 1] = xx - across_x, yy - across_y
-        quadratic_forms(of_frame, frame[i] * width * width, by_others, 2 * i * width, width, forms)
-        others_x, others_y, others_xy = sum_of(forms, 0), sum_of(forms, TILE), sum_of(forms, 2 * TILE)
-        xy += 0.5 * others_xy - a * y0 - b * y1 - c * y2 - d * x0 - e * x1 - f * x2
-        of_rays[i, 0, 0] = xx - 2.0 * across_x + others_x
-        of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
-        of_rays[i, 1, 1] = yy - 2.0 * across_y + others_y
-
-
-@compile_inline
-def sum_of(forms: FloatArray, first: int) -> float:
-    """Return the sum of a few numbers from ``first`` on."""
-    return float(forms[first] + forms[first + 1] + forms[first + 2] + forms[first + 3])
-
-
-@compile_inline
-def quadratic_forms(
-    of_frame: FloatArray, start: int, by_others: FloatArray, first: int, width: int, forms: FloatArray
-) -> None:
-    """Set forms that add up to x F xᵀ, y F yᵀ and x F yᵀ + y F xᵀ, four numbers each.
-
-    x and y are rows of the Jacobian, one below the other, from ``first`` on; the lower triangle F begins at ``start``.
-    Four by four columns are worked on at a time.
-    """
-    for k in range(ROOM_FOR_FORMS):
-        forms[k] = 0.0
-    whole = width - width % TILE
-    for k in range(0, whole, TILE):
-        row = np.uint64(first + k)
-        under = row + np.uint64(width)
-        x0, x1, x2, x3 = by_others[row], by_others[row + _ONE], by_others[row + _TWO], by_others[row + _THREE]
-        y0, y1 = by_others[under], by_others[under + _ONE]
-        y2, y3 = by_others[under + _TWO], by_others[under + _THREE]
-        for m in range(0, k + TILE, TILE):
-            at = np.uint64(start + k * width + m)
-            f0, f1, f2, f3 = of_frame[at], of_frame[at + _ONE], of_frame[at + _TWO], of_frame[at + _THREE]
-            s0, s1, s2, s3 = x0 * f0, x0 * f1, x0 * f2, x0 * f3
-            t0, t1, t2, t3 = y0 * f0, y0 * f1, y0 * f2, y0 * f3
-            at += np.uint64(width)
-            f0, f1, f2, f3 = of_frame[at], of_frame[at + _ONE], of_frame[at + _TWO], of_frame[at + _THREE]
-            s0, s1, s2, s3 = s0 + x1 * f0, s1 + x1 * f1, s2 + x1 * f2, s3 + x1 * f3
-            t0, t1, t2, t3 = t0 + y1 * f0, t1 + y1 * f1, t2 + y1 * f2, t3 + y1 * f3
-            at += np.uint64(width)
-            f0, f1, f2, f3 = of_frame[at], of_frame[at + _ONE], of_frame[at + _TWO], of_frame[at + _THREE]
-            s0, s1, s2, s3 = s0 + x2 * f0, s1 + x2 * f1, s2 + x2 * f2, s3 + x2 * f3
-            t0, t1, t2, t3 = t0 + y2 * f0, t1 + y2 * f1, t2 + y2 * f2, t3 + y2 * f3
-            at += np.uint64(width)
-            f0, f1, f2, f3 = of_frame[at], of_frame[at + _ONE], of_frame[at + _TWO], of_frame[at + _THREE]
-            s0, s1, s2, s3 = s0 + x3 * f0, s1 + x3 * f1, s2 + x3 * f2, s3 + x3 * f3
-            t0, t1, t2, t3 = t0 + y3 * f0, t1 + y3 * f1, t2 + y3 * f2, t3 + y3 * f3
-            column = np.uint64(first + m)
-            below = column + np.uint64(width)
-            a0, a1 = by_others[column], by_others[column + _ONE]
-            a2, a3 = by_others[column + _TWO], by_others[column + _THREE]
-            b0, b1 = by_others[below], by_others[below + _ONE]
-            b2, b3 = by_others[below + _TWO], by_others[below + _THREE]
-            forms[0] += s0 * a0
-            forms[1] += s1 * a1
-            forms[2] += s2 * a2
-            forms[3] += s3 * a3
-            forms[4] += t0 * b0
-            forms[5] += t1 * b1
-            forms[6] += t2 * b2
-            forms[7] += t3 * b3
-            forms[8] += s0 * b0 + t0 * a0
-            forms[9] += s1 * b1 + t1 * a1
-            forms[10] += s2 * b2 + t2 * a2
-            forms[11] += s3 * b3 + t3 * a3
-    for k in range(whole, width):
-        x, y, s, t = by_others[first + k], by_others[first + width + k], 0.0, 0.0
-        for m in range(k + 1):
-            s += of_frame[start + k * width + m] * by_others[first + m]
-            t += of_frame[start + k * width + m] * by_others[first + width + m]
-        forms[0] += s * x
-        forms[4] += t * y
-        forms[8] += s * y + t * x
+    for point in range(pointers.size - 1):
+        Q = of_points[point]
+        q00, q10, q11, q20, q21, q22 = Q[0, 0], Q[1, 0], Q[1, 1], Q[2, 0], Q[2, 1], Q[2, 2]
+        for i in range(pointers[point], pointers[point + 1]):
+            a, b, c = by_point[i, 0, 0], by_point[i, 0, 1], by_point[i, 0, 2]
+            d, e, f = by_point[i, 1, 0], by_point[i, 1, 1], by_point[i, 1, 2]
+            x, y, z = moved[i, 0, 0], moved[i, 0, 1], moved[i, 0, 2]
+            u, v, w = moved[i, 1, 0], moved[i, 1, 1], moved[i, 1, 2]
+            p, q, r = q00 * a + q10 * b + q20 * c, q10 * a + q11 * b + q21 * c, q20 * a + q21 * b + q22 * c
+            s, t, o = q00 * d + q10 * e + q20 * f, q10 * d + q11 * e + q21 * f, q20 * d + q21 * e + q22 * f
+            xx, yy, xy = a * p + b * q + c * r, d * s + e * t + f * o, d * p + e * q + f * r
+            across_x, across_y = a * x + b * y + c * z, d * u + e * v + f * w
+            xy += forms[i, 1] - (a * u + b * v + c * w) - (d * x + e * y + f * z)
+            shares[i, 0], shares[i, 1] = xx - across_x, yy - across_y
+            of_rays[i, 0, 0], of_rays[i, 1, 1] = xx - 2.0 * across_x + forms[i, 0], yy - 2.0 * across_y + forms[i, 2]
+            of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
