@@ -19,12 +19,14 @@ from mor.domains.assessing import Assessed, Kind, Order, Rounds, assess_domain
 from mor.domains.fixed_points import Fixed, tests_of_shared
 from mor.domains.prepared import Prepared
 from mor.domains.preparing import Divided
+from mor.domains.reweighting import Tested, Weighted, iterated, with_sums
+from mor.domains.robust import robust
 from mor.domains.settled_sigma import with_settled_sigma
 from mor.domains.settling import Solution, checked, solution_of, with_cofactors
 from mor.domains.snooping import InDomains, snoop, tested
 from mor.machine import largest_resident
 from mor.project.domains.parts import divide
-from mor.project.domains.refusals import refuse_unsupported
+from mor.project.domains.refusals import refuse_unsupported, with_snooping
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.quality.assess import Whole
@@ -61,10 +63,7 @@ def divided(
 
     ``snoop``: data snooping is asked for, whatever the project says.
     """
-    project = validate(document)
-    if snoop:
-        settings = project.settings.model_copy(update={"snooping": True})
-        project = project.model_copy(update={"settings": settings})
+    project = with_snooping(validate(document), snoop)
     refuse_unsupported(project, document)
     parts = divide(project, document, source, scratch / "tables", rays_of_domain)
     return Divided(project, document, source.resolve(), parts, int(sum(parts.rays)))
@@ -92,6 +91,11 @@ def solved(
     order = Order(first, folder, kind, residuals, few, ready.parts.images)
     if settings.snooping:
         return _snooped(tested(engine, ready, joined, first, count(1)), order)
+    weighted = Weighted(engine, ready, joined)
+    if settings.robust is not None:
+        order = order._replace(light=robust(weighted, first, settings.robust, count(1)))
+    if settings.variance_components == "iterate":
+        return _iterated(with_sums(weighted, first), order)
     assessed = with_cofactors(
         engine,
         joined,
@@ -138,6 +142,22 @@ def _snooped(first: InDomains, order: Order) -> Outcomes:
     joined = last.joined._replace(iterations=first.joined.iterations)
     found = Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed)
     return _with_fixed(engine, found, last.solution)
+
+
+def _iterated(first: Tested, order: Order) -> Outcomes:
+    """Iterate variance components into the weights; where all is sound, assess what comes of it."""
+    before = first.weighted
+    sound = checked(before.joined, first.useless, first.redundancy_sum)
+    if not sound.outcome.is_solution:
+        return Outcomes(before.ready, sound, before.engine.store)
+    found = iterated(first, count(1))
+    last, engine = found.last, found.last.engine
+    order = order._replace(solution=found.solution, components=found.components)
+    tasks = [engine.submit(assess_domain, d, order) for d in last.joined.domains]
+    assessed = tuple(engine.result(task) for task in tasks)
+    joined = last.joined._replace(iterations=before.joined.iterations)
+    outcomes = Outcomes(last.ready, joined, engine.store, found.solution.whole, assessed)
+    return _with_fixed(engine, outcomes, found.solution)
 
 
 def _with_fixed(engine: Engine, found: Outcomes, solution: Solution) -> Outcomes:
