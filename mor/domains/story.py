@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from mor.adjustment.domains.adjust import Joined, adjust
 from mor.adjustment.domains.store import Store
+from mor.adjustment.domains.tasks import carrying
 from mor.adjustment.domains.tree import Engine
 from mor.adjustment.state import Watcher
 from mor.domains.assessing import Assessed, Kind, Order, Rounds, assess_domain
@@ -24,9 +25,12 @@ from mor.domains.robust import robust
 from mor.domains.settled_sigma import with_settled_sigma
 from mor.domains.settling import Solution, checked, solution_of, with_cofactors
 from mor.domains.snooping import InDomains, snoop, tested
+from mor.errors import mistakes_in
 from mor.machine import largest_resident
+from mor.pipeline import check_named
 from mor.project.domains.parts import divide
 from mor.project.domains.refusals import refuse_unsupported, with_snooping
+from mor.project.file.model import Datum
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.quality.assess import Whole
@@ -86,6 +90,10 @@ def solved(
     if not joined.outcome.is_solution:
         return Outcomes(ready, joined, engine.store)
     assessing()
+    if isinstance(ready.project.datum, Datum) and ready.project.datum.minimal is not None:
+        tasks = [engine.submit(carrying, d) for d in joined.domains]
+        with mistakes_in(ready.document.file):
+            check_named(sum(engine.result(task) for task in tasks), joined.null_space.movements)
     first = solution_of(engine, joined, settings)
     few = ready.sizes.observations <= INLINE
     order = Order(first, folder, kind, residuals, few, ready.parts.images)

@@ -69,7 +69,6 @@ def test_german(tmp_path: Path) -> None:
             "datum: fixed\nsettings: {robust: danish, snooping: true}",
             "a robust solution and data snooping",
         ),
-        ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
         ("K: {r0: 0,", "K: {readout: 20 ms, r0: 0,", "a rolling shutter"),
     ],
 )

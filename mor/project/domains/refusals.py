@@ -48,8 +48,6 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         found.append(("leaving out what nothing determines", ("settings", "undetermined")))
     if project.report.relative:
         found.append(("relative precision of pairs of points", ("report", "relative")))
-    if not isinstance(project.datum, str) and project.datum.minimal is not None:
-        found.append(("a minimal datum", ("datum", "minimal")))
     problems = [
         Problem(f"domains do not do this: {words}; {_INSTEAD}", document.file_of(path), document.line(path))
         for words, path in found
