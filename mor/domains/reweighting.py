@@ -34,7 +34,7 @@ from mor.quality.variance_components.simplified import (
     spread_of_sums,
 )
 
-GroupKey: TypeAlias = "tuple[str, str, bool]"
+GroupKey: TypeAlias = tuple[str, str, bool]
 """Name of a group, type of its observations, and whether all of it is kept out, as checks are."""
 
 
