@@ -277,10 +277,15 @@ def _wanted(settings: ProjectSettings) -> Wanted:
 
 def check_minimal(network: Network, adjustment: Adjustment) -> None:
     """Raise :class:`InputError` where a minimal datum names more coordinates than the network has free movements."""
-    defect = adjustment.defect.datum.shape[1]
-    named = int(np.count_nonzero(adjustment.constraint.mask))
-    if network.datum.minimal and named != defect:
-        movements = ", ".join(adjustment.defect.movements) or "none"
+    if network.datum.minimal:
+        check_named(int(np.count_nonzero(adjustment.constraint.mask)), adjustment.defect.movements)
+
+
+def check_named(named: int, free: Sequence[str]) -> None:
+    """Raise :class:`InputError` where a minimal datum names another number of coordinates than there are movements."""
+    defect = len(free)
+    if named != defect:
+        movements = ", ".join(free) or "none"
         words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
         raise InputError([Mistake(f"{words} ({movements})")])
 

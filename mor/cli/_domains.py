@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mor.cli._progress import Progress
     from mor.domains.story import Outcomes
     from mor.input_files import ReadFile
+    from mor.project.file.model import Project
     from mor.project.file.nodes import Document
     from mor.report.domains.summary import Summary
     from mor.report.identity import Identity
@@ -96,12 +97,12 @@ def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
         return False
     from mor.domains.room import need_of_all, rays_of
     from mor.machine import available
-    from mor.project.domains.refusals import refuse_unsupported
+    from mor.project.domains.refusals import refuse_unsupported, with_snooping
     from mor.project.file.validation import validate
 
     memory = wanted.memory if wanted.memory is not None else available()
-    project = validate(document)
-    snooping = wanted.snoop or project.settings.snooping
+    project = with_snooping(validate(document), wanted.snoop)
+    snooping = project.settings.snooping
     if memory is None or need_of_all(rays_of(project, document, folder), wanted.html, snooping) <= memory:
         return False
     try:
@@ -153,8 +154,7 @@ def adjust_in_domains(
         say.notes(_without_page(rays, memory, wanted.html, html))
     with _scratch(wanted, place) as scratch:
         results = results_of_ray(how.kind, how.listed)
-        snooping = wanted.snoop or project.settings.snooping
-        check_scratch(need_of_scratch(rays, results, has_ground(project), snooping), scratch)
+        check_scratch(need_of_scratch(rays, results, has_ground(project), _again(project, wanted)), scratch)
         with _engine(wanted, scratch, 2 * rays) as engine:
             found = _adjusted(engine, document, folder, scratch, size, memory, wanted.snoop, how, say)
         say.phase("writing")
@@ -170,6 +170,13 @@ def adjust_in_domains(
         if place is not None:
             click.echo(how.words("results in {place}", place=place.folder), err=True)
     return code
+
+
+def _again(project: Project, wanted: Wanted) -> bool:
+    """True where adjustments follow the first one, whose state stays until they are solutions."""
+    settings = project.settings
+    weights = settings.robust is not None or settings.variance_components == "iterate"
+    return wanted.snoop or settings.snooping or weights
 
 
 def _written(

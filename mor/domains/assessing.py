@@ -11,6 +11,8 @@ import numpy as np
 import polars as pl
 
 from mor.adjustment.domains.store import Store
+from mor.domains.reweighting import InWeights
+from mor.domains.robust import Light
 from mor.domains.settling import Solution, quality_of
 from mor.domains.snooping import kept_out
 from mor.machine import give_back_freed_memory, largest_resident
@@ -59,6 +61,8 @@ class Order(NamedTuple):
     images: int
     """Number of images of the whole."""
     rounds: Rounds | None = None
+    components: InWeights | None = None
+    light: Light | None = None
 
 
 class Assessed(NamedTuple):
@@ -89,7 +93,10 @@ def assess_domain(store: Store, d: int, order: Order) -> Assessed:
     part: PartNetwork = store.load(f"network/{d}")
     quality = quality_of(store, d, order.solution)
     snooping, numbers = _snooping(store, d, quality, order.rounds)
-    solved = Solved(part.network, quality.adjustment, quality, Treatment(components(quality), snooping))
+    iterated, light = order.components, order.light
+    found = iterated.of(quality.adjustment.problem) if iterated is not None else components(quality)
+    robust = light.of(quality, d) if light is not None else None
+    solved = Solved(part.network, quality.adjustment, quality, Treatment(found, snooping, robust))
     tables = {
         "points": point_table(solved),
         "images": image_table(solved),

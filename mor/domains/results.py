@@ -258,6 +258,9 @@ def _solution(found: Outcomes, results: dict[str, Any]) -> Solution | None:
         reliability=results["reliability"],
         checks=results["checks"],
         snooping=results["gross_errors"]["snooping"],
+        robust=results["gross_errors"]["robust"],
+        components=results["variance_components"],
+        settings=found.prepared.project.settings,
         length=results["units"]["length"],
     )
 

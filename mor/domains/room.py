@@ -134,14 +134,14 @@ def wide_borders(widest: int, rays: int) -> bool:
     return OF_OUTER * float(widest) ** 2 > OF_RAY_IN_DOMAIN * float(rays)
 
 
-def need_of_scratch(rays: int, results: int, stays: bool, snooping: bool) -> float:
+def need_of_scratch(rays: int, results: int, stays: bool, again: bool) -> float:
     """Bytes of the scratch folder for so many image points, each with so many bytes of ``results``.
 
-    State goes as results come, unless it ``stays`` for tests that come last. Data snooping keeps an adjustment until
-    the next one is a solution: its state is there twice.
+    State goes as results come, unless it ``stays`` for tests that come last. Where it is adjusted ``again`` the
+    last adjustment is kept until the next one is a solution: its state is there twice.
     """
-    state = _STATE_OF_RAY * (1 + snooping)
-    return rays * float(state + results if stays or snooping else max(state, results + _LAST_STATE_OF_RAY))
+    state = _STATE_OF_RAY * (1 + again)
+    return rays * float(state + results if stays or again else max(state, results + _LAST_STATE_OF_RAY))
 
 
 def results_of_ray(kind: str, residuals: bool) -> int:

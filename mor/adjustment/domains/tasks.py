@@ -234,8 +234,6 @@ class Bound(NamedTuple):
 
     across: FloatArray
     """(d, d) BᵀG."""
-    carries: int
-    """Number of components that carry the datum."""
     left: FloatArray
     """(s, d) of N x = B, for the outer unknowns."""
 
@@ -250,7 +248,14 @@ def refine_and_bind(store: Store, d: int, stage: str, outer: FloatArray) -> Boun
     half, left = reduce_side(mine.domain, at, np.where(own[:, None], B.normals, 0.0))
     store.save(f"half of B/{d}", half)
     store.save(f"datum/{d}", (null, B))
-    return Bound(B.normals[own].T @ null[own], int(np.count_nonzero(B.mask & own)), left)
+    return Bound(B.normals[own].T @ null[own], left)
+
+
+def carrying(store: Store, d: int) -> int:
+    """Number of unknowns of a domain that carry the datum."""
+    mine = role(store, d)
+    problem = mine.domain.problem
+    return int(np.count_nonzero(datum_mask(problem.datum, problem.index) & mine.owned))
 
 
 def settled(store: Store, d: int, stage: str) -> None:

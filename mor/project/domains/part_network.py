@@ -13,7 +13,7 @@ import polars as pl
 from mor.arrays import BoolArray, IntArray
 from mor.observations import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
 from mor.parameters.index import Index
-from mor.project.domains.parts import OWNED, SHARED, Parts, Section, group_names
+from mor.project.domains.parts import OWNED, SHARED, Parts, Section, datum_points, group_names
 from mor.project.domains.refusals import is_divided
 from mor.project.domains.undeclared import point_tables
 from mor.project.file.model import Datum, Project
@@ -195,11 +195,11 @@ def _marks(frames: dict[str, pl.DataFrame], tables: dict[int, Any]) -> dict[str,
 
 def _datum(project: Project, names: set[str], things: dict[str, dict[int, Any]]) -> Any:
     """The datum over what the domain has of it; fixed where that is nothing."""
-    datum = project.datum
-    if not isinstance(datum, Datum) or datum.free == "all":
+    datum, every = project.datum, datum_points(project.datum)
+    if not every or not isinstance(datum, Datum):
         return datum
+    key = "free" if datum.minimal is None else "minimal"
     known = names | {table.group for table in things["points"].values() if table.group}
-    chosen = datum.free if isinstance(datum.free, dict) else {"".join(datum.components): list(datum.free)}
-    left = {key: [name for name in some if name in known] for key, some in chosen.items()}
-    left = {key: some for key, some in left.items() if some}
-    return datum.model_copy(update={"free": left}) if left else "fixed"
+    left = {axes: [name for name in some if name in known] for axes, some in every.items()}
+    left = {axes: some for axes, some in left.items() if some}
+    return datum.model_copy(update={key: left}) if left else "fixed"

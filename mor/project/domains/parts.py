@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -30,8 +30,9 @@ from mor.project.domains.undeclared import (
     undeclared_in_order,
     undeclared_names,
 )
-from mor.project.file.model import Project
+from mor.project.file.model import Datum, Project
 from mor.project.file.nodes import Document
+from mor.project.network.entities import unknown_name
 from mor.project.network.reading import table_label
 from mor.project.tables.columns import Place
 
@@ -95,12 +96,41 @@ def divide(project: Project, document: Document, source: Path, folder: Path, ray
     if ground >= 0:
         tree, count = (tree, ground), count + 1
     names = _texts(document, rows, project, divided) if ground >= 0 else pl.Series("id", [], dtype=pl.String)
+    _check_datum(project, document, rows, of_points)
     to = _To(folder, of_points, names, ground)
     totals, seen = _divide_rays(to, rows, divided, count)
     notes = _divide_undeclared(to, project, document, source, rows, divided) if are_free(project) else ()
     _divide_images(folder, project, rows, seen, of_images, names, ground)
     _divide_points(folder, project, rows, of_points, names, ground, ground if ground >= 0 else 0)
     return Parts(folder, tree, count, ground, tuple(totals.tolist()), of_images.height, notes)
+
+
+def datum_points(datum: Any) -> dict[str, list[str]]:
+    """Names of points, or of groups of points, that carry the datum, by components; none where all points do."""
+    if not isinstance(datum, Datum) or (datum.minimal is None and datum.free == "all"):
+        return {}
+    chosen: Any = datum.minimal if datum.minimal is not None else datum.free
+    if not isinstance(chosen, dict):
+        chosen = {"".join(datum.components): list(chosen)}
+    return {axes: [some] if isinstance(some, str) else list(some) for axes, some in chosen.items()}
+
+
+def _check_datum(project: Project, document: Document, rows: Rows, of_points: OfPoints) -> None:
+    """Raise :class:`InputError` where the datum names points that are in no table; no domain misses those of others."""
+    unknown = dict.fromkeys(name for some in datum_points(project.datum).values() for name in some)
+    for table in project.points:
+        unknown.pop(table.group or "", None)
+    for k in range(len(project.points) if unknown else 0):
+        for frame in rows("points", k):
+            for name in frame["id"].filter(frame["id"].is_in(list(unknown))).to_list():
+                unknown.pop(name, None)
+    if are_free(project):
+        named = of_points.of(pl.Series(list(unknown), dtype=pl.String), -1) < 0
+        unknown = dict.fromkeys(pl.Series(list(unknown), dtype=pl.String).filter(named).to_list())
+    if unknown:
+        path = ("datum",)
+        place = document.file_of(path), document.line(path)
+        raise InputError([Problem(unknown_name("datum point", name, ()), *place) for name in unknown])
 
 
 class _To(NamedTuple):

@@ -5,8 +5,17 @@ from __future__ import annotations
 from mor.errors import InputError, Problem
 from mor.project.file.model import Observations, Project
 from mor.project.file.nodes import Document
+from mor.project.network.reading import table_label
 
 _INSTEAD = "adjust it on one machine, without --memory and --workers"
+
+
+def with_snooping(project: Project, wanted: bool) -> Project:
+    """The project with data snooping where that is wanted, whatever it says itself."""
+    if not wanted:
+        return project
+    settings = project.settings.model_copy(update={"snooping": True})
+    return project.model_copy(update={"settings": settings})
 
 
 def refuse_unsupported(project: Project, document: Document) -> None:
@@ -26,16 +35,19 @@ def refuse_unsupported(project: Project, document: Document) -> None:
         if camera.readout is not None
     ]
     settings = project.settings
-    if settings.robust is not None:
-        found.append(("a robust solution", ("settings", "robust")))
+    if settings.snooping and settings.robust is not None:
+        found.append(("a robust solution and data snooping", ("settings", "robust")))
+    if settings.snooping and settings.variance_components == "iterate":
+        found.append(("iterated variance components and data snooping", ("settings", "variance_components")))
     if settings.variance_components == "iterate":
-        found.append(("iterated variance components", ("settings", "variance_components")))
+        found += [
+            (f"iterated variance components of several tables of one name, {name!r}", (section,))
+            for section, name in _names_of_several(project)
+        ]
     if settings.undetermined == "leave_out":
         found.append(("leaving out what nothing determines", ("settings", "undetermined")))
     if project.report.relative:
         found.append(("relative precision of pairs of points", ("report", "relative")))
-    if not isinstance(project.datum, str) and project.datum.minimal is not None:
-        found.append(("a minimal datum", ("datum", "minimal")))
     problems = [
         Problem(f"domains do not do this: {words}; {_INSTEAD}", document.file_of(path), document.line(path))
         for words, path in found
@@ -57,6 +69,16 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     ]
     if problems:
         raise InputError(problems)
+
+
+def _names_of_several(project: Project) -> list[tuple[str, str]]:
+    """Section and name of tables that have one name: domains tell groups of observations apart by their names."""
+    found = [
+        (section, table_label(section, number, table))
+        for section in ("observations", "points", "images", "stations", "systems")
+        for number, table in enumerate(getattr(project, section))
+    ]
+    return [one for one in dict.fromkeys(found) if found.count(one) > 1]
 
 
 def is_divided(entry: Observations) -> bool:

@@ -26,7 +26,7 @@ Names: TypeAlias = Callable[[], Iterator[pl.Series]]
 """What tells names, a part at a time."""
 Hashes: TypeAlias = NDArray[np.uint64]
 _NO_HASHES: Hashes = np.zeros(0, dtype=np.uint64)
-_NAME = "undeclared points"
+_NAME = "undeclared_points"
 """What their table is called."""
 
 

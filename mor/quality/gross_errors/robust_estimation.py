@@ -20,12 +20,13 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
+from mor.parameters.index import Values
 from mor.quality.assess import Quality
 from mor.quality.gross_errors.exclusion import reweighted
 
 Method = Literal["l1", "danish"]
-_ROUNDS = 60
-_SETTLED = 0.01
+ROUNDS = 60
+SETTLED = 0.01
 """Largest relative change of a factor at which the weights have settled."""
 _SMALLEST = 1e-8
 """Factor on a weight below which nothing is made lighter: the system must stay regular."""
@@ -52,40 +53,48 @@ class Robust(NamedTuple):
 def robust_estimate(quality: Quality, method: Method, settings: Settings | None = None) -> Robust:
     """Robust solution that starts from an assessed least-squares one."""
     problem = quality.adjustment.problem
-    spread = tuple(_spread(group.r) for group in quality.groups)
+    spread = spread_of(quality)
     adjustment = quality.adjustment
-    factors = _factors(problem, adjustment, spread, "l1")
-    stages: tuple[Method, ...] = ("l1",) if method == "l1" else ("l1", "danish")
+    factors = factors_of(problem, adjustment.values, spread, "l1")
     settled = False
-    for stage in stages:
+    for stage in stages_of(method):
         settled = False
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
             found = adjust(scaled, adjustment.values, settings)
             if not found.outcome.is_solution:
                 return Robust(method, adjustment, factors, False)
             adjustment, before = found, factors
-            factors = _factors(problem, adjustment, spread, stage)
-            pairs = zip(factors, before, strict=True)
-            change = max(float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs)
-            if change < _SETTLED:
+            factors = factors_of(problem, adjustment.values, spread, stage)
+            if change_of(factors, before) < SETTLED:
                 settled = True
                 break
     return Robust(method, adjustment, factors, settled)
 
 
-def _spread(r: FloatArray) -> FloatArray:
-    """√r, never so small that an uncontrolled observation is judged by noise."""
-    root: FloatArray = np.sqrt(np.maximum(np.nan_to_num(r, nan=1.0), 0.01))
-    return root
+def stages_of(method: Method) -> tuple[Method, ...]:
+    """What is done one after the other: the sum of absolute residuals starts everywhere."""
+    return ("l1",) if method == "l1" else ("l1", "danish")
 
 
-def _factors(
-    problem: Problem, adjustment: Adjustment, spread: tuple[FloatArray, ...], method: Method
+def spread_of(quality: Quality) -> tuple[FloatArray, ...]:
+    """√r (n, m) of each group, never so small that an uncontrolled observation is judged by noise."""
+    return tuple(np.sqrt(np.maximum(np.nan_to_num(group.r, nan=1.0), 0.01)) for group in quality.groups)
+
+
+def change_of(factors: tuple[FloatArray, ...], before: tuple[FloatArray, ...]) -> float:
+    """Largest relative change of a factor, as a logarithm."""
+    pairs = zip(factors, before, strict=True)
+    return max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0)
+
+
+def factors_of(
+    problem: Problem, values: Values, spread: tuple[FloatArray, ...], method: Method
 ) -> tuple[FloatArray, ...]:
+    """Factors (n, m) on the weights of each group that its residuals at some values ask for."""
     result = []
     for group, root in zip(problem.groups, spread, strict=True):
-        size = np.nan_to_num(np.abs(misclosures(group, adjustment.values)) / group.sigma) / root
+        size = np.nan_to_num(np.abs(misclosures(group, values)) / group.sigma) / root
         if method == "l1":
             factor = 1.0 / np.maximum(size, 0.5) * 0.5
         else:

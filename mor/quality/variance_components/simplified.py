@@ -30,12 +30,12 @@ Method = Literal["simplified", "helmert"]
 
 _REPORTED = 0.5
 """Redundancy from which on a group's factor is told."""
-_LEAST = 2.0
+LEAST = 2.0 - 1e-6
 """Redundancy a group must have, with its final weights too, for its factor to be iterated into the weights.
 
 Others keep the σ they came with: the component of so small a group may run away to zero.
 """
-_ROUNDS = 100
+ROUNDS = 100
 _SETTLED = 1e-7
 _SEPARABLE = 1e-6
 """Smallest eigenvalue of Helmert's system, scaled to unit diagonal, from which the groups can be told apart."""
@@ -87,8 +87,8 @@ def iterated_components(
     """Factors of σ iterated into the weights, and the quality of the adjustment with them."""
     problem = quality.adjustment.problem
     total, estimated = np.ones(len(problem.groups)), np.ones(len(problem.groups), dtype=bool)
-    for rounds in range(1, _ROUNDS + 1):
-        estimated &= group_sums(quality)[1] >= _LEAST - 1e-6
+    for rounds in range(1, ROUNDS + 1):
+        estimated &= group_sums(quality)[1] >= LEAST
         found = _step(quality, method, estimated)
         step = np.where(estimated & (found > 0.0), found, 1.0 / total)
         total = total * step
@@ -96,12 +96,30 @@ def iterated_components(
         if not adjustment.outcome.is_solution:
             return Components(total, np.full(len(total), np.nan), False, rounds, method, True), quality
         quality = assess(adjustment, levels, aposteriori)
-        if np.abs(step - 1.0).max(initial=0.0) < _SETTLED:
+        if has_settled(step):
             break
-    settled = bool(np.abs(step - 1.0).max(initial=0.0) < _SETTLED)
+    settled = has_settled(step)
     last = _estimate(quality, method, estimated)
     sigma = np.where(estimated, total * last.spread, np.nan)
     return Components(total, sigma, settled, rounds, last.method, True), quality
+
+
+def has_settled(step: FloatArray) -> bool:
+    """True where the factors (g,) of a round change nothing any more."""
+    return bool(np.abs(step - 1.0).max(initial=0.0) < _SETTLED)
+
+
+def next_step(
+    omega: FloatArray, redundancy: FloatArray, estimated: BoolArray, total: FloatArray
+) -> FloatArray:
+    """Simplified factors (g,) to multiply σ with, from the sums of a round; ``total`` are those they have by now."""
+    found = np.sqrt(np.maximum(_simplified(omega, redundancy, estimated).variances, 0.0))
+    return np.asarray(np.where(estimated & (found > 0.0), found, 1.0 / total))
+
+
+def spread_of_sums(omega: FloatArray, redundancy: FloatArray, estimated: BoolArray) -> FloatArray:
+    """(g,) standard deviations of simplified factors of σ, relative to these."""
+    return _simplified(omega, redundancy, estimated).spread
 
 
 class _Estimate(NamedTuple):

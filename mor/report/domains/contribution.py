@@ -27,7 +27,7 @@ from mor.report.tables.estimates import (
     variance_components,
 )
 from mor.report.tables.features import feature_table
-from mor.report.tables.reliability import fixed_point_rows, gross_errors, taken_out_rows
+from mor.report.tables.reliability import fixed_point_rows, gross_errors, robust_shift, taken_out_rows
 from mor.report.verdict.reliability_map import (
     KINDS,
     MOST,
@@ -58,6 +58,14 @@ class Test(NamedTuple):
     """Where sums do not decide; they hold where no other domain has observations of the group."""
 
 
+class Shift(NamedTuple):
+    """Movements of points: how many coordinates, the sum of their squares, and the largest."""
+
+    coordinates: int = 0
+    squares: float = 0.0
+    largest: float = 0.0
+
+
 class Contribution(NamedTuple):
     """Rows as they stand in ``results.json``, of the observations of a domain."""
 
@@ -86,6 +94,8 @@ class Contribution(NamedTuple):
     fixed_in_several: int
     """Fixed points that other domains have, too: no single domain can test them."""
     tests: list[Test]
+    shift: Shift
+    """Of its points, from least squares to the robust solution."""
     steps: tuple[int, ...] = ()
     """Numbers of its steps of data snooping among those of all domains."""
 
@@ -123,6 +133,7 @@ def contribution(
         tests_of_fixed=sum(test.freedom for test in tests),
         fixed_in_several=sum(name in shared["point"] for name in counted),
         tests=_tests(solved, quality, domain, images),
+        shift=_shift(solved, foreign),
     )
 
 
@@ -130,6 +141,14 @@ def _blocks_of_several(shared: dict[str, frozenset[str]]) -> set[tuple[str, str]
     """Kind and name of the blocks that are counted as points and images that others have, too."""
     points = {("point", name) for name in shared["point"]}
     return points | {("rotation", f"image {name}") for name in shared["image"]}
+
+
+def _shift(solved: Solved, foreign: frozenset[str]) -> Shift:
+    shift = robust_shift(solved)
+    if not shift.size:
+        return Shift()
+    own = shift[[name not in foreign for name in solved.network.things["point"].ids]]
+    return Shift(own.size, float(np.sum(own**2)), float(np.abs(own).max(initial=0.0)))
 
 
 def _fixed(solved: Solved) -> dict[str, int]:

@@ -30,8 +30,11 @@ def distinct(rows: Iterable[Row], *keys: str) -> list[Row]:
     return list(found.values())
 
 
-def group_rows(parts: Sequence[Sequence[Row]], order: Sequence[str]) -> list[Row]:
-    """Sums of the groups over all domains, in the ``order`` of their names."""
+def group_rows(parts: Sequence[Sequence[Row]], order: Sequence[str], in_weights: bool = False) -> list[Row]:
+    """Sums of the groups over all domains, in the ``order`` of their names.
+
+    Variance components that are ``in_weights`` are those that every domain has been told.
+    """
     sums = pl.DataFrame([{key: row[key] for key in _SUMMED} for part in parts for row in part])
     both = sums.group_by("name", "type", maintain_order=True).agg(
         pl.col("observations", "redundancy", "vtpv", "excluded", "flagged").sum(), pl.col("largest_w").max()
@@ -39,6 +42,7 @@ def group_rows(parts: Sequence[Sequence[Row]], order: Sequence[str]) -> list[Row
     omega, redundancy = (both[name].to_numpy().astype(float) for name in ("vtpv", "redundancy"))
     factors = components_of_sums(omega, redundancy)
     place = {name: k for k, name in enumerate(order)}
+    iterated = {(row["name"], row["type"]): row for part in parts for row in part} if in_weights else {}
     rows = []
     for k, row in enumerate(both.to_dicts()):
         r, count = row["redundancy"], row["observations"]
@@ -51,11 +55,13 @@ def group_rows(parts: Sequence[Sequence[Row]], order: Sequence[str]) -> list[Row
                 **{key: row[key] for key in ("largest_w", "excluded", "flagged")},
                 "sigma_factor": number_or_none(factors.factors[k]) if known else None,
                 "sigma_of_factor": number_or_none(factors.sigma[k]),
+                **{key: iterated[row["name"], row["type"]][key] for key in _FACTORS if in_weights},
             }
         )
     return sorted(rows, key=lambda row: place.get(row["name"], len(place)))
 
 
+_FACTORS = ("sigma_factor", "sigma_of_factor")
 _SUMMED = ("name", "type", "observations", "redundancy", "vtpv", "excluded", "flagged", "largest_w")
 
 
@@ -67,11 +73,32 @@ def check_rows(parts: Iterable[Contribution]) -> list[Row]:
 def gross_errors(parts: Sequence[Contribution], flagged: int, order: Mapping[str, Sequence[str]]) -> Row:
     """Levels, the worst of the suspicious observations of all domains, what data snooping did.
 
-    ``order`` has the names of points and images as they are to be listed where there are few.
+    ``order`` has the names of groups, and of points and images as they are to be listed where there are few.
     """
     rows = [row for part in parts for row in part.gross_errors["suspicious"]]
     worst = sorted(rows, key=lambda row: -abs(row["w"]))[: min(flagged, EXPLAINED) or AT_LEAST]
-    return {**parts[0].gross_errors, "suspicious": worst, "snooping": _snooping(parts, order)}
+    told = {
+        "suspicious": worst,
+        "snooping": _snooping(parts, order),
+        "robust": _robust(parts, order["groups"]),
+    }
+    return {**parts[0].gross_errors, **told}
+
+
+def _robust(parts: Sequence[Contribution], groups: Sequence[str]) -> Row | None:
+    """What the robust solution rejects in all domains, group by group, and how it moves their points."""
+    told = parts[0].gross_errors["robust"]
+    if told is None:
+        return None
+    place = {name: k for k, name in enumerate(groups)}
+    rejected = [row for part in parts for row in part.gross_errors["robust"]["rejected"]]
+    count = sum(part.shift.coordinates for part in parts)
+    return {
+        **told,
+        "rejected": sorted(rejected, key=lambda row: place.get(row["group"], len(place))),
+        "largest_shift": max(part.shift.largest for part in parts),
+        "rms_shift": float(np.sqrt(sum(part.shift.squares for part in parts) / count)) if count else 0.0,
+    }
 
 
 def _snooping(parts: Sequence[Contribution], order: Mapping[str, Sequence[str]]) -> Row | None:

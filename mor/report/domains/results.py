@@ -69,11 +69,13 @@ def results_of_domains(
         "flagged": flagged,
         "uncontrolled": uncontrolled,
     }
-    groups = group_rows([part.groups for part in parts], group_names(project))
+    components = parts[0].variance_components
+    in_weights = components is not None and components["iterated"]
+    groups = group_rows([part.groups for part in parts], group_names(project), in_weights)
     places = {"group": [row["name"] for row in groups], "image": order}
     judged, remarks = _verdict(parts, ended, whole, uncontrolled, places, fixed)
     notes = [*said["notes"], *({"message": str(one), "file": "", "line": 0} for one in remarks)]
-    names = {"images": order, "points": _ids(inlined.points)}
+    names = {"images": order, "points": _ids(inlined.points), "groups": places["group"]}
     interiors = {name: one for part in parts for name, one in part.interiors.items()}
     images = inlined.images.to_dicts() if inlined.images is not None else None
     found = {
@@ -91,7 +93,7 @@ def results_of_domains(
         "features": [row for part in parts for row in part.features],
         "others": distinct((row for part in parts for row in part.others), "kind", "id"),
         "groups": groups,
-        "variance_components": parts[0].variance_components,
+        "variance_components": components,
         "gross_errors": gross_errors(parts, flagged, names),
         "fixed_points": [*(row for part in parts for row in part.fixed_points), *fixed],
         "checks": check_rows(parts),

@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from mor.escapes import escaped
+from mor.project.file.model import Settings
 from mor.quality.tests.test_statistics import GlobalTest
 from mor.report.columns import paragraphs
 from mor.report.layout import ALL, fixed, heading, short, table
 from mor.report.text import checks
-from mor.report.text.reliability import snooped_in_words
+from mor.report.text.groups import components_in_words
+from mor.report.text.reliability import robust_in_words, snooped_in_words
 from mor.report.verdict import sentences, words_of_reliability
 from mor.report.words.language import ENGLISH, Words
 
@@ -38,7 +40,11 @@ class Solution(NamedTuple):
     reliability: dict[str, Any] | None
     checks: list[dict[str, Any]]
     snooping: dict[str, Any] | None
+    robust: dict[str, Any] | None
     """As ``results.json`` has them."""
+    components: dict[str, Any] | None
+    """How variance components were found."""
+    settings: Settings
     length: str
     """Unit of lengths."""
 
@@ -135,6 +141,7 @@ def as_text(summary: Summary, words: Words = ENGLISH, full: bool = False) -> str
             _cameras(one, words),
             _worst(one, words),
             "\n".join(snooped_in_words(one.snooping, words, **shown)),
+            "\n".join(robust_in_words(one.robust, one.length, words, **shown)),
         ]
     sections += [_iterations(summary, words), _domains(summary, words)]
     return escaped("\n\n".join(section for section in sections if section) + "\n")
@@ -199,7 +206,8 @@ def _groups(one: Solution, words: Words) -> str:
         for row in one.groups
     ]
     headers = ["group", "type", "observations", "sum r", "sigma0", "largest w", "flagged"]
-    return f"{heading(words('Observation groups'))}\n{table(headers, rows, 2, words)}"
+    lines = [heading(words("Observation groups")), table(headers, rows, 2, words)]
+    return "\n".join([*lines, *components_in_words(one.components, one.groups, one.settings, words)])
 
 
 def _cameras(one: Solution, words: Words) -> str:

@@ -155,6 +155,16 @@ def _step(solved: Solved, step: Snooped) -> dict[str, Any]:
     }
 
 
+def robust_shift(solved: Solved) -> FloatArray:
+    """(n, 3) movement of the points from least squares to the robust solution, in project axes; none without one."""
+    robust = solved.treatment.robust if solved.treatment else None
+    if robust is None:
+        return np.zeros((0, 3))
+    here, there = (a.values["point"] for a in (solved.adjustment, robust.adjustment))
+    points = solved.network.things["point"].parts["position"]
+    return np.asarray((there - here)[points] @ solved.network.edge.matrix)
+
+
 def _robust(solved: Solved) -> dict[str, Any] | None:
     robust = solved.treatment.robust if solved.treatment else None
     if robust is None:
@@ -164,9 +174,7 @@ def _robust(solved: Solved) -> dict[str, Any] | None:
         for group, mask in zip(solved.adjustment.problem.groups, robust.rejected, strict=True)
         for row, component in np.argwhere(mask)
     ]
-    here, there = (a.values["point"] for a in (solved.adjustment, robust.adjustment))
-    points = solved.network.things["point"].parts["position"]
-    shift = (there - here)[points] @ solved.network.edge.matrix
+    shift = robust_shift(solved)
     return {
         "method": robust.method,
         "settled": robust.settled,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from mor.project.file.model import Settings
 from mor.quality.solved import Solved
 from mor.report.layout import fixed, heading, table
 from mor.report.tables.estimates import group_table, variance_components
@@ -28,14 +31,20 @@ def section(solved: Solved, words: Words = ENGLISH) -> str:
     lines = [
         heading(words("Observation groups")),
         table(headers, rows, 2, words),
-        *_components(solved, words),
+        *components_in_words(
+            variance_components(solved),
+            group_table(solved).to_dicts(),
+            solved.network.project.settings,
+            words,
+        ),
     ]
     return "\n".join(lines)
 
 
-def _components(solved: Solved, words: Words) -> list[str]:
+def components_in_words(
+    data: dict[str, Any] | None, groups: list[dict[str, Any]], settings: Settings, words: Words
+) -> list[str]:
     """Factors of σ where the project asks for more than the table of groups has."""
-    settings, data = solved.network.project.settings, variance_components(solved)
     if data is None or (
         settings.variance_components == "report" and settings.variance_method == "simplified"
     ):
@@ -47,7 +56,7 @@ def _components(solved: Solved, words: Words) -> list[str]:
     ]
     if data["method"] != settings.variance_method:
         lines.append(words("Helmert's system is too large here, or cannot tell the groups apart."))
-    for row in group_table(solved).to_dicts():
+    for row in groups:
         if row["sigma_factor"] is not None:
             factor, sigma = fixed(row["sigma_factor"], 3), fixed(row["sigma_of_factor"], 3)
             lines.append(

@@ -38,7 +38,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     parts = (
         _fixed_points(solved, unit, words, shown),
         snooped_in_words(data["snooping"], words, shown),
-        _robust(data["robust"], unit, words, shown),
+        robust_in_words(data["robust"], unit, words, shown),
     )
     for part in parts:
         lines += ["", *part] if part else []
@@ -150,7 +150,8 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
     ]
 
 
-def _robust(data: dict[str, Any] | None, unit: str, words: Words, shown: int) -> list[str]:
+def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN) -> list[str]:
+    """What the robust solution rejects, and how it moves the points; nothing where it was not asked for."""
     if data is None:
         return []
     d = DIGITS[unit]

@@ -15,7 +15,14 @@ from mor.registers import each, four, put, same
 
 @compile_inline
 def multiply_block(
-    values: FloatArray, start: int, width: int, E: FloatArray, H: FloatArray, first: int, end: int, column: int
+    values: FloatArray,
+    start: int,
+    width: int,
+    E: FloatArray,
+    H: FloatArray,
+    first: int,
+    end: int,
+    column: int,
 ) -> None:
     """Add to the products what a block, and its mirror image, make of E; those of its columns begin at ``column``."""
     strip = 0

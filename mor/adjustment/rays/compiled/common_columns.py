@@ -100,7 +100,13 @@ def subtract_squares(pattern: Pattern, values: FloatArray, by_common: FloatArray
 
 @compile_kernel
 def gather_frames(
-    columns: IntArray, own: int, pattern: Pattern, rest: FloatArray, by_common: FloatArray, folded: FloatArray, rows: FloatArray
+    columns: IntArray,
+    own: int,
+    pattern: Pattern,
+    rest: FloatArray,
+    by_common: FloatArray,
+    folded: FloatArray,
+    rows: FloatArray,
 ) -> bool:
     """Set what frames with columns (f, K) have of R and W.
 

@@ -246,7 +246,12 @@ def finish(
     of_points: FloatArray,
 ) -> None:
     """Do with the stored points, in this order, what ``cofactors_of_points`` does, from their products H."""
-    flat, factors, products, width = by_others.reshape(-1), factor.reshape(-1), moved.reshape(-1), by_others.shape[2]
+    flat, factors, products, width = (
+        by_others.reshape(-1),
+        factor.reshape(-1),
+        moved.reshape(-1),
+        by_others.shape[2],
+    )
     common, z, E = shared.reshape(-1), shared.shape[2], store.couplings
     done, at, sums, local = 0, 0, np.empty(12), clique.local
     for g in range(groups):
