@@ -28,7 +28,7 @@ OF_PIECE = 100e6
 """Bytes of the piece of a table, or of the rays, that is worked on."""
 OF_RAY_DIVIDED = 15
 """Bytes of an image point of the whole, in the process that divides the tables: names of points and their domains."""
-OF_OUTER = 8 * 5
+OF_OUTER = 8 * 6
 """Bytes of an entry of the dense matrix of outer unknowns."""
 _OF_CSV_ROW = 45
 """Bytes of a row of image coordinates in a CSV file."""
