@@ -17,7 +17,14 @@ import numpy as np
 
 from mor import compilation
 from mor.adjustment.rays import point_reference
-from mor.adjustment.rays.compiled import common_columns, frame_sums, image_passes, point_cofactors, point_products, points
+from mor.adjustment.rays.compiled import (
+    common_columns,
+    frame_sums,
+    image_passes,
+    point_cofactors,
+    point_products,
+    points,
+)
 from mor.adjustment.rays.compiled.cliques import Pattern
 from mor.adjustment.rays.compiled.image_passes import ImageRays
 from mor.adjustment.rays.compiled.point_products import System

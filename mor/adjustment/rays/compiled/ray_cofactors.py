@@ -32,7 +32,12 @@ def forms_of_rays(
     ``folded`` (f, F, F) and ``of_common`` (f, K, z) are those of ``gather_frames``. Rays of a frame are worked on
     together, four at a time.
     """
-    flat, triangles, rows, products = by_others.reshape(-1), folded.reshape(-1), of_common.reshape(-1), shared.reshape(-1)
+    flat, triangles, rows, products = (
+        by_others.reshape(-1),
+        folded.reshape(-1),
+        of_common.reshape(-1),
+        shared.reshape(-1),
+    )
     width, own, z = by_others.shape[2], folded.shape[1], shared.shape[2]
     first, listed = sorted_by_frame(frame, folded.shape[0])
     for f in range(folded.shape[0]):
@@ -43,7 +48,20 @@ def forms_of_rays(
             three = listed[k + 2] if two != one and listed[k + 2] >= 0 else two
             last = listed[k + 3] if three != two and listed[k + 3] >= 0 else three
             forms_of_four(
-                flat, width, triangles, f * own * own, own, rows, f * width * z, z, one, two, three, last, forms, products
+                flat,
+                width,
+                triangles,
+                f * own * own,
+                own,
+                rows,
+                f * width * z,
+                z,
+                one,
+                two,
+                three,
+                last,
+                forms,
+                products,
             )
             if last == three:
                 break
@@ -140,8 +158,9 @@ def cofactors_of_point(
 ) -> None:
     """Make Q_pp of N_pp⁻¹, (3, 3) in ``Q``, by the rays first … end − 1 of one point, and set their j H as ``moved``.
 
-    ``factor``, a N_pp⁻¹ (n, 2, 4), the Jacobians, ``moved`` (n, 2, 4), ``shared`` (n, 2, z), and couplings and products,
-    (size + z, 4) from ``base`` on, are flat; the latter are the same for what is common. ``sums`` (12,) is working space.
+    ``factor``, a N_pp⁻¹ (n, 2, 4), the Jacobians, ``moved`` (n, 2, 4), ``shared`` (n, 2, z), and couplings and
+    products, (size + z, 4) from ``base`` on, are flat. For what is common, products are the couplings. ``sums`` (12,)
+    is working space.
     """
     one, two, three = same(0.0), same(0.0), same(0.0)
     for i in range(first, end):
@@ -204,5 +223,8 @@ def cofactors_of_rays(
             across_x, across_y = a * x + b * y + c * z, d * u + e * v + f * w
             xy += forms[i, 1] - (a * u + b * v + c * w) - (d * x + e * y + f * z)
             shares[i, 0], shares[i, 1] = xx - across_x, yy - across_y
-            of_rays[i, 0, 0], of_rays[i, 1, 1] = xx - 2.0 * across_x + forms[i, 0], yy - 2.0 * across_y + forms[i, 2]
+            of_rays[i, 0, 0], of_rays[i, 1, 1] = (
+                xx - 2.0 * across_x + forms[i, 0],
+                yy - 2.0 * across_y + forms[i, 2],
+            )
             of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
