@@ -72,3 +72,8 @@ def put(array: FloatArray, place: int, numbers: Four) -> None:
 def total(numbers: Four) -> float:
     """Return the sum of the four."""
     return float((numbers[0] + numbers[1]) + (numbers[2] + numbers[3]))
+
+
+@Operation
+def fetch(array: FloatArray, place: int) -> None:
+    """Have the number of an array at a place, and what stands beside it, brought into the cache meanwhile."""

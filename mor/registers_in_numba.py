@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.core.datamodel import models
 from numba.core.typing.templates import AbstractTemplate, infer_global, make_intrinsic_template, signature
 from numba.extending import lower_builtin, register_model
@@ -33,7 +33,7 @@ class _Model(models.PrimitiveModel):
     """A four is kept in a register."""
 
     def __init__(self, manager: Any, type_: Any) -> None:
-        super().__init__(manager, type_, _VECTOR)
+        super().__init__(manager, type_, _VECTOR)  # type: ignore[no-untyped-call]
 
 
 def _four(typing: Any, array: Any, place: Any) -> Any:
@@ -72,6 +72,20 @@ def _total(typing: Any, numbers: Any) -> Any:
     return types.float64(FOUR), generate
 
 
+def _fetch(typing: Any, array: Any, place: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
+        byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, word, word, word])
+        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")  # type: ignore[no-untyped-call]
+        address = builder.bitcast(_address(context, builder, sig, args), byte)
+        builder.call(
+            prefetch, [address, *(ir.Constant(word, k) for k in (0, 3, 1))]
+        )  # to read, to be kept, data
+        return context.get_dummy_value()
+
+    return types.void(array, place), generate
+
+
 def _address(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
     """Where the number of an array at a place stands."""
     array = context.make_array(sig.args[0])(context, builder, args[0])
@@ -91,9 +105,9 @@ def _define(operation: Callable[..., Any], instruction: str) -> None:
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
-            return signature(FOUR, *args) if tuple(args) in kinds else None
+            return signature(FOUR, *args) if tuple(args) in kinds else None  # type: ignore[no-untyped-call]
 
-    infer_global(operation)(Template)
+    infer_global(operation)(Template)  # type: ignore[no-untyped-call]
 
     def lower(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
         one, other = (
@@ -103,7 +117,7 @@ def _define(operation: Callable[..., Any], instruction: str) -> None:
         return getattr(builder, instruction)(one, other)
 
     for kind in kinds:
-        lower_builtin(operation, *kind)(lower)
+        lower_builtin(operation, *kind)(lower)  # type: ignore[no-untyped-call]
 
 
 for _operation, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
@@ -111,9 +125,11 @@ for _operation, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"),
 
 _TYPES = {
     define.__name__[1:]: types.Function(
-        make_intrinsic_template(define, define, define.__name__, prefer_literal=False, kwargs={})
+        make_intrinsic_template(  # type: ignore[no-untyped-call]
+            define, define, define.__name__, prefer_literal=False, kwargs={}
+        )
     )
-    for define in (_four, _same, _each, _put, _total)
+    for define in (_four, _same, _each, _put, _total, _fetch)
 }
 
 

@@ -14,8 +14,9 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("escapes", "kernel_cache"),
+    ("escapes", "kernel_cache", "registers_in_numba"),
     ("errors", "units", "compilation", "counting", "arrays"),
+    ("registers",),
     ("allowance",),
     ("sparse",),
     ("geometry", "input_files", "machine"),

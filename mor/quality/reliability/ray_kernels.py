@@ -14,7 +14,8 @@ def fill(
     place: IntArray,
     weight: FloatArray,
     white: FloatArray,
-    carries: FloatArray,
+    shares: FloatArray,
+    by_point: FloatArray,
     controlled: float,
     v: FloatArray,
     absorbed: FloatArray,
@@ -24,9 +25,10 @@ def fill(
 ) -> None:
     """Set the quality of the rays at ``place`` (k,) of a chunk, which are these rows (n, 2) and (n,) of their group.
 
-    ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``carries`` (n, 2) what an error of 1 carries
-    into their points, ``weight`` (n, 2) is 1/σ; the residuals v are there already. Eigenvalues of the joint test below
-    ``controlled`` are left out. ``joint`` and ``freedom`` have one column for the row, or one for each component.
+    ``white`` (n, 2, 2) are the cofactors of the whitened computed values, ``shares`` (n, 2) what of an error of 1 goes
+    into their points, ``by_point`` (n, 2, 3) the whitened derivatives by these, ``weight`` (n, 2) is 1/σ; the residuals
+    v are there already. Eigenvalues of the joint test below ``controlled`` are left out. ``joint`` and ``freedom`` have
+    one column for the row, or one for each component.
     """
     for k in range(rows.size):
         row, i = rows[k], place[k]
@@ -50,7 +52,20 @@ def fill(
         for m in range(2):
             if weight[i, m] != 0.0:
                 absorbed[row, m] = white[i, m, m]
-                carried[row, m] = carries[i, m]
+                a, b, c = by_point[i, m, 0], by_point[i, m, 1], by_point[i, m, 2]
+                slope = np.sqrt(a * a + b * b + c * c)
+                carried[row, m] = shares[i, m] * weight[i, m] / slope if slope > 0.0 else 0.0
+
+
+@compile_kernel
+def note_residuals(
+    rows: SmallIntArray, place: IntArray, weight: FloatArray, residual: FloatArray, v: FloatArray
+) -> None:
+    """Set the residuals v (n, 2) in these rows (k,) from the whitened ones at ``place``; NaN where nothing is seen."""
+    for k in range(rows.size):
+        row, i = rows[k], place[k]
+        for m in range(2):
+            v[row, m] = residual[i, m] / weight[i, m] if weight[i, m] > 0.0 else np.nan
 
 
 @compile_kernel

@@ -78,7 +78,7 @@ def observation_quality(
                 image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
                 white = white + image @ np.swapaxes(image, 1, 2)
             add_directions(plan, rays, chunk, extra, shares)
-            _fill_rays(quality, chunk, white, shares * lengths_of_rays(chunk))
+            _fill_rays(quality, chunk, white, shares)
             if done is not None:
                 done(len(chunk.row))
 
@@ -116,17 +116,18 @@ def _fill_row_set(
 
 
 def _fill_rays(
-    quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, carries: FloatArray
+    quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, shares: FloatArray
 ) -> None:
     for number, place in _of_each_group(chunk.group):
         one = quality[number]
         rows = chunk.row[place]
         if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
-            compiled_rays.fill(rows, place, chunk.weight, white, carries, CONTROLLED, *arrays)
+            by_point = chunk.rays.by_point
+            compiled_rays.fill(rows, place, chunk.weight, white, shares, by_point, CONTROLLED, *arrays)
         else:
-            weight = chunk.weight[place]
-            _fill(one, rows, weight > 0.0, white[place], carries[place], weight)
+            weight, carries = chunk.weight[place], shares[place] * lengths_of_rays(chunk)[place]
+            _fill(one, rows, weight > 0.0, white[place], carries, weight)
 
 
 def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
@@ -144,11 +145,18 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
     def of_lane(lane: RayPlan) -> None:
         for chunk, residual in ray_residuals(adjustment.problem, lane, values):
             weight = lane.measurements.of(chunk.rays).weight
-            v = np.full(residual.shape, np.nan)
-            np.divide(residual, weight, out=v, where=weight > 0.0)
             group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
             for number, here in _of_each_group(group_of_ray):
-                result[number].v[lane.row[chunk.rays][here]] = v[here]
+                rows, v = lane.row[chunk.rays][here], result[number].v
+                if compilation.wanted():
+                    compiled_rays.note_residuals(rows, here, weight, residual, v)
+                else:
+                    v[rows] = np.divide(
+                        residual[here],
+                        weight[here],
+                        out=np.full((len(here), 2), np.nan),
+                        where=weight[here] > 0.0,
+                    )
 
     in_lanes(rays, 0, of_lane)
     return result

@@ -29,10 +29,16 @@ def test_joint_tests_of_rays_whatever_controls_them():
     expected, rank = joint_statistic(v * weight, np.eye(2) - white, here)
     absorbed, carried, joint = np.full((n, 2), np.nan), np.full((n, 2), np.nan), np.full(n, np.nan)
     freedom = np.zeros(n, dtype=np.int8)
-    place, carries = random.permutation(n), random.standard_normal((n, 2))
-    fill(place, place, weight, white, carries, CONTROLLED, v, absorbed, carried, joint, freedom)
+    place, shares, by_point = (
+        random.permutation(n),
+        random.standard_normal((n, 2)),
+        random.standard_normal((n, 2, 3)),
+    )
+    by_point[7] = 0.0  # nothing is carried into the point
+    carries = shares * weight / np.where(np.arange(n) == 7, np.inf, np.linalg.norm(by_point, axis=2).T).T
+    fill(place, place, weight, white, shares, by_point, CONTROLLED, v, absorbed, carried, joint, freedom)
     np.testing.assert_allclose(joint, expected, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(freedom, rank)
     assert set(rank) == {0.0, 1.0, 2.0}
     np.testing.assert_array_equal(absorbed, np.where(here, np.diagonal(white, axis1=1, axis2=2), np.nan))
-    np.testing.assert_array_equal(carried, np.where(here, carries, np.nan))
+    np.testing.assert_allclose(carried, np.where(here, carries, np.nan), rtol=1e-14)

@@ -1,9 +1,10 @@
-"""Kernels that multiply the couplings of a single point with one block of the selected inverse, and with its mirror image.
+"""Kernels that multiply the coupling of a single point with one block of R, and with its mirror image.
 
 A block is worked on in strips of six columns, then two, then single ones; what belongs to the columns stays in
-registers. It begins at ``start`` in the values, row by row, and so many numbers of it are in a row. The couplings E and
-the products H are (m, 4), flat, the fourth number zero, so that a number of a block is fetched once, and meets the three
+registers. It begins at ``start`` in the values, row by row, ``width`` numbers in a row. The couplings E and the
+products H are (m, 4), flat, the fourth number zero, so that a number of a block is fetched once, and meets the three
 of the point side by side. Those of the rows are ``first:end``, those of the first column of the strip begin at ``at``.
+Rows and columns may be the same ones.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ def multiply_six(
     u, v, w, x, y, z = same(0.0), same(0.0), same(0.0), same(0.0), same(0.0), same(0.0)
     p = start
     for row in range(first, end, 4):
-        k, l, m = each(values, p), each(values, p + 1), each(values, p + 2)
-        n, o, q = each(values, p + 3), each(values, p + 4), each(values, p + 5)
         own = four(E, row)
-        u, v, w = u + k * own, v + l * own, w + m * own
-        x, y, z = x + n * own, y + o * own, z + q * own
-        put(H, row, (four(H, row) + k * a + l * b + m * c) + (n * d + o * e + q * f))
+        k, m, n = each(values, p), each(values, p + 1), each(values, p + 2)
+        q, r, s = each(values, p + 3), each(values, p + 4), each(values, p + 5)
+        u, v, w = u + k * own, v + m * own, w + n * own
+        x, y, z = x + q * own, y + r * own, z + s * own
+        put(H, row, (four(H, row) + k * a + m * b + n * c) + (q * d + r * e + s * f))
         p += width
     put(H, at, four(H, at) + u)
     put(H, at + 4, four(H, at + 4) + v)
@@ -69,9 +70,9 @@ def multiply_two(
     a, b, u, v = four(E, at), four(E, at + 4), same(0.0), same(0.0)
     p = start
     for row in range(first, end, 4):
-        own, k, l = four(E, row), each(values, p), each(values, p + 1)
-        u, v = u + k * own, v + l * own
-        put(H, row, four(H, row) + k * a + l * b)
+        own, k, m = four(E, row), each(values, p), each(values, p + 1)
+        u, v = u + k * own, v + m * own
+        put(H, row, four(H, row) + k * a + m * b)
         p += width
     put(H, at, four(H, at) + u)
     put(H, at + 4, four(H, at + 4) + v)

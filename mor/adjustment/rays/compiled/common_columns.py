@@ -4,9 +4,9 @@ These are the last ones, the interior orientation of a single camera. With Q_zz 
 
     Q = R + W Wᵀ,        W = Q_·z C⁻ᵀ,
 
-and R vanishes in their rows and columns: they become unknowns with unit cofactors, correlated with nothing. What is left
-for products are the blocks of R between frames: of the cofactors of a point with five rays and ten common columns a
-third. The stored blocks on the diagonal of R are halved: so R is what is stored and its mirror image, block by block.
+and R vanishes in their rows and columns: they become unknowns with unit cofactors, correlated with nothing. What is
+left for products are the blocks of R of the frames' own unknowns. Those on its diagonal are stored halved: so R is
+what is stored and its mirror image.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mor.registers import four, same, total
 def split_cofactors(
     common: IntArray, pattern: Pattern, values: FloatArray, by_common: FloatArray, rest: FloatArray
 ) -> None:
-    """Set W (n, z) as ``by_common`` and the stored blocks of R, halved on the diagonal, as ``rest``, for common columns (z,).
+    """Set W (n, z) as ``by_common`` and the stored blocks of R as ``rest``, for common columns (z,).
 
     Columns that are −1 have nothing to do with anything, as have pairs that are not stored. z is a multiple of four.
     """

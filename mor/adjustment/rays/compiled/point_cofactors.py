@@ -16,10 +16,10 @@ from mor.adjustment.rays.compiled.cliques import (
     Runs,
     grouped,
     merge,
+    pairs_of_columns,
     room_for_clique,
     runs_of_frames,
     same_frames,
-    pairs_of_columns,
     survey,
 )
 from mor.adjustment.rays.compiled.cofactor_blocks import multiply_block
@@ -27,11 +27,14 @@ from mor.adjustment.rays.compiled.common_columns import gather_frames
 from mor.adjustment.rays.compiled.couplings import couple_fours
 from mor.adjustment.rays.compiled.pieces import end_of_piece, largest_piece
 from mor.adjustment.rays.compiled.point_store import (
+    AHEAD,
     Store,
     append_point,
     end_in_strip,
     end_of_strip,
+    fetch_block,
     open_group,
+    room_for_pairs,
     store_for,
 )
 from mor.adjustment.rays.compiled.points import invert_points
@@ -46,8 +49,8 @@ from mor.compilation import compile_kernel
 FEW_RAYS, MANY_RAYS = 1024, 16_384
 """Rays of a batch: so few that all there is of them stays in the cache, or so many that a large R is seldom fetched."""
 
-NUMBERS_OF_A_STRIP = 200_000
-"""Numbers in a strip of columns of R."""
+NUMBERS_OF_A_STRIP = 1_000_000
+"""Numbers in a strip of columns of R, 8 MB."""
 
 
 @compile_kernel
@@ -83,7 +86,7 @@ def cofactors(
     while first < pointers.size - 1:
         last = end_of_piece(pointers, first, most)
         begin, end = pointers[first], pointers[last]
-        n, rays, points = end - begin, pointers[first : last + 1] - begin, of_points[first:last]
+        rays, points = pointers[first : last + 1] - begin, of_points[first:last]
         by_these, by_other, of_frame = by_point[begin:end], by_others[begin:end], frame[begin:end]
         forms_of_rays(by_other, of_frame, folded, rows, forms, shared)
         invert_points(by_these, rays, factor, points)
@@ -130,7 +133,10 @@ def cofactors_of_points(
     moved: FloatArray,
     of_points: FloatArray,
 ) -> bool:
-    """Make Q_pp (p, 3, 3) of N_pp⁻¹, and set j H of all rays as ``moved`` (n, 2, 4); False where a pair is not stored."""
+    """Make Q_pp (p, 3, 3) of N_pp⁻¹, and set j H of all rays as ``moved`` (n, 2, 4).
+
+    Returns False where a pair of blocks is not stored.
+    """
     keys = np.empty(pointers.size - 1, dtype=np.int64)
     rays, most_runs, most, _ = survey(frame, pointers, runs, met, keys)
     clique, order = room_for_clique(rays, most_runs, most, met), grouped(keys)
@@ -177,10 +183,7 @@ def multiply_by_inverse(
     """Set the products H = R E of the stored couplings, strip by strip; return False where a pair is not stored."""
     for k in range(store.first_coupling[groups]):
         H[k] = 0.0
-    most = 0
-    for g in range(groups):
-        most = max(most, store.first_block[g + 1] - store.first_block[g])
-    pairs = np.empty((most * (most + 1) // 2, 3), dtype=np.int64)
+    pairs = room_for_pairs(store, groups)
     first, reached = NONE, np.zeros(groups, dtype=np.int64)
     while first < met.size.size:
         last = end_of_strip(first, met.size, NUMBERS_OF_A_STRIP)
@@ -218,8 +221,9 @@ def multiply_by_strip(
         if count < 0:
             return False
         at, size = store.first_coupling[g], 4 * (begin[end - block] + z)
-        for q in range(points):
+        for _ in range(points):
             for k in range(count):
+                fetch_block(rest, pairs[min(k + AHEAD, count - 1), 0])
                 start, row, column = pairs[k, 0], pairs[k, 1], pairs[k, 2]
                 width = begin[column + 1] - begin[column]
                 one, two, three = at + 4 * begin[row], at + 4 * begin[row + 1], at + 4 * begin[column]

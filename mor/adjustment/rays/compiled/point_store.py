@@ -14,18 +14,22 @@ import numpy as np
 from mor.adjustment.rays.compiled.cliques import Clique, Met, Runs, merge
 from mor.arrays import FloatArray, IntArray
 from mor.compilation import compile_inline, compile_kernel
+from mor.registers import fetch
 
 STRIP = 60_000
 """Numbers in a strip of columns of the reduced system, 0.5 MB: it stays in the cache while the store goes by."""
 SMALL_STORE, LARGE_STORE = 200_000, 1_000_000
 """Numbers in a store: 1.6 MB, which stays in the cache itself, to 8 MB. See ``size_of_store``."""
 
+AHEAD, NUMBERS_AHEAD = 4, 40
+"""How many blocks ahead of the one that is worked on are fetched, and how much of each: 6 × 6, beginning anywhere."""
+
 
 class Store(NamedTuple):
     """Groups of points with the same unknowns.
 
     Attributes:
-        couplings: group after group, those of its points with its m unknowns, transposed (3, m), or (m, 4) as ``Four``s.
+        couplings: group after group, those of its points with its m unknowns, (3, m) or (m, 4).
         first_coupling: (groups+1,) where those of a group start.
         points: (groups,) number of points.
         blocks: group after group, ascending block numbers of its unknowns.
@@ -116,3 +120,19 @@ def end_in_strip(blocks: IntArray, first: int, end: int, last: int) -> int:
     while first < end and blocks[first] < last:
         first += 1
     return first
+
+
+@compile_kernel
+def room_for_pairs(store: Store, groups: int) -> IntArray:
+    """Return room for the pairs of blocks (n, 3) of the largest group."""
+    most = 0
+    for g in range(groups):
+        most = max(most, store.first_block[g + 1] - store.first_block[g])
+    return np.empty((most * (most + 1) // 2, 3), dtype=np.int64)
+
+
+@compile_inline
+def fetch_block(values: FloatArray, start: int) -> None:
+    """Have a block brought into the cache that will be worked on soon."""
+    for line in range(0, NUMBERS_AHEAD, 8):
+        fetch(values, start + line)

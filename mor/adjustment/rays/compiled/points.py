@@ -112,7 +112,10 @@ def whiten_points(
 
 @compile_kernel
 def invert_points(by_point: FloatArray, pointers: IntArray, factor: FloatArray, inverse: FloatArray) -> None:
-    """Set N_pp⁻¹ of all points as ``inverse`` (p, 3, 3), and a N_pp⁻¹ of their rays as ``factor`` (n, 2, 4), filled up."""
+    """Set N_pp⁻¹ of all points as ``inverse`` (p, 3, 3), and a N_pp⁻¹ of their rays as ``factor`` (n, 2, 4).
+
+    The fourth number is zero.
+    """
     nothing = np.zeros((by_point.shape[0], 2))
     for point in range(pointers.size - 1):
         first, end = pointers[point], pointers[point + 1]

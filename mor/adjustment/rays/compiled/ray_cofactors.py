@@ -158,8 +158,9 @@ def cofactors_of_point(
 ) -> None:
     """Make Q_pp of N_pp⁻¹, (3, 3) in ``Q``, by the rays first … end − 1 of one point, and set their j H as ``moved``.
 
-    ``factor``, a N_pp⁻¹ (n, 2, 4), the Jacobians, ``moved`` (n, 2, 4), ``shared`` (n, 2, z), and couplings and products,
-    (size + z, 4) from ``base`` on, are flat; the latter are the same for what is common. ``sums`` (12,) is working space.
+    ``factor``, a N_pp⁻¹ (n, 2, 4), the Jacobians, ``moved`` (n, 2, 4), ``shared`` (n, 2, z), and couplings and
+    products, (size + z, 4) from ``base`` on, are flat. For what is common, products are the couplings. ``sums`` (12,)
+    is working space.
     """
     one, two, three = same(0.0), same(0.0), same(0.0)
     for i in range(first, end):
