@@ -142,10 +142,11 @@ def _folder() -> Path:
 
 @cache
 def _versions() -> tuple[object, ...]:
-    """What else machine code depends on: versions, and the settings of numba."""
+    """What else machine code depends on: versions, the settings of numba, and what it makes of registers."""
     settings = {k: v for k, v in os.environ.items() if k.startswith("NUMBA_") and k not in _NO_MATTER}
     versions = platform.python_version(), numba.__version__, llvmlite.__version__, np.__version__
-    return _FORMAT, *versions, numba.config.SLP_VECTORIZE, sorted(settings.items())  # type: ignore[attr-defined]
+    registers = _digest(str(Path(__file__).with_name("registers_in_numba.py")))
+    return _FORMAT, *versions, numba.config.SLP_VECTORIZE, sorted(settings.items()), registers  # type: ignore[attr-defined]
 
 
 def _sources(function: Callable[..., Any]) -> list[bytes]:

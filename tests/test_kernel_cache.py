@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -88,6 +89,23 @@ def test_what_a_kernel_calls_is_part_of_it(folder: Path, run: Callable[..., tupl
     assert run()[0] == 5.0
     assert run(start="10.0") == (25.0, 1)
     assert run() == (5.0, 0)
+
+
+def test_so_is_what_is_made_of_registers(
+    folder: Path, run: Callable[..., tuple[float, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run()
+    known, kept = kernel_cache._digest, len(list(folder.iterdir()))
+    changed = str(Path(kernel_cache.__file__).with_name("registers_in_numba.py"))
+    other = cache(lambda file: b"" if file == changed else known(file))
+    monkeypatch.setattr(kernel_cache, "_digest", other)
+    kernel_cache._versions.cache_clear()
+    try:
+        _, compiled = run()
+    finally:
+        kernel_cache._versions.cache_clear()
+    assert compiled
+    assert len(list(folder.iterdir())) == 2 * kept
 
 
 def test_a_kernel_is_compiled_with_one_that_was_kept(
