@@ -145,6 +145,9 @@ def test_gross_errors_reject_the_same_groups_and_move_the_same_points(tmp_path: 
     assert one["verdict"]["all_alike"] == several["verdict"]["all_alike"]
     assert several["verdict"]["explanations"] == []  # not looked for, which a note says
     assert any("is not looked for" in note["message"] for note in several["notes"])
+    for folder in ("one", "several"):
+        said = " ".join((tmp_path / folder / "report.txt").read_text(encoding="utf-8").split())
+        assert "image I7 (sigma times" in said
 
 
 @pytest.mark.usefixtures("small_domains")

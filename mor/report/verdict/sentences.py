@@ -67,7 +67,9 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
                 count=data["tests"],
             )
         ]
-    worst = data["explanations"][:NAMED]
+    explained = data["explanations"][:1]  # none where nobody has looked, as in domains
+    rejected = sorted((row for row in data["groups"] if row["rejected"]), key=lambda row: row["p"])
+    worst = (data["explanations"] or rejected)[:NAMED]
     names = ", ".join(
         words(
             "{thing} (sigma times {factor})", thing=_thing(row, words), factor=short(row["sigma_factor"], 3)
@@ -87,7 +89,7 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
             names=names,
         )
     ]
-    return lines + [_explained(row, words) for row in worst[:1]]
+    return lines + [_explained(row, words) for row in explained]
 
 
 def _thing(row: dict[str, Any], words: Words) -> str:
