@@ -138,3 +138,11 @@ def _until(happened):
 def test_processes_here_and_a_cluster_are_not_asked_for_together(blocks, capfd):
     assert run(["batch", blocks, "--jobs", "2", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "--jobs and --cluster together" in capfd.readouterr().err
+
+
+def test_one_simulated_project_needs_no_cluster(tmp_path, capfd):
+    path = tmp_path / "project.yaml"
+    path.write_text(PLAN)
+    assert run(["simulate", str(path), "--cluster", "tcp://127.0.0.1:9"]) == 2
+    assert "this goes with --runs" in capfd.readouterr().err
+    assert [one.name for one in tmp_path.iterdir()] == ["project.yaml"]

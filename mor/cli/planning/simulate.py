@@ -148,6 +148,7 @@ def command(
         trial = Trial(project, source_format or "", seed, starts)
         here = jobs_here(jobs, cluster)
         return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
+    _refuse_without_runs(cluster)
     return _one(project, output, force, source_format or "", seed, noise_free, wishes, quiet)
 
 
@@ -190,6 +191,14 @@ def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic],
     ]
     if problems:
         raise InputError(problems)
+
+
+def _refuse_without_runs(cluster: str | None) -> None:
+    """One simulated project is made here."""
+    from mor.errors import InputError, Problem
+
+    if cluster is not None:
+        raise InputError([Problem("this goes with --runs, not with one simulated project", "--cluster")])
 
 
 def _many(
