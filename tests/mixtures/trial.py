@@ -11,7 +11,7 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
 from mor.pipeline import read_document, read_network, solve_network
 from mor.preparation import determinable_start, make_problem
-from mor.quality.hypotheses.hypothesis import Causes
+from mor.diagnose.hypothesis import Causes
 from mor.quality.solved import Solved
 from mor.sparse.cholesky import NotFiniteError
 from tests.mixtures.project_file import write_project
@@ -67,7 +67,7 @@ def compared_as_adjusted(nothing: Path, truth: Path, tags: frozenset[str]) -> Tr
 
     A world counts where it ends at a solution from the truth. Possible causes are not looked for: they change nothing.
     """
-    with patch("mor.quality.hypotheses.search.causes", lambda *_: Causes()):
+    with patch("mor.diagnose.search.causes", lambda *_: Causes()):
         expected, found = _ended(truth), _ended(nothing)
     if isinstance(expected, str) or isinstance(found, str):
         counts = not isinstance(expected, str)

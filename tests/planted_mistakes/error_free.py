@@ -10,7 +10,7 @@ import numpy as np
 
 from mor import pipeline
 from mor.project.network.build import Network
-from mor.quality.hypotheses.rejection import Rejection, rejection
+from mor.quality.tests.rejection import Rejection, rejection
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 

@@ -16,15 +16,15 @@ from mor.adjustment.solve import adjust
 from mor.allowance import Allowance
 from mor.preparation import make_problem
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_group
-from mor.quality.hypotheses.controlled_part import controlled_part
-from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
-from mor.quality.hypotheses.mistakes.control import control_hypotheses, control_tables
-from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
-from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.search import Tried, _in_order
-from mor.quality.hypotheses.situation import Situation
-from mor.quality.hypotheses.trying import _beginnings
+from mor.diagnose.hypothesis import with_group
+from mor.diagnose.situation import controlled_part
+from mor.diagnose.hypothesis import Fit, Hypothesis
+from mor.diagnose.control import control_hypotheses, control_tables
+from mor.diagnose.sigmas import sigma_hypotheses
+from mor.diagnose.search import promises
+from mor.diagnose.search import Tried, _in_order
+from mor.diagnose.situation import Situation
+from mor.diagnose.search import _beginnings
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 

@@ -18,13 +18,13 @@ from mor.parameters.index import index_unknowns
 from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.hypotheses import effort
-from mor.quality.hypotheses.changes import with_observed
-from mor.quality.hypotheses.effort import allowed, times
-from mor.quality.hypotheses.mistakes.circles import circle_hypotheses
-from mor.quality.hypotheses.mistakes.levelling import _reductions
-from mor.quality.hypotheses.mistakes.station_alone import _alone, _cost, _exchanged
-from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.situation import Situation
+from mor.diagnose.hypothesis import with_observed
+from mor.diagnose.effort import allowed, times
+from mor.diagnose.circles import circle_hypotheses
+from mor.diagnose.levelling import _reductions
+from mor.diagnose.names import _alone, _cost, _exchanged
+from mor.diagnose.search import promises
+from mor.diagnose.situation import Situation
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import Survey, survey

@@ -20,10 +20,10 @@ from mor.quality.gross_errors.description_length import (
     sizes_of,
 )
 from mor.quality.gross_errors.reintersection import reintersected, slots_of_ends
-from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
-from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
-from mor.quality.hypotheses.rejection import Rejection, rejection
-from mor.quality.hypotheses.situation import Situation
+from mor.diagnose.circles import _given_unit, _is_on_circle
+from mor.diagnose.heights import _hypothesis, _reductions, _sights
+from mor.quality.tests.rejection import Rejection, rejection
+from mor.diagnose.situation import Situation
 from mor.quality.solved import Solved
 from tests.planted_mistakes.survey import survey
 from tests.planted_mistakes.trial import trial
