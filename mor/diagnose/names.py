@@ -23,8 +23,7 @@ from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
 from mor.diagnose.hypothesis import Hypothesis, with_blocks
-from mor.diagnose.search import without_row
-from mor.diagnose.situation import SMALL, Situation
+from mor.diagnose.situation import SMALL, Situation, without_row
 from mor.observations import ObservationGroup, some_rows, wrap
 from mor.parameters.index import Values, index_unknowns, move
 from mor.project.network.build import Network

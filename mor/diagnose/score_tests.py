@@ -42,8 +42,6 @@ _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause."""
-_ALIKE = 0.8
-"""Part of what another candidate explains of the same residuals, above which the simpler one is named alone."""
 
 
 class _Candidate(NamedTuple):
@@ -75,8 +73,6 @@ class _Scored(NamedTuple):
     length: float
     """Gain less the cost of the choice of the candidate and of its parameters."""
     log_p: float
-    residual: FloatArray
-    """(N,) part of the whitened residuals that it explains."""
 
 
 def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]:
@@ -94,7 +90,11 @@ def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
     good = [one for one in scored if one.log_p < limit and one.length > _single(quality)]
-    good += _joined(quality, good, count)
+    good += [
+        one
+        for one in _joined(quality, candidates, count)
+        if one.log_p < limit and one.length > _single(quality)
+    ]
     return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
 
 
@@ -459,7 +459,7 @@ def _score(
     p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))
     parameters = 0 if one.definite else one.parameters
     cost = cost_of_choice(quality.adjustment.problem.observations, count, parameters, 0.0)
-    return _Scored(one, x, gain, gain - cost, float(p[0]), answer @ x)
+    return _Scored(one, x, gain, gain - cost, float(p[0]))
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
@@ -500,24 +500,54 @@ def _single(quality: Quality) -> float:
     return max(worst**2 - cost_of_choice(observations, observations, 1, 0.0), 0.0)
 
 
-def _joined(quality: Quality, good: Sequence[_Scored], count: int) -> list[_Scored]:
-    """Mistakes of one kind together, if they explain more together than each of them alone."""
-    kinds: dict[tuple[str, int], list[_Scored]] = {}
-    for one in good:
-        if one.candidate.definite or one.candidate.cause == "camera of images":
-            kinds.setdefault((one.candidate.cause, one.candidate.parameters), []).append(one)
+_TOGETHER = ("levelling sign", "vector sign", "camera of images", "antenna height", "control moved")
+"""Causes of which several may have come together: the same person, the same day."""
+
+
+def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
+    """Mistakes of one kind together: one after the other, as long as each shortens the description."""
     found = []
-    for (cause, _), some in kinds.items():
-        some = sorted(some, key=lambda one: -one.length)[:_JOINED]
-        if len(some) < 2 or cause in ("names exchanged", "control exchanged", "table unit", "circle sense"):
+    for cause in _TOGETHER:
+        some = [one for one in candidates if one.cause == cause]
+        if len(some) < 2 or len(some) * quality.adjustment.problem.observations > _ENTRIES:
             continue
-        parts = tuple(part for one in some for part in one.candidate.parts)
-        things = tuple(dict.fromkeys(name for one in some for name in one.candidate.things))
-        lines = "; ".join(one.candidate.line for one in some)
-        together = _Candidate(cause, things, lines, parts, some[0].candidate.definite)
-        scored = _scores(quality, [together], count * len(some))
-        found += [one for one in scored if one.length > some[0].length]
+        chosen = _greedy(quality, some, count)
+        if len(chosen) > 1:
+            parts = tuple(part for one in chosen for part in one.candidate.parts)
+            things = tuple(dict.fromkeys(name for one in chosen for name in one.candidate.things))
+            lines = "; ".join(one.candidate.line for one in chosen)
+            together = chosen[0].candidate._replace(things=things, line=lines, parts=parts, amount=None)
+            gain = sum(one.gain for one in chosen)
+            freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
+            p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
+            length = sum(one.length for one in chosen)
+            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0])))
     return found
+
+
+def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_Scored]:
+    """The candidates that gain most, each beside those chosen before it."""
+    rows = _rows(quality, some)
+    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
+    z = [_columns(quality, rows, one) for one in some]
+    ends = np.cumsum([own.shape[1] for own in z])[:-1]
+    answer = np.split(rows.residuals_of(np.concatenate(z, axis=1)), ends, axis=1)
+    chosen: list[_Scored] = []
+    left = list(range(len(some)))
+    while left and len(chosen) < _JOINED:
+        scores = {k: _score(quality, some[k], z[k], answer[k], residuals, count) for k in left}
+        best = max(left, key=lambda k: one.length if (one := scores[k]) is not None else -np.inf)
+        one = scores[best]
+        if one is None or one.length <= 0.0:
+            break
+        chosen.append(one)
+        left.remove(best)
+        residuals = residuals + answer[best] @ one.x
+        if not some[best].definite:  # its parameters are estimated together with those of the others
+            inverse = np.linalg.inv(z[best].T @ answer[best])
+            for k in left:
+                answer[k] = answer[k] - answer[best] @ (inverse @ (answer[best].T @ z[k]))
+    return chosen
 
 
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:

@@ -14,15 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Iteration, Outcome, Watcher
+from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray
 from mor.diagnose.circles import circle_hypotheses, face_hypotheses
 from mor.diagnose.control import control_hypotheses, exchange_hypotheses
@@ -36,8 +34,10 @@ from mor.diagnose.sigmas import sigma_hypotheses
 from mor.diagnose.situation import (
     SMALL,
     Begin,
+    HopelessError,
     Make,
     Situation,
+    attempt,
     changed_observations,
     controlled_part,
     fit_of,
@@ -300,15 +300,8 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values 
     return reintersected(problem, best, sizes_of(problem.groups, best))
 
 
-_ITERATIONS = 15
 _AS_EXPECTED = 2.0
 """vᵀPv over its degrees of freedom up to which no other beginning is tried."""
-_PATIENCE = 2
-"""Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
-
-
-class HopelessError(Exception):
-    """An iteration that leads nowhere."""
 
 
 def tried(
@@ -415,28 +408,6 @@ def _adjusted(
     return found if found.outcome.is_solution else None
 
 
-def attempt(problem: Problem, begin: Values) -> Adjustment:
-    """An adjustment that ends early where it leads nowhere.
-
-    Raises:
-        HopelessError: it does not come near to a solution as quickly as one that will.
-    """
-    with np.errstate(all="ignore"):
-        return adjust(problem, begin, Settings(_ITERATIONS), _impatient())
-
-
-def without_row(situation: Situation, group: int, row: int) -> Values:
-    """Where the others lead without a row; where most fit, if they have no solution."""
-    problem = situation.make(situation.network, situation.start, situation.values)
-    masks = [own.left_out.copy() for own in problem.groups]
-    masks[group][row] = True
-    try:
-        found = attempt(exclude(problem, masks), situation.values)
-    except (InputError, NotFiniteError, HopelessError):
-        return situation.values
-    return found.values if found.outcome.is_solution else situation.values
-
-
 def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Adjustment:
     """The adjustment of all observations from there, where it converges and does not go anywhere else."""
     try:
@@ -449,24 +420,6 @@ def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Ad
     ]
     kept = found.outcome.is_solution and costs[0] <= costs[1] + 1.0
     return found if kept else reduced
-
-
-def _impatient() -> Watcher:
-    """A watcher that ends an iteration which does not come near to a solution as quickly as one that will."""
-    seen: list[float] = []
-
-    def watch(iteration: Iteration) -> None:
-        seen.append(iteration.objective)
-        last = seen[-1 - _PATIENCE :]
-        slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))
-        if (
-            slow
-            and iteration.objective > 25.0 * max(iteration.redundancy, 1)
-            and iteration.largest_change > 1.0
-        ):
-            raise HopelessError
-
-    return watch
 
 
 def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
