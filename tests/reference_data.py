@@ -20,6 +20,8 @@ from mor.project.file.validation import validate
 from mor.project.network.build import Network, build_network
 from mor.quality.precision.cofactors import angle_cofactors
 
+MISSING = "need the reference data of other programs (../shared/data, or the folder MOR_SHARED_DATA)"
+"""Why tests of readers and of large blocks are skipped in a clone with nothing beside it."""
 
 NETWORKS = sorted((Path(__file__).parent / "reference" / "networks").glob("*/*.yaml"))
 """Projects of the reference networks that stand in the repository."""
@@ -38,15 +40,24 @@ def reference_folder(name: str) -> Path | None:
 
 
 def missing(name: str) -> str:
-    """Why a test is skipped."""
-    return f"reference data {name!r} not found (set MOR_SHARED_DATA, or put them in ../shared/data)"
+    """Why a test is skipped: the same words for every data set, so that the summary counts them in one line."""
+    assert name
+    return MISSING
+
+
+def reference_file(name: str) -> Path:
+    """A file of a data set, as ``gama/NAME.gkf``; the test is skipped where the data set is missing."""
+    folder = reference_folder(name.split("/")[0])
+    if folder is None:
+        pytest.skip(MISSING)
+    return folder.parent / name
 
 
 def reference_files(name: str, pattern: str) -> Sequence[object]:
     """Files of a data set as test parameters; one skipped parameter where the set is missing."""
     folder = reference_folder(name)
     if folder is None:
-        return [pytest.param(None, marks=pytest.mark.skip(reason=missing(name)), id="missing")]
+        return [pytest.param(None, marks=pytest.mark.skip(reason=MISSING), id="missing")]
     return [pytest.param(path, id=path.stem) for path in sorted(folder.glob(pattern))]
 
 
