@@ -1,6 +1,6 @@
 """A dense bundle adjustment that shares no code with mor: it computes the expected values of the reduced blocks.
 
-    python tests/reference/dense_bundle.py networks/calibration/*.yaml
+    python tests/reference/dense_bundle.py tests/reference/networks/calibration/*.yaml
 
 reads the projects and writes the numbers into the ``.expected.json`` beside each of them; source and tolerances there
 are kept. It understands only what these projects contain: one camera with pixel coordinates, images without
