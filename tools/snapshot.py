@@ -42,6 +42,7 @@ import os
 import pkgutil
 import re
 import runpy
+import shlex
 import shutil
 import signal
 import statistics
@@ -68,8 +69,9 @@ DATE = "1767225600"
 """The date that all results carry: 2026-01-01, in seconds since 1970."""
 OUTPUT = "out"
 """The folder of the results, beside the project."""
-NO_PROJECTS = {".csv", ".md", ".py", ".sh", ".json", ".stn", ".gtx"}
-"""Suffixes of files that belong to a project, or to nobody, but are no projects."""
+DATA = {".csv", ".stn", ".gtx", ".json"}
+NO_PROJECTS = {*DATA, ".md", ".py", ".sh"}
+"""Suffixes of files that a project beside them may read, and of all that are no projects."""
 ENVIRONMENT = {
     **dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     **dict.fromkeys(("VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
@@ -131,7 +133,7 @@ def _selected(name: str, patterns: list[str]) -> bool:
 
 
 def _projects(group: str, top: Path, options: list[str] | None = None, only: str = "") -> Iterator[Input]:
-    """Yield the projects below a folder: single files, and files in folders together with what stands beside them."""
+    """Yield the projects below a folder: single files, and in folders files with the tables beside them."""
     skipped, with_project = [], set()
     for main in sorted(path for path in top.rglob(only or "*") if path.is_file()):
         inside = main.relative_to(top)
@@ -142,7 +144,9 @@ def _projects(group: str, top: Path, options: list[str] | None = None, only: str
             continue
         beside = [main]
         if main.parent != top:
-            beside = [p for p in sorted(main.parent.rglob("*")) if p.is_file() and "truth" not in p.parts]
+            beside += [
+                p for p in sorted(main.parent.rglob("*")) if p.suffix in DATA and "truth" not in p.parts
+            ]
         files = {p.relative_to(main.parent).as_posix(): p.read_bytes() for p in beside if not _is_result(p)}
         name = inside.parent if main.name == "project.yaml" else inside
         with_project.add(main.parent)
@@ -155,10 +159,7 @@ def _projects(group: str, top: Path, options: list[str] | None = None, only: str
 
 
 def _is_result(path: Path) -> bool:
-    return any(part.endswith(".results") for part in path.parts) or path.name in (
-        "README.md",
-        "expected.json",
-    )
+    return path.name.endswith("expected.json") or any(part.endswith(".results") for part in path.parts)
 
 
 def _mutants(root: Path) -> Iterator[Input]:
@@ -179,8 +180,12 @@ def _mutants(root: Path) -> Iterator[Input]:
 
 def make(out: Path, given: list[Input], header: dict[str, Any], settings: argparse.Namespace) -> None:
     """Run all inputs and write the snapshot."""
-    runs: dict[str, dict[str, Any]] = {}
-    contents = {_digest(content): _text(content) for each in given for content in each.files.values()}
+    before = load(out) if settings.add else {"header": {"only": []}, "contents": {}, "runs": {}}
+    runs: dict[str, dict[str, Any]] = before["runs"]
+    header["only"] = sorted({*before["header"]["only"], *header["only"]})
+    contents = before["contents"] | {
+        _digest(content): _text(content) for each in given for content in each.files.values()
+    }
     starters: SimpleQueue[Starter] = SimpleQueue()
     with (
         tempfile.TemporaryDirectory(prefix="snapshot") as place,
@@ -249,7 +254,7 @@ class Starter:
 
     def __init__(self, settings: argparse.Namespace) -> None:
         self.tree: Path = settings.tree
-        self._command: list[str] = settings.mor.split() or [sys.executable, "-m", "mor"]
+        self._command: list[str] = shlex.split(settings.mor) or [sys.executable, "-m", "mor"]
         self._limit: float = settings.limit
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("MOR_", "PYTHON", "LANG"))}
         self._environment = {**kept, **ENVIRONMENT, "PYTHONPATH": str(settings.tree)}
@@ -776,6 +781,7 @@ def main(arguments: list[str] | None = None) -> int:
     making.add_argument(
         "--only", default="*", help="groups or patterns of runs, with commas: samples,mutants/00*"
     )
+    making.add_argument("--add", action="store_true", help="keep the other runs that the file already has")
     making.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="runs at a time")
     making.add_argument("--limit", type=float, default=120.0, help="CPU seconds that a run may take")
     making.add_argument("--tree", type=Path, default=ROOT, help="folder with the state of mor to run")
