@@ -105,6 +105,12 @@ def test_the_last_bound_that_fits_counts(compared: Any) -> None:
     assert compared(new, "--bound", "1e-12", "--ignore", "points.csv:x")[0] == 0
 
 
+def test_round_off(compared: Any) -> None:
+    new = POINTS.replace("1000.25", "1000.2500000001").replace("1e-17", "-2e-18")
+    assert compared(record(files={"points.csv": new}), "--round-off")[0] == 0
+    assert compared(record(files={"points.csv": POINTS.replace("0.1\n", "0.1001\n")}), "--round-off")[0] == 1
+
+
 def test_rows_are_compared_by_name(compared: Any) -> None:
     header, a, b = POINTS.splitlines()
     swapped = record(files={"points.csv": f"{header}\n{b}\n{a}\n"})
