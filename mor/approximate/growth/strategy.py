@@ -114,6 +114,11 @@ def _without_some(
     if not answer:
         return assembled(network, scene)
     reduced = replace(network, start=without(network, scene, some[answer - 1]))
+    return _assembled_near_given(network, reduced, scene)
+
+
+def _assembled_near_given(network: Network, reduced: Network, scene: Scene) -> Assembly:
+    """Return the parts of a network ``reduced`` by given start values, laid upon these if it has no others."""
     assembly = assembled(reduced, scene)
     if not np.isfinite(reduced.start["point"]).any():
         lay_upon(assembly.parts[0], network.start["point"])
@@ -181,7 +186,7 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
     One that contradicts only because another one had spoiled what it is tied to stays as it was given.
     """
     reduced = replace(network, start=without(network, scene, found))
-    assembly = assembled(reduced, scene)
+    assembly = _assembled_near_given(network, reduced, scene)
     approximation = _approximation(assembly)
     if approximation.missing:
         return None
