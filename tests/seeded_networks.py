@@ -97,7 +97,13 @@ class Drawn:
         length, angle = RELATIVE * self.size, RELATIVE
         return {
             key: self.sigma_scale
-            * (FOCAL * angle if key == "image" else angle if key == "zenith_directions" or key == "directions" else length)
+            * (
+                FOCAL * angle
+                if key == "image"
+                else angle
+                if key == "zenith_directions" or key == "directions"
+                else length
+            )
             for key in self.rows
         }
 
@@ -183,7 +189,9 @@ def drawn(
             [names[a], names[b], float(np.hypot(*(truth[b] - truth[a])[:2]))] for a, b in pairs
         ]
     if kind in ("distances", "images and distances"):
-        rows["distance"] = [[names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in pairs]
+        rows["distance"] = [
+            [names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in pairs
+        ]
     if kind.startswith("plane directions"):
         turn = random.uniform(0.0, 2.0 * np.pi, n)
         rows["directions"] = [
@@ -200,7 +208,9 @@ def drawn(
             for a, b in sights
             for d in [truth[b] - truth[a]]
         ]
-        rows["distance"] = [[names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in sights]
+        rows["distance"] = [
+            [names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in sights
+        ]
     if kind.startswith("images"):
         rows["image"] = []
         for k in range(4):
@@ -212,7 +222,9 @@ def drawn(
             images.append([f"I{k}", "K", *start.tolist()])
             star = (truth - centre) @ D.T
             xy = -FOCAL * star[:, :2] / star[:, 2:]
-            rows["image"] += [[f"I{k}", name, *values] for name, values in zip(names, xy.tolist(), strict=True)]
+            rows["image"] += [
+                [f"I{k}", name, *values] for name, values in zip(names, xy.tolist(), strict=True)
+            ]
     plan = Drawn(kind, names, truth, given, free, size, rows, images, 1.0)
     for key, sigma in plan.sigmas().items():
         first = 2

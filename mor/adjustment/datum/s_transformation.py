@@ -114,9 +114,7 @@ def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
     triangle = np.linalg.qr(null[columns[columns >= 0]], mode="r")
     if triangle.shape[0] < triangle.shape[1] or not np.diagonal(triangle).all():
         return False
-    normals, movements = (
-        np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null)
-    )
+    normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
     size = float(np.linalg.norm(normals, axis=0).max())
     return bool(size > 0.0 and np.linalg.svd(normals.T @ movements, compute_uv=False)[-1] > 1e-9 * size)
 

@@ -109,7 +109,9 @@ def lay_upon(part: Part, places: FloatArray, turn: Turn, scaled: bool) -> None:
     """
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))
     none = np.zeros((0, 3))
-    found = movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
+    found = (
+        movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
+    )
     if found is not None:
         part.transform(found.similarity)
 
