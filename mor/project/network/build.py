@@ -24,6 +24,7 @@ from mor.project.motion.model import Motion
 from mor.project.network.cameras import hold_what_images_have, read_cameras
 from mor.project.network.candidates import candidate_groups
 from mor.project.network.checks import check_groups
+from mor.project.network.files_named_twice import refuse_files_named_twice
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
 from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
@@ -191,6 +192,7 @@ def build_network(
     """
     reading = read_things(project, document, folder, read, planned)
     problems = reading.problems
+    refuse_files_named_twice(reading)
     read_in = read_groups(reading)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
