@@ -36,8 +36,8 @@ def make_problem(
 ) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
 
-    The datum refers to the given coordinates, and to those of ``start`` for points without; distances in σ models, and times by which rows are read out on
-    trajectories, are those of ``place``.
+    The datum refers to the given coordinates, and to those of ``start`` for points without. Distances in σ models, and
+    times by which rows are read out on trajectories, are those of ``place``.
     """
     groups, checks = (
         tuple(with_sigma_model(read_out_at(network, group, place), place) for group in some)

@@ -24,10 +24,10 @@ from mor.project.motion.model import Motion
 from mor.project.network.cameras import hold_what_images_have, read_cameras
 from mor.project.network.candidates import candidate_groups
 from mor.project.network.checks import check_groups
-from mor.project.network.files_named_twice import refuse_files_named_twice
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
 from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
+from mor.project.network.files_named_twice import refuse_files_named_twice
 from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
 from mor.project.network.points import read_points

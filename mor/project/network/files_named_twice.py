@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from mor.project.file.model import Observations, Project
 from mor.project.network.reading import Reading

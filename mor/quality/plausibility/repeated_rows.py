@@ -53,7 +53,11 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
     observed = np.concatenate([group.observed for group in groups])
     equal = _same(observed, first, second) & _same(sigma, first, second)
     zero = ~(np.nan_to_num(observed[first]) != 0.0).any(axis=1)
-    chance = _chances(observed, sigma, first)
+    start = np.concatenate([[0], np.cumsum(~again)])
+    times = np.bincount(start)[
+        start[:-1][again]
+    ]  # m values have m(m − 1)/2 pairs, of which m − 1 are looked at
+    chance = np.minimum(1.0, 0.5 * times * _chances(observed, sigma, first))
     for one in range(len(groups)):
         for other in range(len(groups)):
             here = (owner[first] == one) & (owner[second] == other) & ~zero
@@ -79,7 +83,8 @@ def _pairs(groups: list[ObservationGroup]) -> tuple[IntArray, np.ndarray]:
     columns = [np.concatenate([group.blocks[k] for group in groups]) for k in slots]
     constants = np.concatenate([group.constants for group in groups])
     columns += list(constants.T) if groups[0].type.key not in OF_IMAGES else []
-    order = np.lexsort(columns[::-1])
+    observed = np.concatenate([group.observed for group in groups])
+    order = np.lexsort([*observed.T, *columns[::-1]])  # of one quantity, equal values are neighbours
     again = np.ones(max(len(order) - 1, 0), dtype=bool)
     for column in columns:
         sorted_ = column[order]
