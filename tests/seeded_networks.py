@@ -29,7 +29,7 @@ FOCAL = 20.0
 """Camera constant (mm)."""
 _FIXED = {
     "levelling": ["x", "y"],
-    **dict.fromkeys(("plane distances", "plane directions", "plane directions and distances"), ["z"]),
+    **{key: ["z"] for key in ("plane distances", "plane directions", "plane directions and distances")},
 }
 OPEN = {
     "levelling": ("Z",),

@@ -36,7 +36,7 @@ def test_unobserved_direction_is_found_at_any_size(size: float) -> None:
 def test_result_with_sigma_of_metres_is_not_accepted(tmp_path: Path) -> None:
     run = command("adjust", CASE, "-o", tmp_path / "out")
     assert run.code == 0
-    assert "NOT DETERMINED: 8 of 8 points" in run.out
+    assert "NOT DETERMINED: 8 of 8 points" in run.err
     assert command("adjust", CASE, "-o", tmp_path / "strict", "--strict").code == 1
     result = mor.adjust(CASE)
     assert not result.accepted
