@@ -110,7 +110,7 @@ def _judge_defect(state: Adjustment) -> Adjustment:
         )
     if defect.datum.shape[1] and not datum.free:
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
-    if not binds(defect.datum, state.constraint):
+    if not binds(defect.datum, state.constraint, state.problem.index):
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
     return state
 

@@ -98,13 +98,21 @@ def free_movements(target: Part, source: Part) -> int:
     return 3 + turns + (not (target.scaled and source.scaled))
 
 
-def lay_upon(part: Part, places: FloatArray) -> None:
-    """Carry a part to where most of some points (points, 3) are said to be, roughly; its shape and size stay."""
+def lay_upon(part: Part, places: FloatArray, turn: Turn, scaled: bool) -> None:
+    """Carry a part as near as possible to where some points (points, 3) are said to be.
+
+    Args:
+        part: keeps its shape.
+        places: given coordinates, NaN for points without.
+        turn: the turns that the observations leave free.
+        scaled: true if the observations determine the size.
+    """
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))
     none = np.zeros((0, 3))
-    turn = Turn.VERTICAL if part.levelled else Turn.ANY
-    found = movement(Ties(part.points[rows], places[rows], none, none), turn, True) if len(rows) > 2 else None
-    if found is not None and not found.open:
+    found = (
+        movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
+    )
+    if found is not None:
         part.transform(found.similarity)
 
 

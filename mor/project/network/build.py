@@ -27,6 +27,7 @@ from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
 from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
+from mor.project.network.files_named_twice import refuse_files_named_twice
 from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
 from mor.project.network.points import read_points
@@ -61,7 +62,19 @@ class DatumChoice(NamedTuple):
     minimal: bool = False
     """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
     reference: FloatArray | None = None
-    """(points, 3) coordinates it refers to, internal axes; ``None``: the start values."""
+    """(points, 3) coordinates it refers to, internal axes; ``None``: the given ones."""
+    given: FloatArray | None = None
+    """(points, 3) coordinates that the project gives, internal axes, NaN where it gives none."""
+
+    def reference_from(self, start: FloatArray) -> FloatArray:
+        """Return the coordinates (points, 3) that inner constraints refer to.
+
+        These are the given coordinates, even if the adjustment starts elsewhere because a start value was replaced.
+        Only points without given coordinates refer to their start values ``start`` (points, 3).
+        """
+        if self.reference is not None:
+            return self.reference
+        return start if self.given is None else np.where(np.isfinite(self.given), self.given, start)
 
 
 @dataclass(frozen=True)
@@ -179,6 +192,7 @@ def build_network(
     """
     reading = read_things(project, document, folder, read, planned)
     problems = reading.problems
+    refuse_files_named_twice(reading)
     read_in = read_groups(reading)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
@@ -223,22 +237,23 @@ def _network(
     project, document = reading.project, reading.document
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
+    start = {
+        key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
+        for key, store in stores.items()
+    }
     return Network(
         project=project,
         edge=reading.edge,
         scales=reading.scales,
         things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
         blocks={key: store.blocks() for key, store in stores.items()},
-        start={
-            key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
-            for key, store in stores.items()
-        },
+        start=start,
         observed=observed,
         sigma={key: store.all_sigma() for key, store in stores.items()},
         groups=groups,
         checks=checks,
         correlations=correlated,
-        datum=datum,
+        datum=datum._replace(given=start.get("point")),
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),

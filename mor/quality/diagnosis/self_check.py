@@ -17,7 +17,7 @@ import numpy as np
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
 from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray
 from mor.quality.assess import Quality
 
 REDUNDANCY_LOST = "the sum of the redundancy numbers is not the redundancy: round-off has eaten the solution"
@@ -49,7 +49,10 @@ def is_complete(redundancy_sum: float, redundancy: int) -> bool:
 
 
 def beyond_use(quality: Quality) -> list[Undetermined]:
-    """Blocks with unknowns whose σ (σ0 = 1) is larger than the scale they live on; those first that are worst."""
+    """Blocks with unknowns whose σ is larger than the scale they live on; those first that are worst.
+
+    σ are those of :func:`sigma_of_geometry`.
+    """
     problem, found = quality.adjustment.problem, []
     size = network_size(quality.adjustment)
     for kind, columns in problem.index.columns.items():
@@ -57,8 +60,8 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
         if not np.isfinite(limit) or limit <= 0.0:
             continue
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
-        sigma = np.sqrt(np.maximum(variance, 0.0))
-        beyond = (columns >= 0) & ~(sigma <= limit) & ~_told_by_user(quality, kind)[:, None]
+        sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
+        beyond = (columns >= 0) & ~(sigma <= limit) & ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
@@ -71,16 +74,35 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     ]
 
 
+def sigma_of_geometry(quality: Quality) -> float:
+    """Return the factor on √Q with which determinability is judged.
+
+    It is 1, the σ a priori: residuals that are too large say nothing about the geometry. If they are smaller than the
+    stated σ say, as with weights that only mean ratios, it is σ0 a posteriori.
+    """
+    return min(1.0, quality.sigma0)
+
+
 def network_size(adjustment: Adjustment) -> float:
     """Size of the network, length unit, which points that have run away do not change; 0 where there are no points."""
+    return _BEYOND_MEDIAN * median_distance(adjustment)
+
+
+def median_distance(adjustment: Adjustment) -> float:
+    """Return the median distance of points from their median; 0 if it says nothing about the size of the network.
+
+    Heights of points without plan coordinates are such a case: their differences may be smaller than their σ.
+    """
     if "point" not in adjustment.values:
         return 0.0
     points = adjustment.values["point"]
-    middle: FloatArray = np.median(points, axis=0)
-    return _BEYOND_MEDIAN * float(np.median(np.linalg.norm(points - middle, axis=1)))
+    apart = points - np.median(points, axis=0)
+    if np.count_nonzero(np.ptp(points, axis=0) > 0.0) < 2:
+        return 0.0
+    return float(np.median(np.linalg.norm(apart, axis=1)))
 
 
-def _told_by_user(quality: Quality, kind: str) -> BoolArray:
+def told_by_user(quality: Quality, kind: str) -> BoolArray:
     """(n,) blocks whose values were observed themselves: how badly they are known is what the user said."""
     problem = quality.adjustment.problem
     told = np.zeros(len(problem.index.columns[kind]), dtype=bool)

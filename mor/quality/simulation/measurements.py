@@ -92,7 +92,13 @@ def measured_at(network: Network, place: Values) -> Network:
         for kind in network.observed
     }
     return replace(
-        network, start=place, observed=observed, groups=groups, checks=checks, candidates=candidates
+        network,
+        start=place,
+        observed=observed,
+        groups=groups,
+        checks=checks,
+        candidates=candidates,
+        datum=network.datum._replace(given=place["point"]),
     )
 
 
