@@ -12,18 +12,21 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, tau
+from pathlib import Path
 from typing import NamedTuple
 
 from mor.counting import counted
 from mor.formats.draft import Draft, Row
+from mor.formats.text import read_lines
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
 SIGMA_CONTROL = "0.01"
 """Standard deviations of readings and of given coordinates (m): no field book has any."""
+_CONTROL = "".join(map(chr, (*range(9), *range(14, 32), 127)))
 _SPANS = 12
 """Spans of lines that a note lists."""
 _NAMED = 5
@@ -32,6 +35,8 @@ AGREES = 0.1
 """Metres within which a slope distance agrees with given coordinates, for the purpose of telling whose sight it is."""
 NOT_TURNED = 0.01
 """Gon (36 arcsec) within which a circle reads azimuths."""
+CIRCLE_SET = 1e-4
+"""Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 
@@ -72,8 +77,8 @@ class SetUp:
     sights: list[Sight] = field(default_factory=list)
     used: bool = False
     """True once a sight followed the station record."""
-    resected: bool = False
-    """True if the station record says that the coordinates come from a resection."""
+    turn: float | None = None
+    """What the circle was turned by when the station was recorded, in the unit of the book; ``None`` if unknown."""
 
 
 @dataclass
@@ -92,37 +97,81 @@ class FieldBook:
     """Coordinates of points that the instrument computed; the points of a book without readings."""
     waiting: list[Sight] = field(default_factory=list)
     """Sights that belong to the station record that follows."""
+    unlocated: set[int] = field(default_factory=set)
+    """Lines of the sights whose records have no computed coordinates, in a format that may have them."""
     replaced: dict[str, tuple[Place, Place]] = field(default_factory=dict)
     """Given coordinates that came again, different from before: the first and the last ones."""
+    unnamed_height: float = 0.0
+    """Instrument height of a station that the book does not name."""
     skipped: dict[str, list[int]] = field(default_factory=dict)
 
-    def set_up(self, station: str, line: int, height: float = 0.0, claims: bool = False) -> SetUp:
+    def set_up(
+        self,
+        station: str,
+        line: int,
+        height: float = 0.0,
+        place: tuple[float | None, float | None, float | None] | None = None,
+        claims: bool = False,
+        resection: int = 0,
+    ) -> SetUp:
         """Open a set-up; sights that wait belong to it.
 
-        With ``claims`` the last sights of the set-up before may belong to it as well, as when the instrument records
-        a resection before its station; given coordinates decide which do.
+        With ``claims`` the last sights of the set-up before may belong to it as well: an instrument may record a
+        resection before its station. ``place`` are the coordinates of the station record. Those of a station that two
+        or more waiting points determine, or that are recorded after the line of a ``resection``, are computed.
         """
-        if claims and not self.waiting and self.set_ups:
-            self._claim(station)
+        last = self.set_ups[-1] if self.set_ups else None
+        if last is not None and last.station == station and not last.used and not self.waiting:
+            last.height = height or last.height
+            return last
+        if claims:
+            self._claim(place)
+        since = resection
+        if len({sight.target for sight in self.waiting}) > 1:
+            since = since or self.waiting[0].line
+        given = self.points.get(station)
+        if since and given is not None and given.line >= since:
+            del self.points[station]
+            self.computed_point(station, *given)
+        if place is not None:
+            add = self.computed_point if since and station not in self.points else self.station_point
+            add(station, *place, line)
         opened = SetUp(station, line, height, [sight._replace(before=True) for sight in self.waiting])
         self.waiting = []
         self.set_ups.append(opened)
         return opened
 
-    def _claim(self, station: str) -> None:
-        """Let the last sights of the open set-up wait if their distances fit the next station and not this one."""
-        here, before = self.points.get(station) or self.computed.get(station), self.set_ups[-1]
-        if here is None:
+    def _claim(self, place: tuple[float | None, float | None, float | None] | None) -> None:
+        """Let the last sights before a station record wait for it if they are those of its stationing.
+
+        They are if the instrument could not compute coordinates from them, as it did at the station before, or if
+        their distances fit the coordinates of the record and not those of the station before.
+        """
+        before = self.set_ups[-1] if self.set_ups else None
+        sights = self.waiting if before is None else before.sights
+        if before is not None and self.waiting:
             return
-        old = self.points.get(before.station)
-        first = len(before.sights)
-        for k in range(len(before.sights) - 1, -1, -1):
-            sight = before.sights[k]
-            fits = self._fits(here, sight)
-            if sight.before or fits is False or (old is not None and self._fits(old, sight)):
+        located = any(sight.line not in self.unlocated for sight in sights)
+        here = None if place is None else Place(*place, 0)
+        old = self.points.get(before.station) if before is not None else None
+        first = len(sights)
+        for k in range(len(sights) - 1, -1, -1):
+            sight = sights[k]
+            if sight.before:
                 break
-            first = k if fits else first
-        self.waiting, before.sights = before.sights[first:], before.sights[:first]
+            fits = None if here is None else self._fits(here, sight)
+            if located and sight.line in self.unlocated:
+                first = k
+            elif located or fits is False or (old is not None and self._fits(old, sight)):
+                break
+            elif fits:
+                first = k
+        if before is not None:
+            self.waiting, before.sights = sights[first:], sights[:first]
+        elif located and first:
+            self.waiting = sights[:first]
+            self._place_waiting()
+            self.waiting = sights[first:]
 
     def _fits(self, station: Place, sight: Sight) -> bool | None:
         """True if a distance agrees with given coordinates in plan; ``None`` if there is nothing to compare."""
@@ -176,7 +225,29 @@ class FieldBook:
     def _unnamed(self, line: int) -> None:
         name = f"station {1 + len(self.set_ups)}"
         self.draft.note(f"readings without a station before them: it is called {name}", line)
-        self.set_up(name, line)
+        self.set_up(name, line, self.unnamed_height)
+
+    def backsight(self, set_up: SetUp, sight: Sight, turned: bool = False) -> None:
+        """Add the reading that the circle was set to at the backsight, unless a sight measured it.
+
+        With ``turned`` a first sight to the backsight that reads something else was made before the circle was set.
+        """
+        full = 360.0 if self.angle == "deg" else 400.0
+        for k, other in enumerate(set_up.sights):
+            if other.target != sight.target or other.horizontal is None or sight.horizontal is None:
+                continue
+            flip = full / 2 if face_of(other, full) == 2 else 0.0
+            if (
+                abs((other.horizontal - flip - sight.horizontal + full / 2) % full - full / 2)
+                < CIRCLE_SET * full
+            ):
+                return
+            if turned and k == 0:
+                set_up.sights[k] = other._replace(before=True)
+                set_up.sights.insert(1, sight)
+                return
+        if not any(s.target == sight.target and s.horizontal is not None for s in set_up.sights):
+            set_up.sights.insert(0, sight)
 
     def sighted(self, name: str) -> bool:
         """Return whether an earlier set-up sighted a point."""
@@ -193,7 +264,9 @@ class FieldBook:
         if old is None:
             self.points[name] = Place(east, north, height, line)
             return
-        new = Place(*(b if a is None else a for a, b in zip((east, north, height), old[:3], strict=True)), line)
+        new = Place(
+            *(b if a is None else a for a, b in zip((east, north, height), old[:3], strict=True)), line
+        )
         if any(a is not None and a != b for a, b in zip(old[:3], new[:3], strict=True)):
             self.replaced[name] = (self.replaced.get(name, (old,))[0], new)
         self.points[name] = new
@@ -261,26 +334,24 @@ class FieldBook:
 
     def _settle(self) -> None:
         """Place sights that still wait, drop sights to the station itself, and tell computed from given stations."""
-        if self.waiting:
-            waiting, self.waiting = self.waiting, []
-            self._unnamed(waiting[0].line)
-            self.set_ups[-1].sights = waiting
+        self._place_waiting()
         for set_up in self.set_ups:
             for sight in set_up.sights:
                 if sight.target == set_up.station:
                     self.leave_out("sights from a station to itself", sight.line)
             set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
         for set_up in self.set_ups:
-            known = {s.target for s in set_up.sights if s.before and s.target in self.points}
             self._join_circles(set_up)
-            if set_up.station in self.points and (set_up.resected or len(known) > 1):
-                place = self.points.pop(set_up.station)
-                self.replaced.pop(set_up.station, None)
-                self.computed_point(set_up.station, *place)
         if not any(set_up.sights for set_up in self.set_ups):
             self.skipped.pop(COMPUTED, None)
             self.points = {**self.computed, **self.points}
 
+    def _place_waiting(self) -> None:
+        """Give sights that no station record follows a station without a name."""
+        if self.waiting:
+            waiting, self.waiting = self.waiting, []
+            self._unnamed(waiting[0].line)
+            self.set_ups[-1].sights, self.set_ups[-1].used = waiting, True
 
     def _join_circles(self, set_up: SetUp) -> None:
         """Put the sights before and after a station record into one set where the readings allow it.
@@ -289,39 +360,49 @@ class FieldBook:
         are azimuths already if the circle was not turned; otherwise they are turned by what they lack, if the later
         sights cannot find their orientation themselves.
         """
-        place = self.points.get(set_up.station) or self.computed.get(set_up.station)
         early = [sight for sight in set_up.sights if sight.before and sight.horizontal is not None]
         later = [s for s in set_up.sights if not s.before and s.horizontal is not None]
-        if place is None or not early or not later:
-            return
         full = 360.0 if self.angle == "deg" else 400.0
-        turns = [
-            radians(s.horizontal * 360.0 / full) - azimuth
-            for s in early
-            if s.horizontal is not None and (azimuth := self._azimuth(place, s.target)) is not None
-        ]
-        if not turns:
+        turn = set_up.turn
+        if turn is None:
+            turn = self._turned(set_up, early, full)
+        if turn is None or not early or not later:
             return
-        turn = full / tau * atan2(sum(map(sin, turns)), sum(map(cos, turns)))
-        if abs(turn) * 400.0 / full < NOT_TURNED:
+        if abs((turn + full / 2) % full - full / 2) * 400.0 / full < NOT_TURNED and set_up.turn is None:
             turn = 0.0
-        else:
+        elif set_up.turn is None:
             elsewhere = {s.target for other in self.set_ups for s in other.sights if other is not set_up}
             elsewhere |= {sight.target for sight in early} | self.points.keys()
             if any(sight.target in elsewhere for sight in later):
                 return
             self.draft.note(
                 f"the circle at {set_up.station!r} was turned when its station was recorded: the readings before are "
-                f"turned by {-turn:.4f} {self.angle}, as given coordinates tell",
+                f"turned by {turn:.4f} {self.angle}, as given coordinates tell",
                 set_up.line,
             )
         set_up.sights = [
             s._replace(
                 before=False,
-                horizontal=(s.horizontal - turn) % full if s.before and s.horizontal is not None else s.horizontal,
+                horizontal=(s.horizontal + turn) % full
+                if s.before and s.horizontal is not None
+                else s.horizontal,
             )
             for s in set_up.sights
         ]
+
+    def _turned(self, set_up: SetUp, early: Sequence[Sight], full: float) -> float | None:
+        """What the readings before a station record lack to be azimuths; ``None`` if no coordinates tell."""
+        place = self.points.get(set_up.station) or self.computed.get(set_up.station)
+        turns = [
+            azimuth - radians(s.horizontal * 360.0 / full)
+            for s in early
+            if place is not None
+            and s.horizontal is not None
+            and (azimuth := self._azimuth(place, s.target)) is not None
+        ]
+        if not turns:
+            return None
+        return full / tau * atan2(sum(map(sin, turns)), sum(map(cos, turns)))
 
     def _azimuth(self, station: Place, target: str) -> float | None:
         """Azimuth (rad) between given coordinates."""
@@ -329,6 +410,14 @@ class FieldBook:
         if end is None or None in end[:2] or None in station[:2]:
             return None
         return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
+
+
+def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
+    """Lines of a file that are not empty, with their numbers, without the control characters of a serial line."""
+    for line, text in enumerate(read_lines(path, draft), start=1):
+        bare = text.strip(_CONTROL)
+        if bare.strip():
+            yield line, bare
 
 
 def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:

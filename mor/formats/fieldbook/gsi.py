@@ -2,10 +2,11 @@
 
 Word index: 11 point, 21 horizontal circle, 22 zenith, 31 slope, 32 horizontal distance, 33 height difference, 41 code,
 42 to 49 and 71 to 79 information, 51 ppm and prism constant, 58 prism constant, 81 82 83 east, north, height of the
-target, 84 85 86 of the station, 87 height of the target, 88 of the instrument (Leica, "GSI ONLINE", 2002).
+target, 84 85 86 of the station, 87 height of the target, 88 of the instrument; 25 is what the circle was turned by when
+the station was recorded (Leica, "GSI ONLINE", 2002).
 
 A block begins with word 11 or 41; a line has one or several. Instruments record a station before or after its sights:
-after a resection or a backsight the station follows.
+after a resection or a backsight the station follows. Blocks of readings have 81 to 83 if the station was known.
 """
 
 from __future__ import annotations
@@ -16,8 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft
-from mor.formats.fieldbook.book import FieldBook, Place, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, Place, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -63,11 +63,7 @@ def read_gsi(path: Path) -> Document:
     """The project of a GSI file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     book = FieldBook(draft, stations_follow=True)
-    blocks = [
-        block
-        for line, text in enumerate(read_lines(path, draft), start=1)
-        for block in _blocks(text, line, draft)
-    ]
+    blocks = [block for line, text in records(path, draft) for block in _blocks(text, line, draft)]
     reader = _Reader(book, blocks)
     for block in blocks:
         try:
@@ -80,11 +76,10 @@ def read_gsi(path: Path) -> Document:
 
 def _blocks(text: str, line: int, draft: Draft) -> Iterator[_Block]:
     """The blocks of a line; lines that begin with ! are comments."""
-    bare = text.strip().strip("\x03\x1a")
-    if bare.startswith("!"):
+    if text.startswith("!"):
         return
     words: Words = {}
-    for word in bare.replace("*", " ").split():
+    for word in text.replace("*", " ").split():
         match = _WORD.match(word)
         if match is None:
             draft.problem(f"found {word!r}, expected words like 21.322+12345600", line)
@@ -187,11 +182,12 @@ class _Reader:
         located = {"84", "85"} <= set(words)
         if not located and "88" not in words:
             return
-        place = self._place(words, line, 84)
-        if located:
-            self.book.station_point(name, *place, line)
-        self.book.set_up(name, line, _length(words, "88", line, self.book) or 0.0, claims=True)
-        self.station = place if located else ()
+        place = self._place(words, line, 84) if located else None
+        height = _length(words, "88", line, self.book) or 0.0
+        set_up = self.book.set_up(name, line, height, place, claims=True)
+        if "25" in words:
+            set_up.turn = _angle(words, "25", self.book)
+        self.station = place or ()
 
     def _sight(self, name: str, words: Words, line: int) -> None:
         if {"84", "85"} <= set(words):
@@ -213,6 +209,8 @@ class _Reader:
             )
         )
         self.sighted = name
+        if not {"81", "82"} & set(words):
+            self.book.unlocated.add(line)
 
     def _repeated_station(self, place: tuple[float | None, ...], line: int) -> None:
         """Coordinates of the station in a block of readings: others than those of the open set-up open one."""
@@ -221,8 +219,7 @@ class _Reader:
         known = [name for name, point in self.book.points.items() if point[:3] == place]
         if self.station or not self.book.set_ups:
             name = known[0] if known else f"station {1 + len(self.book.set_ups)}"
-            self.book.station_point(name, place[0], place[1], place[2], line)
-            self.book.set_up(name, line)
+            self.book.set_up(name, line, place=(place[0], place[1], place[2]))
         self.station = place
 
     def _coordinates(self, name: str, block: _Block) -> None:
@@ -237,7 +234,7 @@ class _Reader:
         self.sighted = name if block.readings else ""
 
 
-_READ = ("11", "21", "22", "31", "81", "82", "83", "84", "85", "86", "87", "88")
+_READ = ("11", "21", "22", "25", "31", "81", "82", "83", "84", "85", "86", "87", "88")
 
 
 def _digits(words: Words, index: str) -> int | None:
