@@ -10,7 +10,7 @@ from pathlib import Path
 from mor.errors import InputError, Problem, nearest
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
-from mor.formats.recognition import format_of
+from mor.formats.recognition import explain_unknown, format_of
 from mor.formats.written import Writer, Written
 from mor.project.file.nodes import Document
 
@@ -84,7 +84,8 @@ def _suffix_hint(path: Path) -> str:
 def _unknown(path: Path, key: str) -> str:
     readable = ", ".join(name for name, form in FORMATS.items() if form.read is not None)
     if key:
-        return f"unknown format {key!r}{nearest(key, FORMATS)} (known: {readable})"
+        kind = "is written only, not read" if key in FORMATS else f"is no format{nearest(key, FORMATS)}"
+        return f"{key!r} {kind} (known: {readable})"
     if path.suffix in (".yaml", ".yml"):
         return "this is a project file already; mor adjust takes it as it is"
     if path.is_dir():
@@ -92,7 +93,7 @@ def _unknown(path: Path, key: str) -> str:
         hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
         folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
         return f"this is a folder, expected a project file, or a folder in one of the formats {folders}{hint}"
-    return f"nothing in this file tells its format; --from says it (known: {readable})"
+    return explain_unknown(path)
 
 
 __all__ = [
