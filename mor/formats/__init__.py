@@ -23,10 +23,10 @@ def is_foreign(path: Path) -> bool:
     return key is not None and FORMATS[key].read is not None
 
 
-def read_foreign(path: Path, key: str = "") -> Document:
+def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
     """The project that a foreign file or folder describes; ``key`` names its format, else its content tells it.
 
-    Raises :class:`InputError` with every mistake found.
+    ``beside``: the file is put together with others. Raises :class:`InputError` with every mistake found.
     """
     if not path.exists() and not is_stem(path):
         raise InputError([Problem(f"this file does not exist{_suffix_hint(path)}", str(path))])
@@ -34,7 +34,8 @@ def read_foreign(path: Path, key: str = "") -> Document:
     form = FORMATS.get(key)
     if form is None or form.read is None:
         raise InputError([Problem(_unknown(path, key), str(path))])
-    read: Reader = getattr(import_module(form.read.module), form.read.function)
+    code = form.beside if beside and form.beside is not None else form.read
+    read: Reader = getattr(import_module(code.module), code.function)
     document = read(path)
     if not form.untried:
         return document
@@ -53,7 +54,7 @@ def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
         words = "a project file is not put together with other files: name their tables in it"
         raise InputError([Problem(words, str(path)) for path in own])
     by_path = (*keys, *[""] * len(paths))
-    return combined([read_foreign(path, key) for path, key in zip(paths, by_path, strict=False)])
+    return combined([read_foreign(path, key, True) for path, key in zip(paths, by_path, strict=False)])
 
 
 def write_foreign(document: Document, folder: Path, target: Path, key: str) -> Written:
@@ -84,8 +85,9 @@ def _suffix_hint(path: Path) -> str:
 def _unknown(path: Path, key: str) -> str:
     readable = ", ".join(name for name, form in FORMATS.items() if form.read is not None)
     if key:
-        kind = "is written only, not read" if key in FORMATS else f"is no format{nearest(key, FORMATS)}"
-        return f"{key!r} {kind} (known: {readable})"
+        if key in FORMATS:
+            return f"the format {key!r} is written only, not read (known: {readable})"
+        return f"unknown format {key!r}{nearest(key, FORMATS)} (known: {readable})"
     if path.suffix in (".yaml", ".yml"):
         return "this is a project file already; mor adjust takes it as it is"
     if path.is_dir():

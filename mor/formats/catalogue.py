@@ -22,6 +22,8 @@ class Format(NamedTuple):
     """Suffixes that mean this format and no other, where the content does not tell, and of files that are written."""
     folder: bool = False
     """True where a folder is a project."""
+    beside: Code | None = None
+    """Reader of a file that is put together with others, if it has more to say then."""
     untried: str = ""
     """What was not tried on files of the program itself, told on every conversion; empty where all was."""
 
@@ -55,6 +57,7 @@ FORMATS: dict[str, Format] = {
         "OpenDroneMap ground control (gcp_list.txt)",
         Code("mor.formats.opensfm.ground_control", "read_gcp_list"),
         Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+        beside=Code("mor.formats.opensfm.ground_control", "read_gcp_list_of_block"),
     ),
     "openmvg": Format(
         "openMVG sfm_data.json",

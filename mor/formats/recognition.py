@@ -116,6 +116,9 @@ def explain_unknown(path: Path) -> str:
     if len(found) > 1:
         said = "; ".join(f"{c.key}: {c.reason}" for c in found)
         return f"this file may have several formats ({said}); --from tells which"
+    for pattern, words in _NOT_READ:
+        if any(pattern.search(line) for line in sample.records[:3]):
+            return words
     if b"\0" in sample.head:
         return "this is a binary file of no format that is read; --from tells the format if it has one"
     if not sample.text.strip():
@@ -127,6 +130,16 @@ def explain_unknown(path: Path) -> str:
     if sample.root:
         return f"the root element <{sample.root}> is that of no format that is read"
     return "this text has no records of a format that is read; mor new begins a project from tables"
+
+
+_NOT_READ = (
+    (
+        re.compile(r"^00..SC V"),
+        "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
+    ),
+    (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
+)
+"""Formats that are known and not read."""
 
 
 def _nearest(sample: Sample) -> list[Candidate]:

@@ -275,13 +275,12 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     _choose_unit(book, "gon" if unit == "2" else "deg")
     if unit == "4":
         return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")
-    value = digits / 1e5
-    degrees = value if unit in "23" else value * 360.0 / 6400.0
+    degrees = digits / 1e5 if unit in "23" else digits / 1e4 * 360.0 / 6400.0
     return degrees if book.angle == ("gon" if unit == "2" else "deg") else _other(degrees, book.angle)
 
 
 def _choose_unit(book: FieldBook, unit: str) -> None:
-    if not any(set_up.sights for set_up in book.set_ups):
+    if not book.waiting and not any(set_up.sights for set_up in book.set_ups):
         book.angle = unit
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.counting import counted
 from mor.formats.draft import Draft, Row, number
 from mor.formats.json_text import JsonFile, Wrong, mapping
 from mor.formats.json_text import number as json_number
@@ -74,12 +75,40 @@ def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], dra
 
 
 def read_gcp_list(path: Path) -> Document:
-    """The control points of a ``gcp_list.txt`` and their image points, without cameras.
+    """The control points of a ``gcp_list.txt``; its image points need the cameras of a block.
 
     Longitude and latitude become east, north, up of the first point. Raises :class:`InputError` with every mistake
     found.
     """
     draft = Draft(str(path))
+    control = _read_alone(path, draft)
+    images = {image for image, *_ in control.rays}
+    draft.note(
+        f"{counted(len(control.rays), 'image point')} of {counted(len(images), 'image')} not read: the file has no "
+        "cameras; convert it together with the block that has the images"
+    )
+    return draft.finish()
+
+
+def read_gcp_list_of_block(path: Path) -> Document:
+    """The control points of a ``gcp_list.txt`` and their image points, in images without cameras.
+
+    Raises :class:`InputError` with every mistake found.
+    """
+    draft = Draft(str(path))
+    control = _read_alone(path, draft)
+    names = dict.fromkeys(image for image, *_ in control.rays)
+    if names:
+        draft.table("images", ("id",), [Row([name], 1) for name in names])
+        rows = [Row([image, point, repr(u), repr(v)], 1) for image, point, u, v in control.rays]
+        columns = ("image", "point", "x", "y")
+        draft.table("observations", columns, rows, type="image", units="px", values={"sigma": "1"})
+        draft.note("image points of control are observed with σ = 1 px: the file says none")
+    return draft.finish()
+
+
+def _read_alone(path: Path, draft: Draft) -> Control:
+    """The control of a list that is not part of a block of OpenSfM, with its points in the draft."""
     control = Control()
     whole: dict[str, Any] = {}
     _read_list(path, whole, None, draft, control)
@@ -91,18 +120,10 @@ def read_gcp_list(path: Path) -> Document:
         draft.note(f"coordinates are east, north, up of the reference point: {words}")
     if control.ids:
         draft.data["points"] = [control.table]
-        names = list(dict.fromkeys(image for image, *_ in control.rays))
-        draft.table("images", ("id",), [Row([name], 1) for name in names])
-        rows = [Row([image, point, repr(u), repr(v)], 1) for image, point, u, v in control.rays]
-        columns = ("image", "point", "x", "y")
-        draft.table("observations", columns, rows, type="image", units="px", values={"sigma": "1"})
-        draft.note(
-            f"control points are observed with σ = {SIGMA} m, image points with 1 px: the file says none"
-        )
-        draft.note("the file has no cameras: convert it together with the block that has the images")
-    else:
+        draft.note(f"control points are observed with σ = {SIGMA} m: the files say none")
+    elif not draft.problems:
         draft.problem("there are no control points")
-    return draft.finish()
+    return control
 
 
 def _read_list(
