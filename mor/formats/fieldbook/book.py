@@ -35,6 +35,8 @@ AGREES = 0.1
 """Metres within which a slope distance agrees with given coordinates, for the purpose of telling whose sight it is."""
 NOT_TURNED = 0.01
 """Gon (36 arcsec) within which a circle reads azimuths."""
+APART, APART_IN_HEIGHT = 0.5, 3.0
+"""Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 COMPUTED = "coordinates that the instrument computed from its readings"
@@ -153,19 +155,26 @@ class FieldBook:
             return
         located = any(sight.line not in self.unlocated for sight in sights)
         here = None if place is None else Place(*place, 0)
-        old = self.points.get(before.station) if before is not None else None
+        old = None
+        if before is not None:
+            old = self.points.get(before.station) or self.computed.get(before.station)
         first = len(sights)
         for k in range(len(sights) - 1, -1, -1):
             sight = sights[k]
             if sight.before:
                 break
-            fits = None if here is None else self._fits(here, sight)
-            if located and sight.line in self.unlocated:
+            if located:
+                if sight.line not in self.unlocated:
+                    break
                 first = k
-            elif located or fits is False or (old is not None and self._fits(old, sight)):
+                continue
+            misfit = None if here is None else self._misfit(here, sight)
+            other = None if old is None else self._misfit(old, sight)
+            if misfit is None:
+                continue
+            if misfit > 1.0 or (other is not None and other < misfit):
                 break
-            elif fits:
-                first = k
+            first = k
         if before is not None:
             self.waiting, before.sights = sights[first:], sights[:first]
         elif located and first:
@@ -173,8 +182,8 @@ class FieldBook:
             self._place_waiting()
             self.waiting = sights[first:]
 
-    def _fits(self, station: Place, sight: Sight) -> bool | None:
-        """True if a distance agrees with given coordinates in plan; ``None`` if there is nothing to compare."""
+    def _misfit(self, station: Place, sight: Sight) -> float | None:
+        """Misfit of a distance in plan to given coordinates, 1 at most if it agrees; ``None`` without both."""
         target = self.points.get(sight.target)
         length = sight.horizontal_distance
         if length is None and sight.slope is not None and sight.zenith is not None:
@@ -185,7 +194,7 @@ class FieldBook:
         (east, north), (target_east, target_north) = station[:2], target[:2]
         if east is None or north is None or target_east is None or target_north is None:
             return None
-        return abs(hypot(target_east - east, target_north - north) - length) < AGREES + 1e-3 * length
+        return abs(hypot(target_east - east, target_north - north) - length) / (AGREES + 1e-3 * length)
 
     def instrument_height(self, height: float, line: int) -> None:
         """The height of the instrument; a different one after the first sight is that of another set-up."""
@@ -321,11 +330,20 @@ class FieldBook:
         _put_points(self, occupied)
         if occupied:
             _put_sights(self, occupied)
-            draft.put("settings", {"undetermined": "leave_out"})
+            settings = {"undetermined": "leave_out"}
+            if not self._spatial():
+                settings["dimensions"] = "xy"
+            draft.put("settings", settings)
         elif draft.data.get("points"):
             draft.note("there are no readings: the points are all there is")
         if not draft.data.get("points"):
             draft.problem(f"there is neither a point nor a reading{self._only()}")
+
+    def _spatial(self) -> bool:
+        """Return whether anything tells heights: a zenith angle, a slope distance or a given height."""
+        sights = [sight for set_up in self.set_ups for sight in set_up.sights]
+        measured = any(sight.zenith is not None or sight.slope is not None for sight in sights)
+        return measured or any(place.height is not None for place in self.points.values())
 
     def _only(self) -> str:
         """What a book without points and readings has."""
@@ -342,9 +360,56 @@ class FieldBook:
             set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
         for set_up in self.set_ups:
             self._join_circles(set_up)
+        self._part_names()
         if not any(set_up.sights for set_up in self.set_ups):
             self.skipped.pop(COMPUTED, None)
             self.points = {**self.computed, **self.points}
+
+    def _part_names(self) -> None:
+        """Give points of a set-up that share a name and are too far apart to be one different names.
+
+        Only distances are compared, as the circle may be turned between sets, and only points that one station sights
+        and that have no given coordinates: nothing else refers to them.
+        """
+        stations: dict[str, set[str]] = {}
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                stations.setdefault(sight.target, set()).add(set_up.station)
+        occupied = {set_up.station for set_up in self.set_ups}
+        parted: dict[str, int] = {}
+        for set_up in self.set_ups:
+            seen: dict[str, list[tuple[str, float, float]]] = {}
+            for k, sight in enumerate(set_up.sights):
+                name, measured = sight.target, self._polar(sight)
+                alone = len(stations[name]) == 1 and name not in self.points and name not in occupied
+                if not alone or measured is None:
+                    continue
+                known = seen.setdefault(name, [])
+                same = [
+                    other
+                    for other, length, rise in known
+                    if abs(length - measured[0]) <= APART and abs(rise - measured[1]) <= APART_IN_HEIGHT
+                ]
+                own = same[0] if same else f"{name} ({len(known) + 1})" if known else name
+                if not same:
+                    known.append((own, *measured))
+                    if own != name:
+                        parted.setdefault(name, sight.line)
+                set_up.sights[k] = sight._replace(target=own)
+        if parted:
+            names = ", ".join(list(parted)[:_NAMED]) + (", …" if len(parted) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(parted), 'name')} used again for points elsewhere, which are called NAME (2) and so on: "
+                f"{names}",
+                next(iter(parted.values())),
+            )
+
+    def _polar(self, sight: Sight) -> tuple[float, float] | None:
+        """Distance in plan and height above the instrument of a target; ``None`` if they were not measured."""
+        if sight.slope is None or sight.zenith is None:
+            return None
+        zenith = sight.zenith * (pi / 180.0 if self.angle == "deg" else pi / 200.0)
+        return sight.slope * abs(sin(zenith)), sight.slope * cos(zenith) - sight.height
 
     def _place_waiting(self) -> None:
         """Give sights that no station record follows a station without a name."""

@@ -140,8 +140,6 @@ class _Survey:
     backsights: list[tuple[SetUp, Sight]] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
     """Points whose coordinates the instrument computed, by name or identifier."""
-    spatial: bool = False
-    """True where anything tells heights."""
 
     def points(self, collection: Element) -> None:
         """Points of a collection and of those inside it; references to others are left to them."""
@@ -258,7 +256,6 @@ class _Survey:
         if not any(value is not None for value in (*sight[2:6], sight.bearing)):
             self.book.leave_out(f"{element.name} without readings", element.line)
             return
-        self.spatial = self.spatial or sight.zenith is not None or sight.slope is not None
         station.sights.append(sight)
 
     def _station(self, key: str) -> SetUp:
@@ -309,15 +306,12 @@ class _Survey:
         self._placeholders()
         for name, (place, line) in self.places.items():
             height = place[2] if len(place) == 3 else None
-            self.spatial = self.spatial or height is not None
             known = self.names.get(name, name)
             derived = name in self.computed and self.book.sighted(known)
             (self.book.computed_point if derived else self.book.point)(
                 known, place[1], place[0], height, line
             )
         self.book.finish(title)
-        if not self.spatial and "settings" in self.book.draft.data:
-            self.book.draft.data["settings"]["dimensions"] = "xy"
 
 
 def _angle(element: Element, name: str, unit: str) -> float | None:
