@@ -34,7 +34,7 @@ _ROOT = re.compile(
     r"\ufeff?\s*(?:(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE(?:[^\[>]|\[.*?\])*>)\s*)*<(?:[\w.-]+:)?([A-Za-z_][\w.-]*)",
     re.DOTALL,
 )
-_VAGUE = (".txt", ".dat", ".out", ".xml", ".json", ".gz")
+_VAGUE = (".txt", ".dat", ".out", ".raw", ".job", ".xml", ".json", ".gz")
 """Suffixes that many programs use: they are no reason for a format."""
 _OWN = (".yaml", ".yml", ".csv", ".parquet")
 """Suffixes of mor's own files."""
@@ -289,8 +289,8 @@ def _snap(sample: Sample) -> bool:
 
 
 def _geodimeter(sample: Sample) -> bool:
-    lines = [line for line in sample.text.split("\n")[:40] if line.strip()]
-    return bool(lines) and all(re.match(r"\s*\d{1,3}=", line) for line in lines)
+    lines = sample.records
+    return bool(lines) and all(re.match(r"\s*\d{1,3}=", line) for line in lines if line.strip() != "END")
 
 
 def _aicon(sample: Sample) -> bool:

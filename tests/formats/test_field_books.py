@@ -312,7 +312,10 @@ def test_rw5_has_backsights_coordinates_and_angles_of_every_kind(tmp_path: Path)
     assert format_of(path) == "rw5"
     document = read_foreign(path)
     data = document.data
-    assert [row[0] for row in data["points"][0]["rows"]] == ["7", "1"]  # 2 was sighted before: its OC is computed
+    assert [row[0] for row in data["points"][0]["rows"]] == [
+        "7",
+        "1",
+    ]  # 2 was sighted before: its OC is computed
     assert float(data["points"][0]["rows"][0][1]) == pytest.approx(609.6)
     tables = {table["type"]: table for table in data["observations"]}
     back = 44 / 3600

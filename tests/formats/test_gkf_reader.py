@@ -255,7 +255,8 @@ def test_tolerance_of_angles_is_that_of_gnu_gama(tmp_path, sigma_apriori, sigma,
     """An angle is compared at its first target, and weighted with its standard deviation; the distance is 3 m off."""
     body = (
         f'<point id="A" x="0" y="0" fix="xy"/><point id="B" x="100" y="0" fix="xy"/>'
-        f'<point id="C" x="0" y="{second_leg}" adj="xy"/>\n<obs from="A">\n<distance to="C" val="{second_leg + 3}" stdev="1"/>\n'
+        f'<point id="C" x="0" y="{second_leg}" adj="xy"/>\n<obs from="A">\n'
+        f'<distance to="C" val="{second_leg + 3}" stdev="1"/>\n'
         f'<angle bs="B" fs="C" val="{100 + np.degrees(error / 100) / 0.9:.12f}" stdev="{sigma}"/>\n'
         f'<angle bs="B" fs="C" val="100" stdev="{sigma}"/></obs>'
     )

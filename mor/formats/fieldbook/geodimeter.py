@@ -2,8 +2,8 @@
 
 2 station, 62 reference object, 5 point, 3 instrument height, 6 target height, 4 code, 23 units; 7 horizontal and 8
 zenith reading, 17 and 18 in face two, 24 and 25 in face one, 9 slope, 11 horizontal distance, 37 north, 38 east, 39
-height (Geodimeter, "Labels"). 7 and 8 are the means of both faces where 24 and 25 stand beside them. Coordinates of a point
-with readings are computed; those of a station, a reference object and of a point without readings are given.
+height (Geodimeter, "Labels"). 7 and 8 are the means of both faces if 24 and 25 are there. Coordinates of a point with
+readings are computed; those of a station, a reference object and of a point without readings are given.
 
 The first digit of 23 tells the unit of angles (1 gon, 2 degrees, minutes and seconds, 3 decimal degrees). Without it
 angles are ddd.mmss if every one of them may be, gon otherwise.
