@@ -289,8 +289,8 @@ def _snap(sample: Sample) -> bool:
 
 
 def _geodimeter(sample: Sample) -> bool:
-    lines = sample.records
-    return bool(lines) and all(re.match(r"\s*\d{1,3}=", line) for line in lines if line.strip() != "END")
+    fitting = sum(re.match(r"\s*\d{1,3}\s*=", line) is not None for line in sample.records)
+    return fitting > 0 and fitting >= 0.8 * len(sample.records)
 
 
 def _aicon(sample: Sample) -> bool:
@@ -396,7 +396,7 @@ _RULES: tuple[_Rule, ...] = (
     _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
     _if("gcp", _gcp, "a coordinate system, then x y z u v and an image a line", certain=False),
     _if("bal", _bal, "three counts, then four numbers a line", certain=False),
-    _if("snap", _snap, "the commands of SNAP", certain=False),
+    _if("snap", _snap, "the commands of SNAP"),
     *(_records(*form) for form in _RECORD_FORMATS),
     _if("idx", _idx, "the sections of an IDX file", certain=False),
     _if("geodimeter", _geodimeter, "a label and a value a line", certain=False),

@@ -406,7 +406,7 @@ def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path:
     (tmp_path / "n.stn").write_text(FREE + FREE.splitlines()[1].replace("A  ", "C  ", 1) + "\n")
     document = read_foreign(tmp_path / "n.msr")
     assert document.data["datum"] == "free"
-    tables = {table["type"]: [row for row in table["rows"]] for table in document.data["observations"]}
+    tables = {table["type"]: list(table["rows"]) for table in document.data["observations"]}
     assert [row[2:4] for row in tables["distance"]] == [["1150.0000", "0.0159"]] * 2
     assert tables["distance"][0][4:] == ["1.500", "0.000"]
     assert tables["zenith_angle"][0][2:] == ["89-10-11.5", "1.0000", "1.500", "0.000"]

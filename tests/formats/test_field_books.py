@@ -291,7 +291,7 @@ def test_mistakes_have_their_line(tmp_path: Path, name: str, text: str, words: s
     path = tmp_path / name
     path.write_text(text)
     with pytest.raises(InputError, match=words):
-        read_foreign(path)
+        read_foreign(path, "geodimeter" if path.suffix == ".job" else "")
 
 
 def test_readings_match_the_network(tmp_path: Path) -> None:

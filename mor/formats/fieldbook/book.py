@@ -274,7 +274,10 @@ class FieldBook:
             self.points[name] = Place(east, north, height, line)
             return
         new = Place(
-            *(b if a is None else a for a, b in zip((east, north, height), old[:3], strict=True)), line
+            old.east if east is None else east,
+            old.north if north is None else north,
+            old.height if height is None else height,
+            line,
         )
         if any(a is not None and a != b for a, b in zip(old[:3], new[:3], strict=True)):
             self.replaced[name] = (self.replaced.get(name, (old,))[0], new)

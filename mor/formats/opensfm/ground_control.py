@@ -136,8 +136,8 @@ def _read_list(
     lines = read_lines(path, draft)
     system = lines[0].strip() if lines else ""
     if shots is None and not SYSTEM.match(system):
-        words = f"found {system[:60]!r}, expected the coordinate system, as EPSG:32632 or WGS84 UTM 32N"
-        draft.problem(words, 1, str(path))
+        said = f"found {system[:60]!r}, expected the coordinate system, as EPSG:32632 or WGS84 UTM 32N"
+        draft.problem(said, 1, str(path))
         return
     geographic = system.upper() in ("WGS84", "EPSG:4326") or any(
         word in system.lower() for word in ("longlat", "latlong")
