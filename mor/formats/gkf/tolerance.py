@@ -96,12 +96,13 @@ def _decorrelated(cluster: GamaCluster, terms: list[_Term], sigma_apriori: float
         sigma = [
             float(o.sigma) if o.sigma else np.nan for o in cluster.observations for _ in range(o.entries)
         ]
-        return closures / (np.nan_to_num(np.array(sigma), nan=sigma_apriori) * scale) * sigma_apriori
+        known = np.nan_to_num(np.array(sigma, dtype=float), nan=sigma_apriori)
+        return np.asarray(closures / (known * scale) * sigma_apriori, dtype=float)
     cofactors = cluster.covariance * np.outer(scale, scale) / sigma_apriori**2
     try:
-        return np.asarray(np.linalg.solve(np.linalg.cholesky(cofactors), closures))
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(cofactors), closures), dtype=float)
     except np.linalg.LinAlgError:
-        return closures
+        return np.asarray(closures, dtype=float)
 
 
 def _value(observation: GamaObservation) -> float:
