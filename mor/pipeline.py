@@ -63,6 +63,14 @@ _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
 
 
+_OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
+
+
+def _names_mor(path: Path) -> bool:
+    """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
+    return any(line.startswith("mor:") for line in read_text(path).splitlines())
+
+
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
 
@@ -73,6 +81,8 @@ def read_document(path: Path, form: str = "") -> Document:
 
         if form or is_folder(path) or is_foreign(path):
             return read_foreign(path, form)
+    if path.suffix.lower() not in _OWN_SUFFIXES and path.is_file() and not _names_mor(path):
+        return read_foreign(path)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])

@@ -10,7 +10,7 @@ from pathlib import Path
 from mor.errors import InputError, Problem, nearest
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
-from mor.formats.recognition import format_of
+from mor.formats.recognition import explain_unknown, format_of
 from mor.formats.written import Writer, Written
 from mor.project.file.nodes import Document
 
@@ -23,10 +23,10 @@ def is_foreign(path: Path) -> bool:
     return key is not None and FORMATS[key].read is not None
 
 
-def read_foreign(path: Path, key: str = "") -> Document:
+def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
     """The project that a foreign file or folder describes; ``key`` names its format, else its content tells it.
 
-    Raises :class:`InputError` with every mistake found.
+    ``beside``: the file is put together with others. Raises :class:`InputError` with every mistake found.
     """
     if not path.exists() and not is_stem(path):
         raise InputError([Problem(f"this file does not exist{_suffix_hint(path)}", str(path))])
@@ -34,7 +34,8 @@ def read_foreign(path: Path, key: str = "") -> Document:
     form = FORMATS.get(key)
     if form is None or form.read is None:
         raise InputError([Problem(_unknown(path, key), str(path))])
-    read: Reader = getattr(import_module(form.read.module), form.read.function)
+    code = form.beside if beside and form.beside is not None else form.read
+    read: Reader = getattr(import_module(code.module), code.function)
     document = read(path)
     if not form.untried:
         return document
@@ -53,7 +54,7 @@ def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
         words = "a project file is not put together with other files: name their tables in it"
         raise InputError([Problem(words, str(path)) for path in own])
     by_path = (*keys, *[""] * len(paths))
-    return combined([read_foreign(path, key) for path, key in zip(paths, by_path, strict=False)])
+    return combined([read_foreign(path, key, True) for path, key in zip(paths, by_path, strict=False)])
 
 
 def write_foreign(document: Document, folder: Path, target: Path, key: str) -> Written:
@@ -84,6 +85,8 @@ def _suffix_hint(path: Path) -> str:
 def _unknown(path: Path, key: str) -> str:
     readable = ", ".join(name for name, form in FORMATS.items() if form.read is not None)
     if key:
+        if key in FORMATS:
+            return f"the format {key!r} is written only, not read (known: {readable})"
         return f"unknown format {key!r}{nearest(key, FORMATS)} (known: {readable})"
     if path.suffix in (".yaml", ".yml"):
         return "this is a project file already; mor adjust takes it as it is"
@@ -92,7 +95,7 @@ def _unknown(path: Path, key: str) -> str:
         hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
         folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
         return f"this is a folder, expected a project file, or a folder in one of the formats {folders}{hint}"
-    return f"nothing in this file tells its format; --from says it (known: {readable})"
+    return explain_unknown(path)
 
 
 __all__ = [
