@@ -6,7 +6,8 @@ instrument and the vertical u at each end,
 
     X_i* = R (X_i + h_i u_i − X_instrument)
 
-are the positions that the plain type sees, without heights. Types that do not refer to a vertical (vectors, local
+are the positions that the plain type sees, without heights. A horizontal distance is the arc between the verticals of
+both ends at the height of the instrument. Types that do not refer to a vertical (vectors, local
 systems, image coordinates) see X_i + h_i (u_i − e_Z). Height differences and coordinates need no twin: z is the height.
 
 The derivatives are those of the plain type, of parallel verticals. They differ from the exact ones by d/R, d the length
@@ -24,7 +25,7 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.geometry.earth import LocalSphere
 from mor.observations._contract import Computed, ObservationType
-from mor.observations.earth.ends import ends_of
+from mor.observations.earth.ends import End, ends_of
 
 _ABOUT_VERTICAL = (
     "distance",
@@ -54,7 +55,7 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
     if type_.key not in (*_ABOUT_VERTICAL, *_CARTESIAN) and not type_.key.startswith(_IMAGES):
         return type_
     ends = ends_of(type_)
-    levelled = type_.key in _ABOUT_VERTICAL
+    levelled, arc = type_.key in _ABOUT_VERTICAL, type_.key == "horizontal_distance"
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         own = list(blocks)
@@ -68,6 +69,8 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
                     own[end.height] = np.zeros_like(height)
             else:
                 own[end.position] = place + height * (there[:, 2] - np.array([0.0, 0.0, 1.0]))
+        if arc:
+            own[ends[1].position] = _arc(own, ends, sphere.radius - sphere.origin[2] + blocks[ends[0].position][:, 2])
         return Computed(
             type_.equation(own, constants).values, type_.equation(blocks, constants).jacobians
         )
@@ -76,3 +79,15 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
         c._replace(default=sphere.radius * metres) if c.name == _RADIUS else c for c in type_.constants
     )
     return type_._replace(equation=equation, constants=constants, about_local_vertical=True, flat=type_)
+
+
+def _arc(local: Sequence[FloatArray], ends: Sequence[End], from_centre: FloatArray) -> FloatArray:
+    """Return a vector (n, 3) of the length of the arc at the height of the instrument, in its horizon.
+
+    ``local`` has the positions of instrument and target about the mark of the instrument, ``from_centre`` (n,) is the
+    distance of that mark from the centre of the sphere.
+    """
+    start, target = (local[end.position] for end in ends)
+    across = np.hypot(target[:, 0], target[:, 1])
+    arc = (from_centre + start[:, 2]) * np.arctan2(across, from_centre + target[:, 2])
+    return start + np.stack([arc, np.zeros_like(arc), np.zeros_like(arc)], axis=1)
