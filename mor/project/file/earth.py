@@ -51,11 +51,13 @@ class World(Strict):
 
 
 class SphereOrigin(Strict):
-    """The point of a local network at which its sphere is: plan coordinates, and the height at which they have scale 1."""
+    """Where the sphere is: plan coordinates of a point, and the height at which distances are those of the plan."""
 
     x: Measure = Field(description="x in the axes of the project")
     y: Measure = Field(description="y in the axes of the project")
-    z: Measure = Field(description="Height of the sphere: distances at this height are those between coordinates")
+    z: Measure = Field(
+        description="Height of the sphere: distances at this height are those between coordinates"
+    )
 
 
 class Curvature(Strict):

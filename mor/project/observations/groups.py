@@ -217,7 +217,11 @@ def _plain_group(
     if type_.through_air:
         given = corrected(reading, entry, rows, given, place)
     if any(found.at_centre.any() for found in named.values()):
-        type_ = to_projection_centres(type_) if reading.world or reading.sphere else PROJECTION_CENTRE_TYPES[type_.key]
+        type_ = (
+            to_projection_centres(type_)
+            if reading.world or reading.sphere
+            else PROJECTION_CENTRE_TYPES[type_.key]
+        )
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
     transform, offset = edge_transform(type_, reading.edge)
     for k, component in enumerate(type_.components):

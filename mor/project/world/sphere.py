@@ -100,7 +100,9 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
         store = reading.shop.store("point")
         positions = store.start_values(store.all_values())
         things = [reading.shop.things[space] for space in _NAMES if space in reading.shop.things]
-        blocks = np.concatenate([thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)])
+        blocks = np.concatenate(
+            [thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)]
+        )
         return median_origin(positions[np.unique(blocks)], 1.0 / reading.edge.metres)
     given = []
     for name in ("x", "y", "z"):

@@ -101,7 +101,9 @@ def largest_effect(network: Network, values: Values) -> Effect | None:
 def _in_group(
     group: ObservationGroup, values: Values, sphere: LocalSphere, sigma: FloatArray, straight: bool
 ) -> Effect | None:
-    component = _LOOKED_AT.get(group.type.key, 0 if group.type.key == "height_difference" and straight else -1)
+    component = _LOOKED_AT.get(
+        group.type.key, 0 if group.type.key == "height_difference" and straight else -1
+    )
     if component < 0 or not group.count:
         return None
     blocks = [values[slot.kind][own] for slot, own in zip(group.type.slots, group.blocks, strict=True)]

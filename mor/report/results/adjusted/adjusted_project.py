@@ -22,9 +22,9 @@ from mor.geometry.rotations import angles_from_rotation
 from mor.observations.earth import DEFLECTIONS
 from mor.parameters.kinds import ECCENTRICITY, GNSS_FRAME, INTERIORS, READOUT, ROTATION, TIME_OFFSET
 from mor.project.file.nodes import Document
-from mor.project.network.build import Network
 from mor.project.file.writing import LONGEST, matrix_text
 from mor.project.file.yaml_text import yaml_text
+from mor.project.network.build import Network
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
 from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables

@@ -21,9 +21,7 @@ class Place:
     def __init__(self, name, x, y, height, base):
         self.name, self.x, self.y, self.height = name, x, y, height
         angle, azimuth = np.hypot(x, y) / RADIUS, np.arctan2(x, y)
-        self.up = np.array(
-            [np.sin(angle) * np.sin(azimuth), np.sin(angle) * np.cos(azimuth), np.cos(angle)]
-        )
+        self.up = np.array([np.sin(angle) * np.sin(azimuth), np.sin(angle) * np.cos(azimuth), np.cos(angle)])
         self.position = (RADIUS + height - base) * self.up
 
     def above(self, height):
@@ -51,9 +49,7 @@ def network(seed, k=0.13, free=False, reciprocal=None, noise=1.0):
     shift = np.round(rng.uniform(-1e4, 1e4, 2))
     spread = rng.uniform(-0.5, 0.5, (count, 2)) * size
     heights = base + rng.uniform(-0.05, 0.05, count) * size
-    points = [
-        Place(f"P{i}", *spread[i], heights[i], base) for i in range(count)
-    ]
+    points = [Place(f"P{i}", *spread[i], heights[i], base) for i in range(count)]
     reciprocal = bool(rng.integers(2)) if reciprocal is None else reciprocal
     directions, zeniths, distances, levels = [], [], [], []
     up, over, turns = rng.uniform(1.4, 1.7, count), rng.uniform(1.3, 2.0, count), rng.uniform(0, 6, count)
