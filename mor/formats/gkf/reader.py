@@ -70,7 +70,8 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     if given := [key for key in ("ellipsoid", "latitude") if key in parameters]:
         words = (
             f"{' and '.join(given)}: gama-local reduces directions and zenith angles to the vertical of a central "
-            "point with it; here verticals are parallel, and curvature: true in the project models the curvature of the earth"
+            "point with it; here verticals are parallel, and curvature: true in the project models the curvature of "
+            "the earth"
         )
         draft.note(words, network.line)
     draft.put("title", _title(network))
