@@ -87,7 +87,7 @@ def read_groups(reading: Reading) -> list[Group]:
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
-        columns = _columns(type_, reading)
+        columns = observation_columns(type_, reading)
         if reading.planned:
             columns = without_required(columns, measured)
         rows = read_table(entry, columns, place, reading.problems)
@@ -139,8 +139,8 @@ def _unknown_type(reading: Reading, name: str) -> str:
     return f"unknown observation type {name!r}{nearest(name, known)} (known: {', '.join(known)})"
 
 
-def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
-    """Columns of a type: its references, its components with their σ, heights, face, covariances."""
+def observation_columns(type_: ObservationType, reading: Reading) -> list[Column]:
+    """Return the columns of a type: its references, its components with their σ, heights, face, covariances."""
     edge = reading.edge
     columns = [Column(reference.name, required=True) for reference in type_.references]
     raw = raw_image if type_.components[0].quantity == IMAGE else None
