@@ -21,6 +21,7 @@ from mor.formats.content import (
     interior_values,
     not_carried,
     placed_points,
+    points,
     rays_of_points,
 )
 from mor.formats.networks.terrestrial import groups
@@ -40,8 +41,6 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     """The five files. Raises :class:`InputError` for cameras, names and poses that they cannot say."""
     content = content_of(document, folder)
     found = frames(content, "AICON's files")
-    whole = block(content, "AICON's files", found, corner=False)
-    places, without = placed_points(content, whole.points, "AICON's files")
     problems: list[Problem] = []
     cameras, pixels = [], {}
     for name, camera in content.project.cameras.items():
@@ -50,7 +49,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
             cameras += lines
         except ValueError as error:
             problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
-    names = (*content.project.cameras, *found.ids, *places.ids)
+    names = (*content.project.cameras, *found.ids, *points(content).ids)
     problems += [
         Problem(f"{name!r}: names in AICON's files have no blanks, # or quotes", document.file)
         for name in names
@@ -65,6 +64,8 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     if problems:
         raise InputError(problems)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
+    whole = block(content, "AICON's files", found, corner=False)
+    places, without = placed_points(content, whole.points, "AICON's files")
     rays, gone = rays_of_points(content, whole.rays, places, "AICON's files")
     lengths = content.edge.metres * 1e3
     scales, lost = _scales(content, set(places.ids), lengths)
