@@ -213,7 +213,8 @@ class LocalSphere(NamedTuple):
         from_centre = self.radius + height
         flat = from_centre / self.radius * np.sinc(angle / np.pi)
         up = height - 2.0 * from_centre * np.sin(0.5 * angle) ** 2
-        return np.stack([flat * x, flat * y, up], axis=1) + np.array(self.origin)
+        cartesian: FloatArray = np.stack([flat * x, flat * y, up], axis=1) + np.array(self.origin)
+        return cartesian
 
     def local_axes(self, position: FloatArray) -> FloatArray:
         """Return axes (n, 3, 3; rows, Cartesian) of the horizon at plan coordinates and heights (n, 3).
