@@ -66,10 +66,15 @@ def neglected_curvature(network: Network, values: Values) -> Problem | None:
     metres = effect.distance * network.edge.metres
     words = (
         f"curvature of the earth: verticals are parallel in this project; {group.type.name} {names} over "
-        f"{metres:.4g} m is off by {across:.2g} mm ({effect.in_sigma:.2g} sigma), more than any other; "
+        f"{metres:.4g} m is off by {_two_digits(across)} mm ({_two_digits(effect.in_sigma)} sigma), more than any other; "
         "curvature: true models it"
     )
     return Problem(words, group.file, line_of(group, row))
+
+
+def _two_digits(value: float) -> str:
+    """Return a number with two digits, without an exponent if it is of an ordinary size."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def sphere_under(network: Network, values: Values) -> LocalSphere:
