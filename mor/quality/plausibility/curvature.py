@@ -66,8 +66,8 @@ def neglected_curvature(network: Network, values: Values) -> Problem | None:
     metres = effect.distance * network.edge.metres
     words = (
         f"curvature of the earth: verticals are parallel in this project; {group.type.name} {names} over "
-        f"{metres:.4g} m is off by {_two_digits(across)} mm ({_two_digits(effect.in_sigma)} sigma), more than any other; "
-        "curvature: true models it"
+        f"{metres:.4g} m is off by {_two_digits(across)} mm ({_two_digits(effect.in_sigma)} sigma), more than any "
+        "other; curvature: true models it"
     )
     return Problem(words, group.file, line_of(group, row))
 
