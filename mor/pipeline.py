@@ -49,6 +49,7 @@ from mor.quality.gross_errors.suspects import (
 )
 from mor.quality.hypotheses.hypothesis import Causes, Looking, ignore_looking
 from mor.quality.hypotheses.rejection import Rejection, rejection
+from mor.quality.plausibility.curvature import neglected_curvature
 from mor.quality.plausibility.looking import implausible
 from mor.quality.precision.image_poses import with_poses
 from mor.quality.solved import Solved
@@ -148,6 +149,8 @@ def _solved(
         with np.errstate(all="ignore"):  # what is tried may lead anywhere
             return causes(whole, start, ended, make_problem, start_or_nothing, looking)
 
+    bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
+    network = replace(network, notes=(*network.notes, bent)) if bent is not None else network
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain

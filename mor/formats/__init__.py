@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -68,7 +69,26 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
         words = f"the points of this project move; {key} has points that stand still"
         raise InputError([Problem(words, document.file, document.line(("motions",)))])
     write: Writer = getattr(import_module(form.write.module), form.write.function)
-    return write(document, folder, target)
+    written = write(document, folder, target)
+    _refuse_control_characters(written.files)
+    return written
+
+
+_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]")
+"""What XML 1.0 has no place for, and what ends a line in a text besides a line feed."""
+
+
+def _refuse_control_characters(files: Mapping[Path, bytes]) -> None:
+    """Raise :class:`InputError` if a name brought a control character into a text file."""
+    for path, content in files.items():
+        if path.suffix == ".bin":
+            continue
+        text = content.decode("utf-8", errors="replace")
+        found = _CONTROL.search(text)
+        if found is not None:
+            line = text.count("\n", 0, found.start()) + 1
+            words = f"a name has the control character {found[0]!r}, which this format cannot hold; rename it"
+            raise InputError([Problem(words, str(path), line)])
 
 
 def format_to_write(target: Path) -> str:

@@ -258,6 +258,10 @@ def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape])
     based: list[PlaneOutcome] = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
         outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
+    if (
+        outcome is PlaneOutcome.BASE_ALONG_NORMAL
+    ):  # the measurements cannot tell which: no σ holds for any of them
+        rivals = [one._replace(outcome=outcome) for one in rivals]
     return best._replace(outcome=outcome, alternatives=tuple(rivals))
 
 

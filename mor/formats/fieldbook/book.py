@@ -333,6 +333,7 @@ class FieldBook:
         _put_points(self, occupied)
         if occupied:
             _put_sights(self, occupied)
+            _put_curvature(self, occupied)
             settings = {"undetermined": "leave_out"}
             if not self._spatial():
                 settings["dimensions"] = "xy"
@@ -567,6 +568,18 @@ def _put_sights(book: FieldBook, occupied: Sequence[SetUp]) -> None:
     draft.note(
         f"{words}, {SIGMA_DISTANCE} and {PPM} ppm for distances: no field book says any", occupied[0].line
     )
+
+
+def _put_curvature(book: FieldBook, occupied: Sequence[SetUp]) -> None:
+    """Model the curvature of the earth if there are zenith angles: instruments record them as they are read."""
+    sights = [sight for set_up in occupied for sight in set_up.sights if sight.zenith is not None]
+    if sights:
+        book.draft.put("curvature", "true")
+        words = (
+            "zenith angles of a field book are not corrected for the curvature of the earth: curvature: true; "
+            "refraction is left out, instruments: {ts: {refraction: 0.13}} models it"
+        )
+        book.draft.note(words, sights[0].line)
 
 
 def _readings(

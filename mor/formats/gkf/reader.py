@@ -67,6 +67,13 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
     clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)
     clusters = without_lonely_directions(clusters, draft)
+    if given := [key for key in ("ellipsoid", "latitude") if key in parameters]:
+        words = (
+            f"{' and '.join(given)}: gama-local reduces directions and zenith angles to the vertical of a central "
+            "point with it; here verticals are parallel, and curvature: true in the project models the curvature of "
+            "the earth"
+        )
+        draft.note(words, network.line)
     draft.put("title", _title(network))
     draft.put("units", {"length": "m", "angle": "gon"})
     draft.put(

@@ -12,6 +12,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.counting import counted
 from mor.errors import InputError, Problem, Undeterminable
+from mor.geometry.earth import LocalSphere
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
@@ -115,6 +116,8 @@ class Network:
     """The project file, for mistakes that belong to no single place in it."""
     world: World | None = None
     """The earth under the network: its points are in the horizon of its middle."""
+    sphere: LocalSphere | None = None
+    """The sphere under a local network: its points are plan coordinates and heights."""
     unmeasured: tuple[str, ...] = ()
     """Tables of observations in which values are missing: they are planned."""
     candidates: tuple[ObservationGroup, ...] = ()
@@ -173,6 +176,10 @@ def read_things(
         reader(reading)
         if len(reading.problems) > before:
             reading.broken.add(space)
+    if project.curvature:
+        from mor.project.world.sphere import read_sphere  # most projects need nothing of it
+
+        read_sphere(reading)
     return reading
 
 
@@ -267,6 +274,7 @@ def _network(
         file=document.file,
         motion=reading.motion,
         world=reading.world,
+        sphere=reading.sphere,
         unmeasured=tuple(dict.fromkeys(reading.unmeasured)),
         candidates=candidates,
         station_levels={

@@ -28,6 +28,7 @@ from mor.quality.hypotheses.effort import SMALL, allowed
 from mor.quality.hypotheses.hypothesis import Causes, Fit, Hypothesis, Looking, Offered, ignore_looking
 from mor.quality.hypotheses.mistakes.circles import circle_hypotheses, face_hypotheses
 from mor.quality.hypotheses.mistakes.control import control_hypotheses, exchange_hypotheses
+from mor.quality.hypotheses.mistakes.curvature import curvature_hypotheses
 from mor.quality.hypotheses.mistakes.distances import distance_hypotheses
 from mor.quality.hypotheses.mistakes.heights import height_hypotheses
 from mor.quality.hypotheses.mistakes.images import camera_constant_hypotheses, image_hypotheses
@@ -54,6 +55,7 @@ OF_UNKNOWNS: tuple[Family, ...] = (
     height_hypotheses,
     camera_constant_hypotheses,
 )
+OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
@@ -117,8 +119,8 @@ def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     if not situation.settled:
         return OF_SIGMAS, OF_A_WHOLE
     if situation.most_do_not_fit:
-        return OF_SIGMAS, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
-    return OF_SIGMAS, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+        return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
 
 def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:

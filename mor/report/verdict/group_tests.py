@@ -30,6 +30,8 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         return None
     accepted = solved.accepted if solved.quality.redundancy > 0 else None
     explanations = [_explanation(solved, one) for one in judged.explained]
+    if solved.found.offered and solved.found.offered[0].hypothesis.cause == "curvature":
+        explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     return rows_of_verdict(
         judged,
         accepted,
@@ -38,6 +40,12 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         solved.adjustment.defect.movements,
         LENGTH_UNITS[solved.network.project.units.length],
     )
+
+
+def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
+    """True for an offset of vertical angles, which the curvature of the earth looks like over similar distances."""
+    vertical = ("zenith", "zenith_angle", "vertical", "vertical_direction")
+    return effect is not None and effect["kind"] == "offset" and effect["component"] in vertical
 
 
 def rows_of_verdict(

@@ -32,6 +32,7 @@ SENTENCES = {
     "image unit": "image coordinates may be in another unit ({names})",
     "image scale": "the camera constant, or the size of the pixels, may be wrong ({names})",
     "levelling sign": "a line of levels may have the wrong sign ({names})",
+    "curvature": "the curvature of the earth is not modelled",
     "sigma unit": "standard deviations may be in another unit ({names})",
 }
 """What each cause says."""
