@@ -19,6 +19,7 @@ from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
 from mor.adjustment.normals import image_of, objective
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.parameters.index import move
 from mor.quality.assess import Quality
 
@@ -88,7 +89,7 @@ def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
     columns = problem.index.columns[kind][block]
     free = columns >= 0
     direction = np.zeros(problem.index.count)
-    axes = np.linalg.eigh(np.nan_to_num(quality.cofactors[kind][block])[np.ix_(free, free)])[1]
+    axes = tolerant.eigh(np.nan_to_num(quality.cofactors[kind][block])[np.ix_(free, free)])[1]
     direction[columns[free]] = size * axes[:, -1]
     linear = float(image_of(adjustment.plan, values, direction[:, None])[0, 0])
     before = objective(adjustment.plan, values)
