@@ -8,8 +8,8 @@ rest is taken a piece at a time, and regular steps from there lead back to the s
 Damped steps are those of Levenberg and Marquardt, δ = (N + μ diag N)⁻¹ b. The gain ratio compares the fall of vᵀPv with
 the one that the linear equations promise. It accepts a step and sets the next μ (H. B. Nielsen, *Damping parameter in
 Marquardt's method*, 1999). A long step along a narrow, bent valley ends on its slope. The damped equations,
-with the derivatives they have, then lead back to its floor (M. K. Transtrum, J. P. Sethna, *Improvements to the Levenberg-Marquardt
-algorithm*, 2012, whose second-order correction is the first of these steps).
+with the derivatives they have, then lead back to its floor (M. K. Transtrum, J. P. Sethna, *Improvements to the
+Levenberg-Marquardt algorithm*, 2012, whose second-order correction is the first of these steps).
 """
 
 from __future__ import annotations

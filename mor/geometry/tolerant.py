@@ -1,8 +1,8 @@
 """Functions of numpy.linalg that return NaN for a matrix they cannot decompose, instead of raising.
 
 Start values and diagnosis work on stacks of candidates: a singular matrix, or one with infinities, belongs to a
-candidate that is none. With NumPy a single one ends the whole stack. Comparisons with NaN are false, so that a caller passes such
-a candidate over. Arguments and results are those of NumPy; matrices (..., m, n) may be stacked.
+candidate that is none. With NumPy a single one ends the whole stack. Comparisons with NaN are false, so that a caller
+passes such a candidate over. Arguments and results are those of NumPy; matrices (..., m, n) may be stacked.
 """
 
 from __future__ import annotations
