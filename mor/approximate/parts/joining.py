@@ -17,6 +17,7 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.ray_ties.tie_by_rays import tie_by_rays
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 FEWEST_POSITIONS = 8
 """Given positions from which a part that is still growing may be tied to them."""
@@ -291,7 +292,7 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     found = (congruence if part.scaled else similarity)(source, target)
     if found.outcome is not SimilarityOutcome.DETERMINED:
         return False
-    spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
+    spread = tolerant.singular_values(target - target.mean(axis=0))
     return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
 
 

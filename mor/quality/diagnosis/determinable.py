@@ -18,6 +18,7 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import NoStartValuesError, Undeterminable
+from mor.geometry import tolerant
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
@@ -272,7 +273,7 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
 
 def _rotations(directions: FloatArray) -> FloatArray:
     """(k, 3, 3) rotations whose third rows are the directions (k, 3)."""
-    across = np.linalg.svd(directions[:, None, :])[2][:, 1:, :]
+    across = tolerant.svd(directions[:, None, :])[2][:, 1:, :]
     D = np.concatenate([across, directions[:, None, :]], axis=1)
     D[:, 0] *= np.linalg.det(D)[:, None]
     return D

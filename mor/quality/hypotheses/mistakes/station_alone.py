@@ -19,6 +19,7 @@ from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.allowance import spend
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup, some_rows
 from mor.parameters.index import Values, index_unknowns, move
 from mor.quality.gross_errors.description_length import cost_of_residuals, sizes_of
@@ -142,7 +143,7 @@ def _adjusted(problem: Problem, values: Values) -> Values:
     for _ in range(_ITERATIONS):
         if not (np.isfinite(now).all() and np.isfinite(derivatives).all()):
             break
-        step = np.asarray(np.linalg.lstsq(derivatives, now, rcond=None)[0], dtype=np.float64)
+        step = np.asarray(tolerant.lstsq(derivatives, now, rcond=None), dtype=np.float64)
         for _ in range(_HALVED):
             there = move(problem.index, values, step)
             residuals, further = _system(problem, there)
