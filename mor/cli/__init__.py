@@ -12,6 +12,7 @@ from mor import __version__
 from mor.cli._help import Context, in_all_languages, show
 from mor.cli._language import language_of, tell, told, told_problem
 from mor.errors import ExitCode, MorError
+from mor.input_files import inputs_of_run
 
 COMMANDS = {
     "adjust": "Adjust a project, write reports, results and tables.",
@@ -103,7 +104,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     given = list(arguments) if arguments is not None else sys.argv[1:]
     language = language_of(given)
     try:
-        result = group.main(args=given, prog_name="mor", standalone_mode=False, obj=language)
+        with inputs_of_run():
+            result = group.main(args=given, prog_name="mor", standalone_mode=False, obj=language)
     except click.exceptions.Exit as leaving:
         return leaving.exit_code
     except click.ClickException as error:

@@ -267,6 +267,7 @@ def _adjusted(
             say.notes(
                 [Mistake(f"domains: borders are wide: {words}; long ties across the network make them so")]
             )
+        say.inputs_are_known()
         say.phase("adjusting")
         parts = scratch / "parts"
         assessing = partial(say.phase, "precision and reliability")

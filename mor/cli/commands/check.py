@@ -8,11 +8,11 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_of_command, tell_note, told_problem
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, quiet_option
 
 
 @click.command(name="check")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
