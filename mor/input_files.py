@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from stat import S_ISDIR
+from stat import S_ISDIR, S_ISREG
 from typing import NamedTuple
 
 from mor.errors import InputError, Problem
@@ -163,15 +163,17 @@ def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
 def check_regular(path: Path) -> None:
     """Raise :class:`InputError` where a path is no regular file: reading a pipe or a device may never end."""
     try:
-        if path.is_file():
-            return
-        there, folder = path.exists(), path.is_dir()
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(path))]) from None
+    except PermissionError as error:
+        raise InputError([Problem(f"this file cannot be read: {error.strerror}", str(path))]) from None
     except (OSError, ValueError) as error:
         words = getattr(error, "strerror", None) or str(error)
         raise InputError([Problem(f"this is no name of a file: {words}", str(path))]) from None
-    if not there:
-        raise InputError([Problem("this file does not exist", str(path))])
-    words = "folder" if folder else "pipe or a device"
+    if S_ISREG(mode):
+        return
+    words = "folder" if S_ISDIR(mode) else "pipe or a device"
     raise InputError([Problem(f"this is a {words}, expected a file", str(path))])
 
 

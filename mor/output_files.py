@@ -98,9 +98,9 @@ def write_files(files: Mapping[Path, Content], force: bool, makes_folders: bool 
                 if makes_folders:
                     real.parent.mkdir(parents=True, exist_ok=True)
                 if real.exists() and not real.is_file():
-                    _write_stream(real, content)
+                    _write_stream(real, content, path.suffix)
                     continue
-                complete[real] = real.with_name(f".mor-{secrets.token_hex(6)}{real.suffix}")
+                complete[real] = real.with_name(f".mor-{secrets.token_hex(6)}{path.suffix}")
                 write_content(complete[real], content)
                 if real.exists():
                     shutil.copymode(real, complete[real])
@@ -143,13 +143,13 @@ def _is_stream(mode: int) -> bool:
     return S_ISCHR(mode) or S_ISFIFO(mode) or S_ISSOCK(mode)
 
 
-def _write_stream(path: Path, content: Content) -> None:
+def _write_stream(path: Path, content: Content, suffix: str) -> None:
     """Write into a pipe or a device what is complete. Raises ``OSError`` for a pipe that nobody reads."""
     import tempfile
 
     if callable(content):
         with tempfile.TemporaryDirectory(prefix="mor") as folder:
-            whole = Path(folder) / f"whole{path.suffix}"
+            whole = Path(folder) / f"whole{suffix}"
             content(whole)
             content = whole.read_bytes()
     with open_stream(path) as stream:

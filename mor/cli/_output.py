@@ -8,11 +8,21 @@ from typing import Any
 import click
 
 
-class InputPath(click.Path):
-    """A file or folder that a command reads: nothing is written over it."""
+class _NamedPath(click.Path):
+    """A path, as :class:`pathlib.Path`."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path. A name with a null byte is refused: no system has a file that is called so."""
+        if "\0" in str(value):
+            self.fail(f"{str(value)!r} is no name of a file", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class InputPath(_NamedPath):
+    """A file or folder that a command reads: nothing is written over it."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, noted as an input."""
@@ -23,14 +33,11 @@ class InputPath(click.Path):
         return path
 
 
-class OutputPath(click.Path):
+class OutputPath(_NamedPath):
     """A file or folder that a command writes.
 
     Every option that names an output has this type: the tests find the outputs of all commands by it.
     """
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
 
 
 force_option = click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")

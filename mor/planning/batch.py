@@ -40,10 +40,10 @@ def cases(patterns: Iterable[str], output: Path) -> list[Case]:
     ``**`` stands for any number of folders. A project is called as its path from what all have in common, without
     ``project.yaml``.
     """
-    problems, found = [], dict[Path, None]()
+    problems, found, there = [], dict[Path, None](), Path(os.path.realpath(output))
     for pattern in patterns:
         paths = [Path(path) for path in sorted(glob(pattern, recursive=True))]
-        here = [path for path in paths if path.is_file() and output.resolve() not in path.resolve().parents]
+        here = [path for path in paths if path.is_file() and there not in path.resolve().parents]
         if not here:
             problems.append(Mistake("no project file is called so", pattern))
         found |= dict.fromkeys(here)

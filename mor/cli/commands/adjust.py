@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from mor.cli._domains import Amount, Results, Wanted, adjust_in_domains, has_library, needs_domains
+from mor.cli._domains import (
+    Amount,
+    Results,
+    Wanted,
+    adjust_in_domains,
+    check_scratch_folder,
+    has_library,
+    needs_domains,
+)
 from mor.cli._format import format_option
 from mor.cli._language import language_option, tell
 from mor.cli._output import InputPath, OutputPath, quiet_option
@@ -155,7 +163,7 @@ class Asked(NamedTuple):
 @click.option(
     "--scratch",
     metavar="FOLDER",
-    type=OutputPath(),
+    type=InputPath(),
     show_default="beside the results",
     help="Folder for the state of the domains, which all workers see under the same name.",
 )
@@ -202,6 +210,7 @@ def run(asked: Asked) -> int:
     from mor.report.words.language import words_of
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
+    check_scratch_folder(asked.scratch)
     with ExitStack() as held:
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))

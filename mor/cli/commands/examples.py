@@ -76,9 +76,9 @@ def copy_sample(name: str, target: Path) -> None:
         raise InputError([Problem(words)])
     ignored = ("__pycache__", "expected.json", "*.results")
     sample = known[name]
-    if _is_copy(target, sample, ignored):
-        return
     with named(target):
+        if _is_copy(target, sample, ignored):
+            return
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             words = "this exists and is not an empty folder; -o names another"
             raise InputError([Problem(words, str(target))])
