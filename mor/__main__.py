@@ -106,6 +106,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         return
     if number != signal.SIGINT:  # Ctrl-C may be pressed again
         signal.signal(number, signal.SIG_IGN)
+    _CAME.append(number)
     raise KeyboardInterrupt(number)
 
 
@@ -121,10 +122,12 @@ def _unraisable(lost: sys.UnraisableHookArgs) -> None:
     """
     if isinstance(lost.exc_value, KeyboardInterrupt) and hasattr(signal, "setitimer"):
         _interrupt_later(int(next(iter(lost.exc_value.args), signal.SIGINT)))
-    else:
+    elif not _CAME:  # what an interruption leaves half made, its destructors may complain of
         sys.__unraisablehook__(lost)
 
 
+_CAME: list[int] = []
+"""Signals that have interrupted this run."""
 _LOADING = "<frozen importlib._bootstrap>"
 _A_MOMENT = 1e-3
 """Seconds."""

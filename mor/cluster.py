@@ -212,7 +212,9 @@ def _check_scheduler(address: str) -> None:
     if kind is None:
         raise InputError([Mistake(_NO_SCHEDULER, address)])
     if kind != "Scheduler":
-        raise InputError([Mistake(f"this is the address of a {kind}, expected that of the scheduler", address)])
+        raise InputError(
+            [Mistake(f"this is the address of a {kind}, expected that of the scheduler", address)]
+        )
 
 
 def _silence() -> None:

@@ -213,7 +213,14 @@ def against_file(scene: Scene, output: Output, recipe: Recipe) -> Trial:
     place = scene.folder / f"other{'' if output.is_folder else recipe.suffix}"
     if output.is_folder:
         place.mkdir()
-        for name in ("notes.txt", "points.csv", "project.yaml", "results.json", "batch.txt", "montecarlo.txt"):
+        for name in (
+            "notes.txt",
+            "points.csv",
+            "project.yaml",
+            "results.json",
+            "batch.txt",
+            "montecarlo.txt",
+        ):
             (place / name).write_text("mine")
     else:
         place.write_text("mine")
@@ -304,9 +311,7 @@ def drawn(scene: Scene, draw: random.Random) -> Trial:
         recipe = draw.choice(RECIPES[output.command])
         kind, force = draw.randrange(3), draw.random() < 0.7
         if kind == 0 and recipe.inputs:
-            return against_input(
-                scene, output, recipe, draw.choice(recipe.inputs), draw.choice(WAYS), force
-            )
+            return against_input(scene, output, recipe, draw.choice(recipe.inputs), draw.choice(WAYS), force)
         if kind == 1:
             return against_file(scene, output, recipe)
         if kind == 2 and (found := hopeless(scene, output, recipe, draw.choice(HOPELESS), force)):

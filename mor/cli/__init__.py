@@ -80,7 +80,7 @@ INTERRUPTED, ENDED, LEFT = 130, 143, 129
 
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH})
-@click.version_option(__version__, prog_name="mor", message="%(prog)s %(version)s")
+@click.version_option(__version__, "-V", "--version", prog_name="mor", message="%(prog)s %(version)s")
 def group() -> None:
     """One least-squares adjustment for everything measured around an object.
 

@@ -18,7 +18,7 @@ from mor.cli._domains import (
     has_library,
     needs_domains,
 )
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell
 from mor.cli._output import InputPath, OutputPath, quiet_option
 from mor.errors import ExitCode, NoStartValuesError
@@ -94,7 +94,7 @@ class Asked(NamedTuple):
 
 
 @click.command(name="adjust")
-@click.argument("project", type=InputPath())
+@click.argument("project", type=InputPath(), default=".")
 @click.option(
     "-o",
     "--output",
@@ -187,7 +187,8 @@ def command(**given: Any) -> int:
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
       mor adjust network.dat --from starnet --memory 4GB
 
-    PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
+    PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
+    without it, the folder is the current one. Missing start values are worked out.
 
     \b
     Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
@@ -198,6 +199,7 @@ def command(**given: Any) -> int:
 
 def run(asked: Asked) -> int:
     """Adjust a project and write what was asked for; the exit code."""
+    asked = asked._replace(project=only_project(asked.project, asked.source_format))
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.input_files import files_read

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
 from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.counting import counted
@@ -75,6 +75,7 @@ def command(
     from mor.report.results.reservation import reserve
     from mor.report.results.writing import PROJECT, write_project
 
+    project = only_project(project, source_format)
     folder = output or folder_beside(project, ".start")
     document = read_document(project, source_format or "")
     if plot is not None:

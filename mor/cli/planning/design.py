@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option
 from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.errors import ExitCode
@@ -76,6 +76,7 @@ def command(
     from mor.report.results.folder import folder_beside
     from mor.report.results.reservation import reserve
 
+    project = only_project(project, source_format)
     writes = output is not None or not as_json
     folder = output or folder_beside(project, ".design")
     if writes:

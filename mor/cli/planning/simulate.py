@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
 from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
@@ -141,6 +141,7 @@ def command(
     from mor.planning.monte_carlo import Trial
     from mor.quality.simulation.planted import Wishes
 
+    project = only_project(project, source_format)
     systematic = (*_systematic(offsets, False), *_systematic(scales, True))
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
