@@ -81,7 +81,7 @@ def note_input(path: Path) -> None:
 def is_input(path: Path) -> bool:
     """Return True for an input of this run, also through a symbolic or hard link."""
     inputs = _INPUTS.get()
-    return bool(inputs) and not inputs.isdisjoint(_identities(path))
+    return inputs is not None and not inputs.isdisjoint(_identities(path))
 
 
 def holds_input(folder: Path) -> bool:
