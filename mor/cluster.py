@@ -200,8 +200,10 @@ def _check_scheduler(address: str) -> None:
     from distributed.security import Security
 
     async def identity() -> Any:
-        security = Security().get_connection_args("client")
-        async with rpc(address, timeout=_ANSWER, connection_args=security) as there:
+        security = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
+        async with rpc(  # type: ignore[no-untyped-call]
+            address, timeout=_ANSWER, connection_args=security
+        ) as there:
             return await there.identity(n_workers=0)
 
     try:

@@ -153,7 +153,7 @@ def _write_stream(path: Path, content: Content, suffix: str) -> None:
             content(whole)
             content = whole.read_bytes()
     with open_stream(path) as stream:
-        stream.buffer.write(content if isinstance(content, bytes) else content.encode("utf-8"))  # type: ignore[attr-defined]
+        stream.buffer.write(content if isinstance(content, bytes) else content.encode("utf-8"))
 
 
 def open_stream(path: Path) -> TextIO:

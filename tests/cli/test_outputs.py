@@ -134,7 +134,7 @@ class TestInputsThatCannotBeRead:
                 project.write_text(text.replace("there.csv", name))
             run = mor(command, project if place == "table" else project.parent / name)
             assert run.code == 2, run.err
-            assert name[:40] in run.err
+            assert name.split("/")[0][:40] in run.err
             assert "Traceback" not in run.err
             assert "internal" not in run.err
 

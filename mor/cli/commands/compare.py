@@ -101,6 +101,7 @@ def command(
         raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
     if epochs + (pairs is not None) + (between is not None) > 1:
         raise InputError([Problem("choose one of --epochs, --pairs, --between")])
+    written = (page, force) if page is not None else None
     check_page(page, epochs or between is not None, force)
     alone = "--pairs" if pairs is not None else "--between" if between is not None else ""
     if len(results) != (1 if alone else 2):
@@ -109,9 +110,9 @@ def command(
     if pairs is not None:
         table, words = _pairs(results[0], pairs, level, known_sigma0, lang)
     elif between is not None:
-        table, words = _between(results[0], between, level, known_sigma0, page and (page, force), lang)
+        table, words = _between(results[0], between, level, known_sigma0, written, lang)
     elif epochs:
-        table, words = _epochs(results[0], results[1], level, known_sigma0, page and (page, force), lang)
+        table, words = _epochs(results[0], results[1], level, known_sigma0, written, lang)
     else:
         return _regression(results[0], results[1], tol, lang, quiet)
     from mor.project.tables.guarded import csv_lines
