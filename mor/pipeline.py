@@ -20,7 +20,7 @@ from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
-from mor.input_files import is_folder, read_text
+from mor.input_files import is_folder, note_input, read_text
 from mor.parameters.kinds import ROTATION
 from mor.preparation import determinable_start, make_problem, start_or_nothing
 from mor.project.file.model import Settings as ProjectSettings
@@ -75,8 +75,17 @@ def _names_mor(path: Path) -> bool:
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
 
-    ``form`` names the foreign format; else the content of the file tells it. Raises :class:`InputError`.
+    ``form`` names the foreign format; else the content of the file tells it. The tables that it names are noted as
+    inputs. Raises :class:`InputError`.
     """
+    note_input(path)
+    document = _document(path, form)
+    for name in document.table_files():
+        note_input(path.parent / name)
+    return document
+
+
+def _document(path: Path, form: str) -> Document:
     if form or is_folder(path) or path.suffix.lower() not in (".yaml", ".yml"):
         from mor.formats import is_foreign, read_foreign  # no project file waits for the formats of others
 

@@ -179,7 +179,7 @@ class Result:
         """What ``results.json`` holds, as plain data."""
         from mor.report.results.json import results
 
-        return results(self.solved, {}, self._identity, beside=False)
+        return results(self.solved, {}, self._identity)
 
     def write(
         self,

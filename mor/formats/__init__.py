@@ -111,10 +111,11 @@ def _unknown(path: Path, key: str) -> str:
     if path.suffix in (".yaml", ".yml"):
         return "this is a project file already; mor adjust takes it as it is"
     if path.is_dir():
-        projects = sorted(file.name for file in path.glob("*.yaml"))
-        hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
         folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
-        return f"this is a folder, expected a project file, or a folder in one of the formats {folders}{hint}"
+        return (
+            "this is a folder without a project file, expected a project file, or a folder in one of the "
+            f"formats {folders}"
+        )
     return explain_unknown(path)
 
 

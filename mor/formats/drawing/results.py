@@ -12,6 +12,7 @@ from mor.arrays import FloatArray, IntArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, images, points
+from mor.input_files import note_input
 from mor.project.file.nodes import Document
 from mor.project.network.build import build_network
 from mor.project.tables.sources import from_file, from_rows
@@ -138,6 +139,7 @@ def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
     """σ (n, 3) east, north, up by the table of results, NaN where there is none."""
     rows: dict[str, dict[str, str | None]] = {}
     if path.is_file():
+        note_input(path)
         rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
     columns = ("seast", "snorth", "sup")
     return np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids])
@@ -148,6 +150,7 @@ def _precision(path: Path, ids: list[str], metres: float) -> tuple[FloatArray, F
     sigma, ellipses = np.full((len(ids), 3), np.nan), np.full((len(ids), 3), np.nan)
     if not path.is_file():
         return sigma, ellipses
+    note_input(path)
     table = pl.read_csv(path, infer_schema=False)
     if not {"id", "sx", "sy", "sz", "rxy"} <= set(table.columns):
         return sigma, ellipses
