@@ -30,6 +30,7 @@ def main() -> None:
             ):
                 heeded.append(number)
                 signal.signal(number, _interrupt)
+        sys.unraisablehook = _unraisable
         _heed_warnings()
         gc.set_threshold(_OBJECTS)
         for name, value in _ENVIRONMENT.items():
@@ -101,14 +102,32 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     in a callback, leaves it taken for ever.
     """
     if frame is not None and frame.f_code.co_filename == _LOADING and hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, lambda _, there: _interrupt(number, there))
-        signal.setitimer(signal.ITIMER_REAL, _A_MOMENT)
+        _interrupt_later(number)
         return
     if number != signal.SIGINT:  # Ctrl-C may be pressed again
         signal.signal(number, signal.SIG_IGN)
+    _CAME.append(number)
     raise KeyboardInterrupt(number)
 
 
+def _interrupt_later(number: int) -> None:
+    signal.signal(signal.SIGALRM, lambda _, there: _interrupt(number, there))
+    signal.setitimer(signal.ITIMER_REAL, _A_MOMENT)
+
+
+def _unraisable(lost: sys.UnraisableHookArgs) -> None:
+    """Interrupt again if Python has dropped an interruption.
+
+    It drops what is raised in functions that C code calls, as LLVM does when a kernel is compiled, and in destructors.
+    """
+    if isinstance(lost.exc_value, KeyboardInterrupt) and hasattr(signal, "setitimer"):
+        _interrupt_later(int(next(iter(lost.exc_value.args), signal.SIGINT)))
+    elif not _CAME:  # what an interruption leaves half made, its destructors may complain of
+        sys.__unraisablehook__(lost)
+
+
+_CAME: list[int] = []
+"""Signals that have interrupted this run."""
 _LOADING = "<frozen importlib._bootstrap>"
 _A_MOMENT = 1e-3
 """Seconds."""

@@ -24,6 +24,8 @@ from mor.machine import available
 
 _PATIENCE = 60.0
 """Seconds to wait for a scheduler, for its first worker, and for one to be at work."""
+_ANSWER = 20.0
+"""Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
 _BEGINNING = 20.0
@@ -124,14 +126,15 @@ def connected(
     All of them see ``folder``, and have ``memory`` bytes each. Raises :class:`InputError` where they cannot do it:
     another version, files they do not see, too little memory.
     """
-    _check_installed()
+    _check_installed(address is None)
     with _client(workers, address, memory) as (client, renew):
         _check(client, folder, memory)
         yield Cluster(client, renew)
 
 
-def _check_installed() -> None:
-    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
+def _check_installed(begins_workers: bool) -> None:
+    wanted = ("dask", "distributed", *(["cryptography"] if begins_workers else []))
+    missing = [name for name in wanted if find_spec(name) is None]
     if missing:
         words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
         raise InputError([Mistake(f"a cluster needs Dask, {words}")])
@@ -146,12 +149,11 @@ def _client(
 
     _silence()
     if address is not None:
+        _check_scheduler(address)
         try:
-            client = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-        except (OSError, ValueError) as error:
-            raise InputError(
-                [Mistake(f"no scheduler answers there: {str(error).splitlines()[0]}", address)]
-            ) from None
+            client = Client(address, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError):
+            raise InputError([Mistake(_NO_SCHEDULER, address)]) from None
         with client:
             yield client, lambda: None
         return
@@ -163,6 +165,9 @@ def _client(
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": False,
+        # no pages of any kind, which any user of the machine could read
+        "distributed.scheduler.http.routes": [],
+        "distributed.worker.http.routes": [],
     }
     with (
         dask.config.set(settings),
@@ -175,6 +180,43 @@ def _client(
             cluster.scale(count)
 
         yield client, renew
+
+
+_NO_SCHEDULER = (
+    "no Dask scheduler answers at this address; is it the address that `dask scheduler` prints, "
+    "and does it expect TLS?"
+)
+
+
+def _check_scheduler(address: str) -> None:
+    """Raise :class:`InputError` unless a Dask scheduler answers at an address within :data:`_ANSWER` seconds.
+
+    Other programs may answer with anything, or not at all, and a client waits for them or takes their first bytes for
+    the length of a message.
+    """
+    import asyncio
+
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    async def identity() -> Any:
+        security = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
+        async with rpc(  # type: ignore[no-untyped-call]
+            address, timeout=_ANSWER, connection_args=security
+        ) as there:
+            return await there.identity(n_workers=0)
+
+    try:
+        found = asyncio.run(asyncio.wait_for(identity(), _ANSWER))
+    except Exception:  # noqa: BLE001 - whatever comes of bytes that mean something else
+        found = None
+    kind = found.get("type") if isinstance(found, dict) else None
+    if kind is None:
+        raise InputError([Mistake(_NO_SCHEDULER, address)])
+    if kind != "Scheduler":
+        raise InputError(
+            [Mistake(f"this is the address of a {kind}, expected that of the scheduler", address)]
+        )
 
 
 def _silence() -> None:
@@ -195,6 +237,9 @@ def _begun(local_cluster: Callable[..., Any], count: int, each: int) -> Any:
                 memory_limit=each,
                 dashboard_address=None,
                 silence_logs=50,
+                # Certificates made for this run alone: nobody else on the machine can connect and have tasks run.
+                security=True,
+                protocol="tls://",
             )
         except RuntimeError as error:
             if time.monotonic() > until:

@@ -6,10 +6,11 @@ import gzip
 import hashlib
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 from typing import NamedTuple
 
 from mor.errors import InputError, Problem
@@ -55,8 +56,53 @@ def files_read() -> Iterator[dict[Path, ReadFile]]:
         _READ.reset(token)
 
 
+_INPUTS: ContextVar[set[object] | None] = ContextVar("inputs of this run", default=None)
+
+
+@contextmanager
+def inputs_of_run(paths: Iterable[Path] = ()) -> Iterator[None]:
+    """Remember inputs for :func:`is_input`: ``paths``, all that is noted inside, and those of a run around it."""
+    token = _INPUTS.set(set(_INPUTS.get() or ()))
+    try:
+        for path in paths:
+            note_input(path)
+        yield
+    finally:
+        _INPUTS.reset(token)
+
+
+def note_input(path: Path) -> None:
+    """Note that a file is an input of this run: nothing may be written over it, under whatever name it is reached."""
+    inputs = _INPUTS.get()
+    if inputs is not None:
+        inputs.update(_identities(path))
+
+
+def is_input(path: Path) -> bool:
+    """Return True for an input of this run, also through a symbolic or hard link."""
+    inputs = _INPUTS.get()
+    return inputs is not None and not inputs.isdisjoint(_identities(path))
+
+
+def holds_input(folder: Path) -> bool:
+    """Return True for a folder with an input of this run anywhere in it."""
+    above = os.path.join(os.path.realpath(folder), "")
+    return any(isinstance(one, str) and one.startswith(above) for one in _INPUTS.get() or ())
+
+
+def _identities(path: Path) -> set[object]:
+    """The resolved path of a file, and device and number of what stands there."""
+    try:
+        found: set[object] = {os.path.realpath(path)}
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return {os.path.abspath(path)} if "\0" not in str(path) else set()
+    return found if S_ISDIR(status.st_mode) else {*found, (status.st_dev, status.st_ino)}
+
+
 def note_file(path: Path, content: bytes | None = None) -> None:
     """Remember that a file was read, where somebody wants to know; ``content`` are its bytes, else they are read."""
+    note_input(path)
     files, place = _READ.get(), path.resolve()
     if files is None or place in files:
         return
@@ -117,15 +163,17 @@ def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
 def check_regular(path: Path) -> None:
     """Raise :class:`InputError` where a path is no regular file: reading a pipe or a device may never end."""
     try:
-        if path.is_file():
-            return
-        there, folder = path.exists(), path.is_dir()
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        raise InputError([Problem("this file does not exist", str(path))]) from None
+    except PermissionError as error:
+        raise InputError([Problem(f"this file cannot be read: {error.strerror}", str(path))]) from None
     except (OSError, ValueError) as error:
         words = getattr(error, "strerror", None) or str(error)
         raise InputError([Problem(f"this is no name of a file: {words}", str(path))]) from None
-    if not there:
-        raise InputError([Problem("this file does not exist", str(path))])
-    words = "folder" if folder else "pipe or a device"
+    if S_ISREG(mode):
+        return
+    words = "folder" if S_ISDIR(mode) else "pipe or a device"
     raise InputError([Problem(f"this is a {words}, expected a file", str(path))])
 
 

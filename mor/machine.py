@@ -56,7 +56,7 @@ def available() -> float | None:
     """Bytes that this process may still take; ``None`` where nobody knows."""
     given = os.environ.get(ENVIRONMENT, "")
     if given.isascii() and given.isdigit():
-        return float(given) * _MB - resident()
+        return max(float(given) * _MB - resident(), 0.0)
     found = [size for size in (_of_machine(), _of_group(), _of_address_space()) if size is not None]
     return max(min(found), 0.0) if found else None
 
@@ -133,7 +133,7 @@ def _of_address_space() -> float | None:
         return None
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
     used = _field(Path("/proc/self/status"), "VmSize")
-    return None if most == resource.RLIM_INFINITY or used is None else most - used
+    return None if most == resource.RLIM_INFINITY or used is None else max(most - used, 0.0)
 
 
 def _number(path: Path) -> float | None:

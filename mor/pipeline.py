@@ -22,7 +22,7 @@ from mor.compilation import chosen_by_size
 from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
 from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
-from mor.input_files import is_folder, read_text
+from mor.input_files import is_folder, note_input, read_text
 from mor.parameters.kinds import ROTATION
 from mor.preparation import determinable_start, make_problem, start_or_nothing
 from mor.project.file.model import Settings as ProjectSettings
@@ -49,6 +49,7 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
+from mor.quality.plausibility.curvature import neglected_curvature
 from mor.quality.plausibility.looking import implausible
 from mor.quality.precision.image_poses import with_poses
 from mor.quality.solved import PossibleCause, Solved
@@ -64,16 +65,35 @@ _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
 
 
+_OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
+
+
+def _names_mor(path: Path) -> bool:
+    """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
+    return any(line.startswith("mor:") for line in read_text(path).splitlines())
+
+
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
 
-    ``form`` names the foreign format; else the content of the file tells it. Raises :class:`InputError`.
+    ``form`` names the foreign format; else the content of the file tells it. The tables that it names are noted as
+    inputs. Raises :class:`InputError`.
     """
+    note_input(path)
+    document = _document(path, form)
+    for name in document.table_files():
+        note_input(path.parent / name)
+    return document
+
+
+def _document(path: Path, form: str) -> Document:
     if form or is_folder(path) or path.suffix.lower() not in (".yaml", ".yml"):
         from mor.formats import is_foreign, read_foreign  # no project file waits for the formats of others
 
         if form or is_folder(path) or is_foreign(path):
             return read_foreign(path, form)
+    if path.suffix.lower() not in _OWN_SUFFIXES and path.is_file() and not _names_mor(path):
+        return read_foreign(path)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
         raise InputError([Mistake(words, str(path))])
@@ -153,6 +173,8 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
     suspects = rescue.suspects if rescue is not None else None
     led = rescue.led if rescue is not None else None
     plain = suspects.plain if suspects is not None else adjustment
+    bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
+    network = replace(network, notes=(*network.notes, bent)) if bent is not None else network
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain

@@ -36,8 +36,8 @@ def make_problem(
 ) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
 
-    The datum refers to the coordinates of ``start``; distances in σ models, and times by which rows are read out on
-    trajectories, are those of ``place``.
+    The datum refers to the given coordinates, and to those of ``start`` for points without. Distances in σ models, and
+    times by which rows are read out on trajectories, are those of ``place``.
     """
     groups, checks = (
         tuple(with_sigma_model(read_out_at(network, group, place), place) for group in some)
@@ -50,8 +50,7 @@ def make_problem(
         Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
         for c in network.correlations
     )
-    coordinates = start["point"] if network.datum.reference is None else network.datum.reference
-    reference = {"point": coordinates}
+    reference = {"point": network.datum.reference_from(start["point"])}
     movements = reference if network.datum.at_reference else None
     datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)

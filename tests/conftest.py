@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from reference_data import missing, reference_folder
+from reference_data import MISSING, missing, reference_folder
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +24,13 @@ def shared_data() -> Callable[[str], Path]:
         return folder
 
     return find
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Give all tests that lack reference data the same place, so that the summary counts them in one line."""
+    report = yield
+    if report.skipped and isinstance(report.longrepr, tuple) and report.longrepr[2].endswith(MISSING):
+        report.longrepr = ("tests", None, MISSING)
+        report.keywords = {key: value for key, value in report.keywords.items() if key != "skip"}
+    return report

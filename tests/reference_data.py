@@ -1,22 +1,35 @@
-"""Where the reference data are, networks from documents and texts, and results by name."""
+"""Reference networks of the repository, reference data beside it, and results by name."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import moves_by_angles
-from mor.pipeline import Solved
+from mor.pipeline import Solved, solve_network
 from mor.project.file.nodes import Document, read_yaml
 from mor.project.file.validation import validate
 from mor.project.network.build import Network, build_network
 from mor.quality.precision.cofactors import angle_cofactors
+
+MISSING = "need the reference data of other programs (../shared/data, or the folder MOR_SHARED_DATA)"
+"""Why tests of readers and of large blocks are skipped in a clone with nothing beside it."""
+
+NETWORKS = sorted((Path(__file__).parent / "reference" / "networks").glob("*/*.yaml"))
+"""Projects of the reference networks that stand in the repository."""
+
+
+def network_name(path: Path) -> str:
+    """Name of a reference network: its source and its file."""
+    return f"{path.parent.name}/{path.stem}"
 
 
 def reference_folder(name: str) -> Path | None:
@@ -26,16 +39,24 @@ def reference_folder(name: str) -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def missing(name: str) -> str:
-    """Why a test is skipped."""
-    return f"reference data {name!r} not found (set MOR_SHARED_DATA, or put them in ../shared/data)"
+def missing(_name: str) -> str:
+    """Why a test is skipped: the same words for every data set, so that the summary counts them in one line."""
+    return MISSING
+
+
+def reference_file(name: str) -> Path:
+    """A file of a data set, as ``gama/NAME.gkf``; the test is skipped where the data set is missing."""
+    folder = reference_folder(name.split("/")[0])
+    if folder is None:
+        pytest.skip(MISSING)
+    return folder.parent / name
 
 
 def reference_files(name: str, pattern: str) -> Sequence[object]:
     """Files of a data set as test parameters; one skipped parameter where the set is missing."""
     folder = reference_folder(name)
     if folder is None:
-        return [pytest.param(None, marks=pytest.mark.skip(reason=missing(name)), id="missing")]
+        return [pytest.param(None, marks=pytest.mark.skip(reason=MISSING), id="missing")]
     return [pytest.param(path, id=path.stem) for path in sorted(folder.glob(pattern))]
 
 
@@ -89,6 +110,25 @@ def network_of(document: Document, folder: Path) -> Network:
 def network_of_yaml(text: str, folder: Path) -> Network:
     """The network of a project file given as text; its tables are looked for in ``folder``."""
     return network_of(read_yaml(text, "project.yaml"), folder)
+
+
+@cache
+def solved_network(path: Path) -> Solved:
+    """The adjusted network of a project file; shared by all tests."""
+    return solve_network(network_of_yaml(path.read_text(encoding="utf-8"), path.parent))
+
+
+@cache
+def expected_values(path: Path) -> dict[str, Any]:
+    """The expected values that stand beside a project file of a reference network."""
+    expected = path.with_suffix(".expected.json").read_text(encoding="utf-8")
+    return dict(json.loads(expected))
+
+
+def table(expected: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """Rows of one table of expected values, by column."""
+    rows = expected[name]["rows"] if name in expected else []
+    return [dict(zip(expected[name]["columns"], row, strict=True)) for row in rows]
 
 
 def image_results(solved: Solved) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
+import time
 from concurrent.futures import CancelledError
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -156,3 +160,51 @@ def test_workers_that_do_not_begin_are_begun_anew(monkeypatch: pytest.MonkeyPatc
     tried.clear()
     with pytest.raises(InputError, match="do not begin"):
         cluster._begun(begin, 2, 1_000)
+
+
+@pytest.mark.parametrize(
+    "answer", [None, b"", b"SSH-2.0-OpenSSH_9.6 and so on\r\n", b"HTTP/1.1 400 Bad\r\n\r\n" * 9]
+)
+def test_a_port_that_is_no_scheduler_is_told_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes | None
+) -> None:
+    """Silent, closed at once, or with bytes that were taken for the length of a message: 3.01 EiB."""
+    monkeypatch.setattr(cluster, "_ANSWER", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        kept = []
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    kept.append(server.accept()[0])
+                    if answer is not None:
+                        kept[-1].sendall(answer)
+                    if answer == b"":
+                        kept[-1].close()
+
+        Thread(target=serve, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        begun = time.monotonic()
+        with pytest.raises(InputError, match="no Dask scheduler answers") as raised:
+            cluster._check_scheduler(address)
+        assert time.monotonic() - begun < 20.0
+        assert raised.value.problems[0].file == address
+
+
+@pytest.mark.slow
+def test_nobody_without_its_certificates_reaches_the_scheduler_of_this_machine() -> None:
+    pytest.importorskip("cryptography")
+    from urllib.error import HTTPError
+    from urllib.request import urlopen
+
+    with cluster._client(1, None, None) as (client, _):
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        assert client.submit(sum, [1, 2]).result() == 3
+        for other in (address, address.replace("tls://", "tcp://")):
+            with pytest.raises(InputError, match="no Dask scheduler answers"):
+                cluster._check_scheduler(other)
+        port = client.scheduler_info()["services"].get("dashboard")
+        if port:
+            with pytest.raises(HTTPError, match="404"):
+                urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=5)

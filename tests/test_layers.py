@@ -20,7 +20,7 @@ LAYERS = (
     ("allowance",),
     ("sparse",),
     ("geometry", "input_files", "machine"),
-    ("parameters", "cluster"),
+    ("parameters", "cluster", "output_files"),
     ("observations",),
     ("project",),
     ("approximate", "adjustment"),

@@ -37,11 +37,15 @@ ACCURACY = 1e-8
 
 1e-6 would not do: a network of 5 m with σ of 0.3 mm then moves by 1e-10 of its size, and cofactors in a datum of few
 points by 2e-9 of themselves."""
+AT_THE_LAST_DIGIT = 0.1
+"""Largest step in units of σ at a minimum, where no step of any length and damping makes vᵀPv smaller.
+
+The observations hardly determine a direction there, and round-off moves the network along it by up to this."""
 _RATE_KNOWN_TO = 4.0
 """Margin for a rate of convergence that is taken from two steps."""
 _CREEPS = 0.25
 """Rate from which on steps creep: near a solution they fall faster where residuals are no larger than their σ."""
-_STANDING = 5
+_STANDING = 10
 """Iterations that are compared with as many before them."""
 _STANDS = 1e-3
 """Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
@@ -77,16 +81,26 @@ def residuals_stay(before: Adjustment, after: Adjustment) -> bool:
     return after.normals.objective > 0.5 * before.normals.objective
 
 
-def stands_still(iterations: tuple[Iteration, ...]) -> bool:
-    """True where the last iterations neither made vᵀPv smaller, nor their steps: nothing is to be expected of more.
+def without_progress(iterations: tuple[Iteration, ...]) -> int:
+    """Return the number of iterations since vᵀPv was last a thousandth larger than it is now."""
+    objectives = [iteration.objective for iteration in iterations]
+    larger = (k for k, one in enumerate(reversed(objectives)) if one > (1.0 + _STANDS) * objectives[-1])
+    return next(larger, len(objectives))
 
-    Steps that shrink slowly, all those to come together by less than one σ, are slow and do not stand still. A step of
-    nothing, with which an adjustment begins at the solution in another datum, is none to be compared with.
+
+def stands_still(iterations: tuple[Iteration, ...]) -> bool:
+    """Return True if twenty iterations have made neither vᵀPv smaller, nor the steps, nor the damping.
+
+    Steps that shrink slowly, all those to come together by less than one σ, do not stand still. Nor does an iteration
+    whose damping falls: its steps grow along a direction that was damped. Steps of zero are not compared: an adjustment
+    in another datum that begins at the solution begins with one.
     """
     if len(iterations) < 2 * _STANDING:
         return False
     earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
     if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
+        return False
+    if 0.0 < later[-1].damping < 0.5 * later[0].damping:
         return False
     steps = [iteration.largest_change for iteration in earlier if iteration.largest_change > ACCURACY]
     before, now = min(steps, default=0.0), min(iteration.largest_change for iteration in later)

@@ -49,6 +49,11 @@ class Inverse(NamedTuple):
     weak: FloatArray
     """(u, w) weak directions, scaled so that weak·weakᵀ is their part of the cofactors."""
 
+    @property
+    def is_weak(self) -> bool:
+        """True if a pivot shows a direction that the observations hardly determine and no anchor holds."""
+        return self.factor.smallest_pivot < HARDLY_DETERMINED
+
     def solve(self, rhs: FloatArray) -> FloatArray:
         """A solution x of N x = rhs, (u,) or (u, k), for a right-hand side in the range of N."""
         columns = rhs.reshape(len(rhs), -1)
@@ -172,16 +177,25 @@ class DampedStep(NamedTuple):
     step: FloatArray
     objective: float
     gain: float
+    solve: Callable[[FloatArray], FloatArray]
+    """Returns (N + μ diag N)⁻¹ b (u,) for a right-hand side b (u,)."""
 
 
 def damped_step(plan: Plan, values: Values, damping: float) -> DampedStep:
-    """Levenberg-Marquardt step δ = (N + μ diag N)⁻¹ b; unknowns that nothing observes stay."""
+    """Return the step δ = (N + μ diag N)⁻¹ b; unknowns that no observation contains stay."""
     normals = build_normals(plan, values, damping)
     scale = _unit_diagonal(normals)
     factor = factorise(normals.matrix.scaled(scale), plan.elimination, tolerance=1e-16)
     reduced = scale * factor.solve(scale * normals.reduced_rhs)
     step = full_step(plan, values, reduced, damping)
-    return DampedStep(step, normals.objective, float(step @ normals.rhs))
+
+    def solve(rhs: FloatArray) -> FloatArray:
+        below, alone = reduce_right_hand_side(plan, values, rhs[:, None], damping)
+        x = full_directions(plan, values, scale[:, None] * factor.solve(scale[:, None] * below), damping)
+        x[plan.rays.columns] += alone
+        return np.asarray(x[:, 0])
+
+    return DampedStep(step, normals.objective, float(step @ normals.rhs), solve)
 
 
 def _stretches(plan: Plan, values: Values, directions: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -194,3 +194,27 @@ def image_of_rays(rays: Rays, reduced: FloatArray, of_points: FloatArray) -> Flo
     point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
     image: FloatArray = np.matmul(rays.by_others, moved) + np.matmul(rays.by_point, of_points[point])
     return image
+
+
+def gradient_elsewhere(plan: Plan, values: Values, there: Values) -> FloatArray:
+    """Return AᵀPl (u,) with the derivatives A at ``values`` and the misclosures l at the values ``there``."""
+    rhs = np.zeros(plan.problem.index.count)
+    reduced = np.zeros((len(plan.kept), 1))
+    for rows, other in zip(white_rows(plan, values), white_rows(plan, there), strict=True):
+        free = rows.columns >= 0
+        back = np.einsum("nmk,nm->nk", rows.jacobian, other.misclosure)
+        np.add.at(reduced[:, 0], rows.columns[free], back[free])
+    chunks = zip(
+        ray_chunks(plan.problem, plan.rays, plan.reduced, values),
+        ray_chunks(plan.problem, plan.rays, plan.reduced, there),
+        strict=True,
+    )
+    for here, moved in chunks:
+        image = -moved.rays.residual[:, :, None]
+        of_points = np.swapaxes(here.rays.by_point, 1, 2) @ image
+        rhs[plan.rays.columns[here.points]] = np.add.reduceat(
+            of_points[:, :, 0], here.rays.point_pointers[:-1], axis=0
+        )
+        add_to_others(here.rays, image, reduced)
+    rhs[plan.kept] += reduced[:, 0]
+    return rhs

@@ -1,7 +1,7 @@
-"""The one loop of the program: linearise, normal equations, step, until nothing moves any more.
+"""The iteration: linearise, build the normal equations, take a step, until nothing moves.
 
-Gauss-Newton; where a full step would make the objective larger, Levenberg-Marquardt damping shortens it, and is taken
-back as soon as it is not needed. When it is over is said in :mod:`mor.adjustment.convergence`.
+Steps are those of Gauss and Newton. If a full step does not gain, a damped one is taken (Levenberg and Marquardt, see
+:mod:`mor.adjustment.step_control`). :mod:`mor.adjustment.convergence` says when the iteration is over.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import numpy as np
 
 from mor.adjustment.convergence import (
     ACCURACY,
+    AT_THE_LAST_DIGIT,
     creeps,
     is_in_datum,
     is_over,
     residuals_stay,
     stands_still,
+    without_progress,
 )
 from mor.adjustment.datum.defect import Defect, explain_defect
 from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
@@ -32,6 +34,7 @@ from mor.adjustment.secants import NOTHING_LEARNT, Secants
 from mor.adjustment.state import (
     A_WEAK_TURN,
     RAN_AWAY,
+    SINGULAR_MINIMUM,
     STANDS_STILL,
     Adjustment,
     Iteration,
@@ -51,6 +54,7 @@ class Settings(NamedTuple):
     """What the user may set of the solver."""
 
     max_iterations: int = 50
+    """Most iterations without progress."""
 
 
 def adjust(
@@ -66,7 +70,10 @@ def adjust(
 
 def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | None) -> Adjustment:
     state = _begin(plan, start)
-    while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < settings.max_iterations:
+    while (
+        state.outcome is Outcome.NOT_CONVERGED
+        and without_progress(state.iterations) < settings.max_iterations
+    ):
         state = _advance(state)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
@@ -110,7 +117,7 @@ def _judge_defect(state: Adjustment) -> Adjustment:
         )
     if defect.datum.shape[1] and not datum.free:
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
-    if not binds(defect.datum, state.constraint):
+    if not binds(defect.datum, state.constraint, state.problem.index):
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
     return state
 
@@ -129,6 +136,8 @@ def _advance(state: Adjustment) -> Adjustment:
     taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
     if taken is None:
         taken = accept(state, regular, stride.weak + shift, change)
+    if taken is None and change <= AT_THE_LAST_DIGIT:
+        return _converged(_at_minimum(state._replace(iterations=(*state.iterations, iteration))))
     if taken is None:
         return state._replace(outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
     if any(np.abs(values).max(initial=0.0) > LARGEST for values in taken.values.values()):
@@ -137,6 +146,7 @@ def _advance(state: Adjustment) -> Adjustment:
     moved = _at(state, taken, (*state.iterations, iteration), last=over)
     moved = moved._replace(
         stride=Stride(stride.whole, stride.share * taken.share),
+        damping=taken.next_damping or state.damping,
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
     return _converged(moved) if over and taken.share == 1.0 else moved
@@ -195,7 +205,7 @@ def _redundancy(state: Adjustment) -> int:
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:
     """The solution, a step away that is so small that the system stays the same there."""
     objective_there = max(state.normals.objective - iteration.largest_change**2, 0.0)
-    checked = _with_checked_defect(state)
+    checked = _at_minimum(state)
     if checked.outcome is not Outcome.NOT_CONVERGED:
         return checked
     return checked._replace(
@@ -218,10 +228,24 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
     values = taken.values
     normals = build_normals(state.plan, values) if taken.normals is None else taken.normals
     moved = state._replace(values=values, normals=normals, iterations=iterations)
-    if last or state.inverse.weak.shape[1]:
+    if last:
+        return _at_minimum(moved)
+    if state.inverse.weak.shape[1]:
         return _with_checked_defect(moved)
     inverse = invert_alike(state.plan, normals, values, state.anchors)
     return _with_defect(moved, inverse, replace(state.defect, datum=inverse.null))
+
+
+def _at_minimum(state: Adjustment) -> Adjustment:
+    """Return the state at the end of the iteration, anchored anew if a direction has become weak on the way."""
+    checked = _with_checked_defect(state)
+    if not checked.inverse.is_weak or checked.outcome is not Outcome.NOT_CONVERGED:
+        return checked
+    anchored = find_anchors(state.plan, state.normals)
+    inverse = invert(state.plan, state.normals, state.values, *anchored)
+    defect = explain_defect(inverse.null, state.problem, state.values)
+    again = _with_defect(checked._replace(anchors=anchored.unknowns), inverse, defect)
+    return again._replace(reason=SINGULAR_MINIMUM) if again.outcome is Outcome.SINGULAR else again
 
 
 def _with_checked_defect(state: Adjustment) -> Adjustment:

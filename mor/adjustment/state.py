@@ -24,6 +24,7 @@ _SHORTEST = 0.02
 A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
 RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
 STANDS_STILL = "the iteration stands still"
+SINGULAR_MINIMUM = "a movement of the network changes no observation where the sum of squares is smallest"
 """Reasons of outcomes."""
 
 
@@ -97,6 +98,8 @@ class Adjustment(NamedTuple):
     constraint: Constraint
     iterations: tuple[Iteration, ...]
     stride: Stride
+    damping: float = 1e-4
+    """Damping μ with which the next damped step begins; the first is that of Ceres."""
     secants: Secants = NOTHING_LEARNT
     """What the last steps say of the curvature; empty where they do not creep."""
 

@@ -1,10 +1,15 @@
-"""Which part of a step is taken, so that no step makes anything worse: whole, along a curve, or damped.
+"""Step control: take the whole Gauss-Newton step if it gains, otherwise a damped one.
 
-A step has two parts. The *regular* one the observations determine. The rest goes along directions in which they do so
-hardly, or not at all: weak directions, and the shift of a free network into its datum. To first order it changes no
-observation, but only to first order: a network that turns by θ along the tangent of its turn grows by θ²/2. So such a
-part is taken a piece at a time, and regular steps from there lead back to the solution: a way along the curve on which
-the network turns as it is.
+A step has two parts. The observations determine the *regular* part. The rest goes along directions that they determine
+hardly or not at all: weak directions, and the shift of a free network into its datum. To first order this rest changes
+no observation, but only to first order: a network that turns by θ along the tangent of its turn grows by θ²/2. So the
+rest is taken a piece at a time, and regular steps from there lead back to the solution.
+
+Damped steps are those of Levenberg and Marquardt, δ = (N + μ diag N)⁻¹ b. The gain ratio compares the fall of vᵀPv with
+the one that the linear equations promise. It accepts a step and sets the next μ (H. B. Nielsen, *Damping parameter in
+Marquardt's method*, 1999). A long step along a narrow, bent valley ends on its slope. The damped equations,
+with the derivatives they have, then lead back to its floor (M. K. Transtrum, J. P. Sethna, *Improvements to the
+Levenberg-Marquardt algorithm*, 2012, whose second-order correction is the first of these steps).
 """
 
 from __future__ import annotations
@@ -14,16 +19,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.inverse import damped_step, invert
-from mor.adjustment.normals import Normals, build_normals, objective
+from mor.adjustment.inverse import DampedStep, damped_step, invert
+from mor.adjustment.normals import Normals, build_normals, gradient_elsewhere, normal_product, objective
 from mor.adjustment.state import Adjustment
-from mor.arrays import FloatArray
+from mor.arrays import LARGEST, FloatArray
 from mor.parameters.index import move
 
 _CORRECTIONS = 3
 """Regular steps that lead back to the solution at most."""
+_BACK = 5
+"""Steps that lead back to the floor of a valley at most."""
 _EXPECTED = 0.25
 """Part of the gain a step promises that it must keep."""
+_LEAST_GAIN = 1e-3
+"""Gain ratio from which on a damped step is taken, as in Ceres."""
+_GOOD_GAIN = 0.75
+"""Gain ratio from which on a damped step needs no correction."""
+_LEAST_DAMPING, _MOST_DAMPING = 1e-14, 1e12
 _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
@@ -35,6 +47,8 @@ class Taken(NamedTuple):
     damping: float
     share: float
     normals: Normals | None = None
+    next_damping: float = 0.0
+    """Damping with which the next damped step begins, if this one is damped."""
     step: FloatArray | None = None
     """(u,) the step without the shift into the datum, where it is not the one of Gauss-Newton."""
 
@@ -71,7 +85,7 @@ def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change:
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
     if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _last_digits(state):
-        return Taken(values, 0.0, 1.0, normals, step)
+        return Taken(values, 0.0, 1.0, normals, step=step)
     return None
 
 
@@ -119,16 +133,39 @@ def _first_share(state: Adjustment, along: FloatArray) -> float:
 
 
 def _damped(state: Adjustment) -> Taken | None:
-    """The least damped step that makes the objective smaller, and by no mere fraction of what it promises."""
-    damping = max(state.iterations[-1].damping * 0.1, 1e-6) if state.iterations else 1e-6
-    fallback = None
-    while damping < 1e6:
+    """Return the first damped step that gains, beginning with the damping the last one ended with, or None."""
+    damping, growth = max(state.damping, _LEAST_DAMPING), 2.0
+    while damping < _MOST_DAMPING:
         tried = damped_step(state.plan, state.values, damping)
-        values = move(state.problem.index, state.values, tried.step)
-        gained = tried.objective - objective(state.plan, values)
-        if gained > _EXPECTED * tried.gain:
-            return Taken(values, damping, 1.0)
-        if gained > 0.0 and fallback is None:
-            fallback = Taken(values, damping, 1.0)
-        damping *= 10.0
-    return fallback
+        values, ratio = _led_back(state, tried)
+        if ratio > _LEAST_GAIN:
+            easier = max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
+            return Taken(values, damping, 1.0, next_damping=damping * easier)
+        damping, growth = damping * growth, 2.0 * growth
+    return None
+
+
+def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatArray], float]:
+    """Return where a damped step leads and its gain ratio, after corrections as long as they raise a poor ratio."""
+    step, b = tried.step, state.normals.rhs
+    of_step = normal_product(state.plan, state.values, step[:, None])[:, 0]
+    promised = float(step @ (2.0 * b - of_step))
+
+    def gain_ratio(values: Mapping[str, FloatArray]) -> float:
+        within = all(float(np.abs(one).max(initial=0.0)) <= LARGEST for one in values.values())
+        if not within or not promised > 0.0:
+            return -np.inf
+        return (state.normals.objective - objective(state.plan, values)) / promised
+
+    values = move(state.problem.index, state.values, step)
+    ratio = gain_ratio(values)
+    for _ in range(_BACK):
+        if ratio > _GOOD_GAIN or not np.isfinite(ratio):
+            break
+        step = step + tried.solve(gradient_elsewhere(state.plan, state.values, values) - (b - of_step))
+        corrected = move(state.problem.index, state.values, step)
+        better = gain_ratio(corrected)
+        if not better > ratio:
+            break
+        values, ratio = corrected, better
+    return values, ratio

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from mor.api.project import Project, read
 from mor.errors import InputError, Problem
+from mor.input_files import note_input
 
 if TYPE_CHECKING:
     from mor.project.network.build import Network
@@ -19,15 +20,7 @@ ADJUSTED = "adjusted.yaml"
 REFERENCE = "reference.csv"
 
 
-@dataclass(frozen=True, eq=False)
-class Reopened:
-    """A project, or the adjusted project of a results folder, and every file that it was read from."""
-
-    project: Project
-    inputs: tuple[Path, ...]
-
-
-def reopen(path: Path) -> Reopened:
+def reopen(path: Path) -> Project:
     """The project behind a results folder, or a project file.
 
     The datum of results refers to the coordinates that stand with them. Raises :class:`InputError`.
@@ -37,13 +30,11 @@ def reopen(path: Path) -> Reopened:
         words = f"no {ADJUSTED} in this folder; expected the results of mor adjust"
         raise InputError([Problem(words, str(path))])
     project = read(file)
-    inputs = (file, *(project.folder / name for name in project.document.table_files()))
     reference = path / REFERENCE
     if not path.is_dir() or not reference.is_file():
-        return Reopened(project, inputs)
-    return Reopened(
-        replace(project, network=_with_reference(project.network, reference)), (*inputs, reference)
-    )
+        return project
+    note_input(reference)
+    return replace(project, network=_with_reference(project.network, reference))
 
 
 def solve(project: Project) -> Solved:

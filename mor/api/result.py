@@ -51,9 +51,11 @@ class Result:
 
     @property
     def accepted(self) -> bool:
-        """True where there is a solution, the global test accepts it, and no observation is flagged."""
-        quality = self.solved.quality
-        if quality is None:
+        """True if the global test accepts the solution, no observation is flagged, and the result is determined."""
+        quality, judged = self.solved.quality, self.solved.verdict
+        if quality is None or judged is None:
+            return False
+        if judged.determined is not None and not judged.determined.as_a_whole:
             return False
         return quality.global_test.accepted and not any(flags.any() for flags in quality.flagged)
 
@@ -177,7 +179,7 @@ class Result:
         """What ``results.json`` holds, as plain data."""
         from mor.report.results.json import results
 
-        return results(self.solved, {}, self._identity, beside=False)
+        return results(self.solved, {}, self._identity)
 
     def write(
         self,

@@ -11,6 +11,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import ahead, reproject
 from mor.approximate.vectors import unit
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 
 PARALLEL = 3.0
 """Rays are parallel if the distance along them is not known to a part of one in so many."""
@@ -71,7 +72,7 @@ def intersect(
         star = np.einsum("nij,nj->ni", rotations, point - positions)
         computed = reproject(bundle, star)
         design = (computed.by_star @ rotations).reshape(-1, 3)
-        step = -np.linalg.lstsq(design, computed.residuals.ravel(), rcond=None)[0]
+        step = -tolerant.lstsq(design, computed.residuals.ravel(), rcond=None)
         point = point + step
         if not np.all(np.isfinite(point)) or np.linalg.norm(step) < 1e-13 * np.max(np.abs(point - positions)):
             break
@@ -91,7 +92,7 @@ def nearest_point(positions: FloatArray, directions: FloatArray) -> FloatArray:
     for _ in range(2):
         normal = np.einsum("n,nij->ij", weights, across)
         side = np.einsum("n,nij,nj->i", weights, across, positions - centre)
-        point = centre + np.linalg.lstsq(normal, side, rcond=1e-15)[0]
+        point = centre + tolerant.lstsq(normal, side, rcond=1e-15)
         ranges = np.linalg.norm(point - positions, axis=1)
         if not ranges.any():
             break  # all lines come from one place
@@ -105,7 +106,7 @@ def _judged(
     star = np.einsum("nij,nj->ni", rotations, point - positions)
     computed = reproject(bundle, star)
     design = (computed.by_star @ rotations).reshape(-1, 3)
-    values, axes = np.linalg.eigh(design.T @ design)
+    values, axes = tolerant.eigh(design.T @ design)
     residuals = computed.residuals
     sigma0 = float(np.sqrt(np.sum(residuals**2) / (2 * len(bundle) - 3)))
     front = ahead(bundle, star)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.observations import can_be_at_infinity, some_rows, target_slot
 from mor.parameters.index import Values
 from mor.project.network.build import Network
@@ -178,7 +179,7 @@ def _inverse_distances(
     total = np.bincount(point, weights=weight, minlength=count)
     middle = mean(ray)
     middle /= np.linalg.norm(middle, axis=1)[:, None]
-    basis = np.linalg.svd(middle[:, None, :])[2][:, 1:, :]
+    basis = tolerant.svd(middle[:, None, :])[2][:, 1:, :]
     place = mean(centre)
     toward = np.einsum("ni,ni->n", ray, middle[point])
     seen = np.einsum("nij,nj->ni", basis[point], ray) / toward[:, None]

@@ -24,6 +24,7 @@ from mor.approximate.parts.transfer import put_rotation
 from mor.approximate.points_at_infinity import nearly_parallel
 from mor.approximate.vectors import unit
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 from mor.project.network.build import Network
 
@@ -163,7 +164,7 @@ def _turned(one: FloatArray, other: FloatArray) -> FloatArray:
     """The rotation by the smallest angle that takes one direction to another."""
     axis = np.cross(one, other)
     sine = float(np.linalg.norm(axis))
-    across = axis / sine if sine > 0.0 else np.linalg.svd(one[None])[2][1]
+    across = axis / sine if sine > 0.0 else tolerant.svd(one[None])[2][1]
     turned: FloatArray = exponential((np.arctan2(sine, one @ other) * across)[None])[0]
     return turned
 
@@ -187,7 +188,7 @@ def _nearest_to_rays(
         across = np.eye(3) - along[:, :, None] * along[:, None, :]
         np.add.at(normal, frame.points, across)
         np.add.at(side, frame.points, across @ points[frame.position])
-    return np.asarray(np.linalg.solve(normal, side[:, :, None])[:, :, 0])
+    return np.asarray(tolerant.solve(normal, side[:, :, None])[:, :, 0])
 
 
 __all__ = ["from_random_places"]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 LINE = 1e-9
 """Extension across, relative to that along, below which points lie in a line, or at one place."""
@@ -87,7 +88,7 @@ def _solved(
     centre_source = weight @ source / np.sum(weight)
     centre_target = weight @ target / np.sum(weight)
     a, b = source - centre_source, target - centre_target
-    left, values, right = np.linalg.svd(b.T @ (a * weight[:, None]))
+    left, values, right = tolerant.svd(b.T @ (a * weight[:, None]))
     proper = np.ones(dimension)
     proper[-1] = np.sign(np.linalg.det(left @ right))
     rotation = (left * proper) @ right
@@ -124,7 +125,7 @@ def _refusal(source: FloatArray, target: FloatArray, weight: FloatArray) -> Simi
     if len(source) < source.shape[1]:
         return SimilarityOutcome.TOO_FEW
     for points in (source, target):
-        values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        values = tolerant.singular_values(points - points.mean(axis=0))
         size = float(np.max(np.abs(points)))
         if values[0] <= 1e-14 * size:
             return SimilarityOutcome.COINCIDENT

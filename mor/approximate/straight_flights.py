@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, exponential
 
 _LEAST_SIGHTS = 3
@@ -69,7 +70,7 @@ def attitude_of(sights: Sights, positions: FloatArray) -> FloatArray | None:
     """The one rotation (3, 3) of a flight whose positions (n, 3) at the sights are known; ``None`` where it is open."""
     away = sights.point - positions
     away = away / np.linalg.norm(away, axis=1, keepdims=True)
-    u, size, vt = np.linalg.svd(sights.ray.T @ away)
+    u, size, vt = tolerant.svd(sights.ray.T @ away)
     if not size[1] > _LEAST_SINGULAR * size[0]:
         return None
     D: FloatArray = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
@@ -142,8 +143,10 @@ def _solved(design: FloatArray, right: FloatArray) -> FloatArray | None:
     size = np.linalg.norm(design, axis=0)
     if not (np.isfinite(design).all() and (size > 0.0).all()):
         return None
-    found, _, rank, _ = np.linalg.lstsq(design / size, right, rcond=_LEAST_SINGULAR)
-    return found / size if rank == design.shape[1] else None
+    values = tolerant.singular_values(design / size)
+    if len(design) < len(size) or not values[-1] > _LEAST_SINGULAR * values[0]:
+        return None
+    return tolerant.lstsq(design / size, right, rcond=_LEAST_SINGULAR) / size
 
 
 def _rms(wrong: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -31,7 +32,7 @@ def principal_rows(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     By the triangle of QR: the left vectors of ten thousand rows, which nobody asks for, would fill the memory.
     """
     triangle = np.linalg.qr(matrix, mode="r") if len(matrix) > matrix.shape[1] else matrix
-    _, found, right = np.linalg.svd(triangle, full_matrices=True)
+    _, found, right = tolerant.svd(triangle, full_matrices=True)
     values = np.zeros(matrix.shape[1])
     values[: len(found)] = found
     return values, right

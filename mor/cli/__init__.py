@@ -12,6 +12,7 @@ from mor import __version__
 from mor.cli._help import Context, in_all_languages, show
 from mor.cli._language import language_of, tell, told, told_problem
 from mor.errors import ExitCode, MorError
+from mor.input_files import inputs_of_run
 
 COMMANDS = {
     "adjust": "Adjust a project, write reports, results and tables.",
@@ -80,7 +81,7 @@ INTERRUPTED, ENDED, LEFT = 130, 143, 129
 
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH})
-@click.version_option(__version__, prog_name="mor", message="%(prog)s %(version)s")
+@click.version_option(__version__, "-V", "--version", prog_name="mor", message="%(prog)s %(version)s")
 def group() -> None:
     """One least-squares adjustment for everything measured around an object.
 
@@ -104,7 +105,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     given = list(arguments) if arguments is not None else sys.argv[1:]
     language = language_of(given)
     try:
-        result = group.main(args=given, prog_name="mor", standalone_mode=False, obj=language)
+        with inputs_of_run():
+            result = group.main(args=given, prog_name="mor", standalone_mode=False, obj=language)
     except click.exceptions.Exit as leaving:
         return leaving.exit_code
     except click.ClickException as error:

@@ -15,6 +15,7 @@ import click
 
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
+from mor.input_files import is_folder
 
 if TYPE_CHECKING:
     from mor.adjustment.domains.tree import Engine
@@ -267,10 +268,18 @@ def _adjusted(
             say.notes(
                 [Mistake(f"domains: borders are wide: {words}; long ties across the network make them so")]
             )
+        say.inputs_are_known()
         say.phase("adjusting")
         parts = scratch / "parts"
         assessing = partial(say.phase, "precision and reliability")
         return solved(engine, ready, parts, how.kind, how.listed, say.iteration, assessing)
+
+
+def check_scratch_folder(folder: Path | None) -> None:
+    """Raise :class:`InputError` if the folder for the state of the domains is none."""
+    if folder is not None and not is_folder(folder):
+        words = "this is no folder, expected one for the state of the domains"
+        raise InputError([Mistake(words, str(folder))])
 
 
 @contextmanager
@@ -280,10 +289,7 @@ def _scratch(wanted: Wanted, place: Reservation | None) -> Iterator[Path]:
     Without results in a folder it is among the temporary files of the system.
     """
     above = wanted.scratch or (place.work if place is not None else Path(tempfile.gettempdir()))
-    if not above.is_dir():
-        raise InputError(
-            [Mistake("this is no folder, expected one for the state of the domains", str(above))]
-        )
+    check_scratch_folder(above)
     folder = Path(tempfile.mkdtemp(prefix="mor-domains-", dir=above.resolve()))
     try:
         yield folder

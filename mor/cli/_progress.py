@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from mor.adjustment.state import Iteration
     from mor.errors import Problem
+    from mor.output_files import Lines
     from mor.project.file.nodes import Document
 
 
@@ -34,7 +35,7 @@ class Progress:
     status: Status | None = None
     name: str = ""
     """The phase that runs."""
-    events: TextIO | None = None
+    events: Lines | None = None
     """Where events go as JSON Lines, for programs that watch."""
     steps: list[Iteration] = field(default_factory=list)
     """Iterations of this phase."""
@@ -46,7 +47,11 @@ class Progress:
         if self.events is not None:
             line = json.dumps({"event": kind, **data}, ensure_ascii=False, allow_nan=False)
             self.events.write(line + "\n")
-            self.events.flush()
+
+    def inputs_are_known(self) -> None:
+        """All inputs have been read: from here on events may replace an existing file."""
+        if self.events is not None:
+            self.events.inputs_are_known()
 
     def phase(self, name: str, total: int = 0) -> Callable[[int], None]:
         """A new phase begins; what is returned counts what is done of a ``total``."""
@@ -130,7 +135,7 @@ class Progress:
 
 @contextmanager
 def progress(
-    quiet: bool, verbose: bool, events: TextIO | None = None, words: Words = ENGLISH
+    quiet: bool, verbose: bool, events: Lines | None = None, words: Words = ENGLISH
 ) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
     if quiet or not sys.stderr.isatty():

@@ -24,6 +24,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
 from mor.diagnose.hypothesis import Hypothesis, with_blocks
 from mor.diagnose.situation import SMALL, Situation, without_row
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup, some_rows, wrap
 from mor.parameters.index import Values, index_unknowns, move
 from mor.project.network.build import Network
@@ -326,7 +327,7 @@ def _adjusted(problem: Problem, values: Values) -> Values:
     for _ in range(_ITERATIONS):
         if not (np.isfinite(now).all() and np.isfinite(derivatives).all()):
             break
-        step = np.asarray(np.linalg.lstsq(derivatives, now, rcond=None)[0], dtype=np.float64)
+        step = np.asarray(tolerant.lstsq(derivatives, now, rcond=None), dtype=np.float64)
         for _ in range(_HALVED):
             there = move(problem.index, values, step)
             residuals, further = _system(problem, there)

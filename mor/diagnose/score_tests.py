@@ -13,6 +13,7 @@ of freedom if there is no such mistake. A definite mistake decreases vᵀPv by 2
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -23,11 +24,14 @@ from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.diagnose.heights import Sights, height_sights
+from mor.geometry import tolerant
 from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
+from mor.observations.curvature import on_sphere
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.gross_errors.description_length import cost_of_choice
+from mor.quality.plausibility.curvature import NOTED, largest_effect, sphere_under
 from mor.quality.reliability.whitened_rows import WhitenedRows, whitened_rows
 from mor.quality.solved import Amount, PossibleCause
 from mor.quality.tests.p_values import log_p_chi2
@@ -113,6 +117,7 @@ def _candidates(
     yield from _heights(problem, network, values)
     yield from _antennas(problem, network, values, adjusted)
     yield from _control(problem, network, values, adjusted, flagged)
+    yield from _curvature(problem, network, values, adjusted)
 
 
 def _slot_columns(
@@ -404,6 +409,27 @@ def _control(
         yield _Candidate("control moved", (ids[point],), f"points, {ids[point]}: x, y, z", tuple(parts))
 
 
+def _curvature(
+    problem: Problem, network: Network, values: Values, adjusted: Sequence[int]
+) -> Iterator[_Candidate]:
+    """Verticals that are not parallel."""
+    effect = largest_effect(network, values)
+    if effect is None or effect.in_sigma < NOTED:
+        return
+    sphere, parts = sphere_under(network, values), []
+    for k in adjusted:
+        group = problem.groups[k]
+        bent = replace(group, type=on_sphere(group.type, sphere, network.edge.metres))
+        if bent.type is group.type:
+            continue
+        rows = np.arange(group.count)
+        change = evaluated(bent, values, rows).values - evaluated(group, values, rows).values
+        change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
+        parts.append((k, rows, np.nan_to_num(change)[:, :, None]))
+    if parts:
+        yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
+
+
 def _where(group: ObservationGroup, row: int) -> str:
     """File and line of a row, or the name of its table."""
     if len(group.lines) > row:
@@ -445,14 +471,14 @@ def _score(
 ) -> _Scored | None:
     g, M, whole = -z.T @ residuals, z.T @ answer, z.T @ z
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    scaled = np.linalg.eigvalsh(M / np.outer(size, size))
+    scaled = tolerant.eigvalsh(M / np.outer(size, size))
     if not np.isfinite(M).all() or not np.diag(whole).all() or scaled[0] <= CONTROLLED:
         return None
     if one.definite:
         x = np.ones(1)
         gain = float(2.0 * g[0] - M[0, 0])
     else:
-        x = np.asarray(np.linalg.solve(M, g))
+        x = np.asarray(tolerant.solve(M, g))
         gain = float(g @ x)
     if gain <= 0.0:
         return None
@@ -544,7 +570,7 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
         left.remove(best)
         residuals = residuals + answer[best] @ one.x
         if not some[best].definite:  # its parameters are estimated together with those of the others
-            inverse = np.linalg.inv(z[best].T @ answer[best])
+            inverse = tolerant.inv(z[best].T @ answer[best])
             for k in left:
                 answer[k] = answer[k] - answer[best] @ (inverse @ (answer[best].T @ z[k]))
     return chosen

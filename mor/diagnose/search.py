@@ -24,6 +24,7 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray
 from mor.diagnose.circles import circle_hypotheses, face_hypotheses
 from mor.diagnose.control import control_hypotheses, exchange_hypotheses
+from mor.diagnose.curvature import curvature_hypotheses
 from mor.diagnose.distances import distance_hypotheses
 from mor.diagnose.heights import height_hypotheses
 from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn, Hypothesis, Offered, Trial
@@ -70,6 +71,7 @@ OF_UNKNOWNS: tuple[Family, ...] = (
     camera_constant_hypotheses,
 )
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
+OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
@@ -115,8 +117,8 @@ def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     if not situation.settled:
         return OF_SIGMAS, OF_A_WHOLE
     if situation.most_do_not_fit:
-        return OF_SIGMAS, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
-    return OF_SIGMAS, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+        return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
 
 def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:

@@ -14,6 +14,8 @@ from mor.domains.assessing import WORST
 from mor.domains.prepared import Prepared
 from mor.domains.story import Outcomes
 from mor.errors import ExitCode
+from mor.input_files import inputs_of_run
+from mor.output_files import Writer, listed_files, write_content
 from mor.project.domains.parts import group_names, names_in_order
 from mor.quality.tests.test_statistics import critical_value, global_test
 from mor.report.domains.listed import listed
@@ -23,10 +25,11 @@ from mor.report.domains.summary import Solution, Summary, as_json, as_text
 from mor.report.domains.tables import Kind, completed, part_files, read_part, read_parts, writers
 from mor.report.identity import Identity, identity_of
 from mor.report.notes import note_rows
+from mor.report.readme import FILE as README
 from mor.report.readme import readme
 from mor.report.results.adjusted.adjusted_project import adjusted_project, start_names
 from mor.report.results.adjusted.start_columns import Placed
-from mor.report.results.folder import Writer, write_folder
+from mor.report.results.folder import write_folder
 from mor.report.results.json import INLINE, with_interiors
 from mor.report.results.json_text import json_in_pieces, to_json
 from mor.report.results.reservation import Reservation
@@ -94,20 +97,31 @@ def write(found: Outcomes, content: Content, parts: Path, place: Reservation, to
             names["residuals_worst"] = file
     results = {**content.results, "tables": names}
     short = summary(found, results)
-    reports = {
-        "results.json": _text(to_json(results)),
-        "domains.json": _text(as_json(short)),
+    reports: dict[str, Writer | str] = {
+        "domains.json": as_json(short),
         "report.txt": _report(found, content, short, parts, told),
     }
     if found.whole is not None and told.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
-        reports["report.html"] = _text(_page(found, parts, results, file, told.words))
+        reports["report.html"] = _page(found, parts, results, file, told.words)
     adjusted = _adjusted(found, parts, place.folder) if found.whole is not None else {}
-    names_of_all = [*reports, *tables, *adjusted, "README.txt"]
+    names_of_all = ["results.json", *reports, *tables, *adjusted, README]
+    if not (place.folder / README).exists() or README in listed_files(place.folder):
+        reports[README] = readme(names_of_all, told.words)
+    files = ["results.json", *reports, *adjusted, *_files_of(tables, parts)]
+    reports["results.json"] = to_json({**results, "files": sorted(files)})
     # The parts of the long tables are moved: what reads them comes first.
-    write_folder(
-        place, {**reports, **adjusted, **tables, "README.txt": _text(readme(names_of_all, told.words))}
-    )
+    with inputs_of_run(file.path for file in told.of.files):
+        write_folder(place, {**reports, **adjusted, **tables})
+
+
+def _files_of(tables: Iterable[str], parts: Path) -> list[str]:
+    """Names of the files of tables; a table in parts is a folder of them."""
+    found = []
+    for name in tables:
+        files = [] if "." in name else part_files(parts / name)
+        found += [f"{name}/{file.name}" for file in files] or [name]
+    return found
 
 
 def _report(found: Outcomes, content: Content, short: Summary, parts: Path, told: Told) -> Writer:
@@ -210,7 +224,7 @@ def _adjusted(found: Outcomes, parts: Path, folder: Path) -> dict[str, Writer]:
         writers |= zip(start_names(section, len(tables)), tables, strict=True)
     reference = pl.read_parquet_schema(next((parts / "reference").glob("*.parquet")))
     writers["reference.csv"] = parts_writer(parts / "reference", reference)
-    return {"adjusted.yaml": _text(text), **writers}
+    return {"adjusted.yaml": lambda path: write_content(path, text), **writers}
 
 
 def summary(found: Outcomes, results: dict[str, Any]) -> Summary:
@@ -281,10 +295,3 @@ def exit_code(told: Summary, strict: bool) -> ExitCode:
         return ExitCode.NOT_CONVERGED
     rejected = not one.accepted or one.flagged > 0
     return ExitCode.REJECTED if strict and rejected else ExitCode.DONE
-
-
-def _text(text: str) -> Writer:
-    def made(path: Path) -> None:
-        path.write_text(text, encoding="utf-8")
-
-    return made

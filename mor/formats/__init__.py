@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 from mor.errors import InputError, Problem, nearest
 from mor.formats.aicon.files import is_stem
 from mor.formats.catalogue import FORMATS
-from mor.formats.recognition import format_of
+from mor.formats.recognition import explain_unknown, format_of
 from mor.formats.written import Writer, Written
 from mor.project.file.nodes import Document
 
@@ -23,10 +24,10 @@ def is_foreign(path: Path) -> bool:
     return key is not None and FORMATS[key].read is not None
 
 
-def read_foreign(path: Path, key: str = "") -> Document:
+def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
     """The project that a foreign file or folder describes; ``key`` names its format, else its content tells it.
 
-    Raises :class:`InputError` with every mistake found.
+    ``beside``: the file is put together with others. Raises :class:`InputError` with every mistake found.
     """
     if not path.exists() and not is_stem(path):
         raise InputError([Problem(f"this file does not exist{_suffix_hint(path)}", str(path))])
@@ -34,7 +35,8 @@ def read_foreign(path: Path, key: str = "") -> Document:
     form = FORMATS.get(key)
     if form is None or form.read is None:
         raise InputError([Problem(_unknown(path, key), str(path))])
-    read: Reader = getattr(import_module(form.read.module), form.read.function)
+    code = form.beside if beside and form.beside is not None else form.read
+    read: Reader = getattr(import_module(code.module), code.function)
     document = read(path)
     if not form.untried:
         return document
@@ -53,7 +55,7 @@ def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
         words = "a project file is not put together with other files: name their tables in it"
         raise InputError([Problem(words, str(path)) for path in own])
     by_path = (*keys, *[""] * len(paths))
-    return combined([read_foreign(path, key) for path, key in zip(paths, by_path, strict=False)])
+    return combined([read_foreign(path, key, True) for path, key in zip(paths, by_path, strict=False)])
 
 
 def write_foreign(document: Document, folder: Path, target: Path, key: str) -> Written:
@@ -67,7 +69,26 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
         words = f"the points of this project move; {key} has points that stand still"
         raise InputError([Problem(words, document.file, document.line(("motions",)))])
     write: Writer = getattr(import_module(form.write.module), form.write.function)
-    return write(document, folder, target)
+    written = write(document, folder, target)
+    _refuse_control_characters(written.files)
+    return written
+
+
+_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]")
+"""What XML 1.0 has no place for, and what ends a line in a text besides a line feed."""
+
+
+def _refuse_control_characters(files: Mapping[Path, bytes]) -> None:
+    """Raise :class:`InputError` if a name brought a control character into a text file."""
+    for path, content in files.items():
+        if path.suffix == ".bin":
+            continue
+        text = content.decode("utf-8", errors="replace")
+        found = _CONTROL.search(text)
+        if found is not None:
+            line = text.count("\n", 0, found.start()) + 1
+            words = f"a name has the control character {found[0]!r}, which this format cannot hold; rename it"
+            raise InputError([Problem(words, str(path), line)])
 
 
 def format_to_write(target: Path) -> str:
@@ -84,15 +105,18 @@ def _suffix_hint(path: Path) -> str:
 def _unknown(path: Path, key: str) -> str:
     readable = ", ".join(name for name, form in FORMATS.items() if form.read is not None)
     if key:
+        if key in FORMATS:
+            return f"the format {key!r} is written only, not read (known: {readable})"
         return f"unknown format {key!r}{nearest(key, FORMATS)} (known: {readable})"
     if path.suffix in (".yaml", ".yml"):
         return "this is a project file already; mor adjust takes it as it is"
     if path.is_dir():
-        projects = sorted(file.name for file in path.glob("*.yaml"))
-        hint = f"; did you mean {path.name}/{projects[0]}?" if projects else ""
         folders = ", ".join(sorted(name for name, form in FORMATS.items() if form.folder))
-        return f"this is a folder, expected a project file, or a folder in one of the formats {folders}{hint}"
-    return f"nothing in this file tells its format; --from says it (known: {readable})"
+        return (
+            "this is a folder without a project file, expected a project file, or a folder in one of the "
+            f"formats {folders}"
+        )
+    return explain_unknown(path)
 
 
 __all__ = [

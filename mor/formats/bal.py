@@ -17,12 +17,13 @@ from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
 from mor.formats.content import (
     Content,
+    block,
     content_of,
-    image_points,
-    images,
+    frames,
     interior_values,
     not_carried,
-    points,
+    placed_points,
+    rays_of_points,
 )
 from mor.formats.draft import LARGEST, Draft, Row, usable
 from mor.formats.text import decoded
@@ -212,7 +213,7 @@ def _camera(f: float, k1: float, k2: float) -> dict[str, object]:
 def write_bal(document: Document, folder: Path, target: Path) -> Written:
     """A BAL file. Raises :class:`InputError` for cameras of other models, and images without a pose."""
     content = content_of(document, folder)
-    found, places = images(content), points(content)
+    found = frames(content, "BAL")
     problems: list[Problem] = []
     interior = {
         name: _interior(content, name, camera, problems) for name, camera in content.project.cameras.items()
@@ -222,8 +223,9 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
         problems.append(Problem(words, document.file))
     if problems:
         raise InputError(problems)
-    used = dict(zip(found.ids, found.texts["camera"], strict=True))
-    rays = image_points(content, used, corner=False)
+    whole = block(content, "BAL", found, corner=False)
+    places, without = placed_points(content, whole.points, "BAL")
+    rays, lost = rays_of_points(content, whole.rays, places, "BAL")
     image, point = ({name: k for k, name in enumerate(things.ids)} for things in (found, places))
     R = rotation_from_angles(found.values[:, 3:])
     t = -np.einsum("nij,nj->ni", R, found.values[:, :3])
@@ -234,7 +236,7 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
         lines.append(f"{image[a]} {point[b]} {x!r} {y!r}")
     lines += [repr(v) for v in numbers.ravel().tolist()]
     lines += [repr(v) for v in places.values.ravel().tolist()]
-    notes = not_carried(content, ("image",), (), "BAL")
+    notes = [*without, *lost, *not_carried(content, ("image",), (), "BAL")]
     notes.append(
         Problem(
             "BAL has no names, no σ, no fixed or observed points: images and points are numbered", str(target)

@@ -22,6 +22,8 @@ class Format(NamedTuple):
     """Suffixes that mean this format and no other, where the content does not tell, and of files that are written."""
     folder: bool = False
     """True where a folder is a project."""
+    beside: Code | None = None
+    """Reader of a file that is put together with others, if it has more to say then."""
     untried: str = ""
     """What was not tried on files of the program itself, told on every conversion; empty where all was."""
 
@@ -53,7 +55,9 @@ FORMATS: dict[str, Format] = {
     ),
     "gcp": Format(
         "OpenDroneMap ground control (gcp_list.txt)",
-        write=Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+        Code("mor.formats.opensfm.ground_control", "read_gcp_list"),
+        Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
+        beside=Code("mor.formats.opensfm.ground_control", "read_gcp_list_of_block"),
     ),
     "openmvg": Format(
         "openMVG sfm_data.json",
@@ -111,13 +115,12 @@ FORMATS: dict[str, Format] = {
         "Carlson RW5, TDS raw data",
         _book("rw5", "read_rw5"),
         suffixes=(".rw5",),
-        untried="tried on records of public files and of the description; no whole book with sets could be had",
     ),
     "jobxml": Format(
         "Trimble JobXML",
         _book("jobxml", "read_jobxml"),
         suffixes=(".jxl",),
-        untried="no file of Trimble Access could be had: this reader was written from its schema",
+        untried="of real jobs only GNSS surveys could be tried; total-station records were written from the schema",
     ),
     "starnet": Format(
         "STAR*NET input data",
@@ -168,7 +171,6 @@ FORMATS: dict[str, Format] = {
     "photomodeler": Format(
         "PhotoModeler text export",
         Code("mor.formats.photomodeler.reader", "read_photomodeler"),
-        suffixes=(".txt",),
     ),
     "dbat": Format(
         "DBAT script (XML with the tables it names)", Code("mor.formats.dbat.reader", "read_dbat")
@@ -220,7 +222,8 @@ FORMATS: dict[str, Format] = {
         _book("landxml", "read_landxml"),
         _drawing("landxml", "write_landxml"),
         suffixes=(".landxml",),
-        untried="tried on an excerpt of a real cadastral plan; no survey of an instrument could be had",
+        untried="tried on excerpts of a cadastral plan and of a converted field book; no survey of an instrument could "
+        "be had",
     ),
     "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
 }

@@ -238,6 +238,7 @@ def _inside(mapping: Mapping[Path, Any], section: str) -> list[Path]:
 def _take_positions(whole: _Project, other: _Project) -> None:
     """Images without a camera are what a file knows of images of the project; names may lack their suffix."""
     own = _by_name(_names(whole, "images"))
+    _take_image_points(whole, other, own)
     for number, table in enumerate(other.tables("images")):
         if "camera" in table["columns"]:
             continue
@@ -257,6 +258,33 @@ def _take_positions(whole: _Project, other: _Project) -> None:
             _fill(entry, columns, known, table.get("units") or {})
         _keep_rows(other, ("images", number), table, [])
     _drop_empty(other, "images")
+
+
+def _take_image_points(whole: _Project, other: _Project, own: Mapping[str, str]) -> None:
+    """Image points of images without a camera become those of the images of the project."""
+    bare = {
+        str(row[table["columns"].index("id")])
+        for table in other.tables("images")
+        if "camera" not in table["columns"]
+        for row in table["rows"]
+    }
+    for number, table in enumerate(other.tables("observations")):
+        if table.get("type") != "image" or "image" not in (table.get("columns") or ()):
+            continue
+        at = table["columns"].index("image")
+        kept = []
+        for k, row in enumerate(table["rows"]):
+            name = str(row[at])
+            found = own.get(name) or own.get(PurePath(name).stem)
+            if name in bare and found is not None:
+                row[at] = found
+            if name not in bare or found is not None:
+                kept.append(k)
+        lost = len(table["rows"]) - len(kept)
+        if lost:
+            other.note(f"{counted(lost, 'image point')} of images not in {whole.file}: not read")
+            _keep_rows(other, ("observations", number), table, kept)
+    _drop_empty(other, "observations")
 
 
 def _by_name(names: list[str]) -> dict[str, str]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.geometry.cameras import CAMERA_MODELS
+from mor.observations import IMAGE_TYPES, PLAIN_TYPES
 from mor.parameters.kinds import POINT, ROTATION
 from mor.project.edge import Edge, ImageScale, image_scale
 from mor.project.file.model import Camera, Observations, Project
@@ -19,6 +22,13 @@ from mor.project.file.model_instruments import Value
 from mor.project.file.nodes import Document
 from mor.project.file.table import Table
 from mor.project.file.validation import validate
+from mor.project.network.entities import workshop
+from mor.project.network.images import image_columns
+from mor.project.network.points import point_columns
+from mor.project.network.reading import Reading, ignore_table
+from mor.project.network.stations import station_columns
+from mor.project.observations.groups import observation_columns
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
 from mor.project.tables.tables import Column, Place, Rows, read_table
 from mor.units import LENGTH, Component, Quantity
@@ -65,24 +75,87 @@ class Content(NamedTuple):
     project: Project
     edge: Edge
     folder: Path
+    unread: dict[str, int]
+    """What the adjustment reads and no writer has asked for, and how many values there are of it."""
 
     def place(self, *path: str | int) -> Place:
         """A place in the document."""
         return Place(self.document, path, self.folder)
 
     def rows(self, section: str, number: int, table: Table, columns: list[Column]) -> Rows:
-        """Rows of a table. Raises :class:`InputError`."""
+        """Rows of a table with these columns, and all others that the adjustment reads: those are counted.
+
+        Raises :class:`InputError`, also for names that no text file can hold.
+        """
         problems: list[Problem] = []
-        found = read_table(table, columns, self.place(section, number), problems)
+        own = {column.name for column in columns}
+        others = [column for column in self._known_columns(section, table) if column.name not in own]
+        optional = [column._replace(required=False) for column in others]
+        found = read_table(table, [*columns, *optional], self.place(section, number), problems)
+        if found is not None:
+            for name, cells in found.texts.items():
+                refuse_control_characters(problems, name, cells, found)
         if problems or found is None:
             raise InputError(problems)
+        for column in optional:
+            count = _given(found, column.name)
+            if count:
+                key = f"column {column.name} of {section}"
+                self.unread[key] = self.unread.get(key, 0) + count
         return found
+
+    def _known_columns(self, section: str, table: Table) -> list[Column]:
+        """Columns that the adjustment reads of a table; none on the earth, where the reference system says them."""
+        if self.project.world is not None:
+            return []
+        reading = Reading(self.project, self.place(), self.edge, workshop(), [], ignore_table)
+        if section == "points":
+            return point_columns(reading)
+        if section == "images":
+            return image_columns(reading)
+        if section == "stations":
+            return station_columns(reading)
+        if isinstance(table, Observations) and table.type in ("image", *PLAIN_TYPES):
+            type_ = IMAGE_TYPES["mor"] if table.type == "image" else PLAIN_TYPES[table.type]
+            return observation_columns(type_, reading)
+        return []
+
+
+def refuse_control_characters(problems: list[Problem], name: str, cells: pl.Series, rows: Rows) -> None:
+    """Tell names with characters that XML forbids and text files break lines at."""
+    odd = cells.str.contains(_CONTROL).fill_null(False).to_numpy()
+
+    def words(row: int) -> str:
+        return f"{name}: found {cells[row]!r}, expected a name without control characters; rename it"
+
+    tell_rows(problems, odd, rows, words)
+
+
+_CONTROL = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
+"""Characters that end a line, or that XML 1.0 has no place for."""
+
+
+_CONTROL_IN_TITLE = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
+
+
+def _given(rows: Rows, name: str) -> int:
+    """How many cells of a column have a value other than 0."""
+    if name in rows.numbers:
+        return int(np.count_nonzero(np.nan_to_num(rows.numbers[name])))
+    return int((rows.texts[name] != "").sum()) if name in rows.texts else 0
 
 
 def content_of(document: Document, folder: Path) -> Content:
     """The content of a document whose tables are found from ``folder``. Raises :class:`InputError`."""
     project = validate(document)
-    return Content(document, project, Edge(project.units, project.axes), folder)
+    title = " ".join(re.sub(_CONTROL_IN_TITLE, " ", project.title).split())
+    names = [*project.cameras, *project.instruments, *(table.group or "" for table in project.points)]
+    odd = next((name for name in names if re.search(_CONTROL_IN_TITLE, name)), None)
+    if odd is not None:
+        words = f"found the name {odd!r}, expected one without control characters; rename it"
+        raise InputError([Problem(words, document.file)])
+    project = project.model_copy(update={"title": title})
+    return Content(document, project, Edge(project.units, project.axes), folder, {})
 
 
 def points(content: Content) -> Things:
@@ -102,18 +175,15 @@ def points(content: Content) -> Things:
 
 
 _IMAGE_TEXTS = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
-_SET_UP = ("height", "rx", "ry", "rz")
 
 
 def images(content: Content) -> Things:
-    """All images with x, y, z, ω, φ, κ; heights and eccentricities are mistakes here: few formats know them."""
+    """All images with x, y, z, ω, φ, κ. Raises :class:`InputError`."""
     components: tuple[Component, ...] = (*POINT.components, *ROTATION.components)
     parts = []
     for k, table in enumerate(content.project.images):
         columns = [Column("id", required=True), *(Column(name) for name in _IMAGE_TEXTS)]
         columns += component_columns(components, content.edge)
-        for name in _SET_UP:
-            columns += [number_column(f"{p}{name}", LENGTH, content.edge) for p in ("", "sigma_", "start_")]
         rows = content.rows("images", k, table, columns)
         found: list[Problem] = []
         statuses = component_rows(rows, components, table.fixed, found)
@@ -158,7 +228,13 @@ def image_tables(content: Content) -> Iterator[tuple[Observations, Rows, Place]]
     for k, entry in enumerate(content.project.observations):
         if entry.type == "image":
             plain = _plain_values(entry)
-            yield plain, content.rows("observations", k, plain, columns), content.place("observations", k)
+            rows = content.rows("observations", k, plain, columns)
+            whole = np.isfinite(rows.number("x")) & np.isfinite(rows.number("y"))
+            if not whole.all():
+                key = "image points with one coordinate only"
+                content.unread[key] = content.unread.get(key, 0) + int(np.count_nonzero(~whole))
+                rows = rows.take(np.flatnonzero(whole))
+            yield plain, rows, content.place("observations", k)
 
 
 def given_points(entry: Observations, rows: Rows) -> tuple[FloatArray, FloatArray]:
@@ -214,19 +290,153 @@ def _pixels(xy: FloatArray, scale: ImageScale, corner: bool) -> FloatArray:
     return turned
 
 
+class Block(NamedTuple):
+    """An image block that is to be written: images with their projection centres, points, image points."""
+
+    images: Things
+    points: Things
+    rays: ImagePoints
+    cameras: dict[str, str]
+    """Camera of each image."""
+
+
+def block(content: Content, what: str, found: Things, corner: bool = True) -> Block:
+    """Return the image block of a project with the images ``found`` (:func:`frames`).
+
+    Points that only image points name are among the points. Raises :class:`InputError` if there is no image point.
+    """
+    places = points(content)
+    used = dict(zip(found.ids, found.texts["camera"], strict=True))
+    rays = image_points(content, used, corner)
+    if not rays.images:
+        words = f"{what} has image blocks; this project has no image points"
+        raise InputError([Problem(words, content.document.file)])
+    return Block(found, with_undeclared(content, places, rays.points), rays, used)
+
+
+def frames(content: Content, what: str) -> Things:
+    """Return the images of a project for a format of frame images. Raises :class:`InputError` for others."""
+    found = images(content)
+    problems = [
+        content.place("cameras", name).problem(f"camera {name!r} {words}, which {what} cannot hold")
+        for name, camera in content.project.cameras.items()
+        for words in _not_a_frame(camera)
+    ]
+    raised = [name for name in ("height", "rx", "ry", "rz") if content.unread.get(f"column {name} of images")]
+    shared = any("".join(found.texts[key]) for key in ("shared_height", "shared_eccentricity"))
+    if raised or shared:
+        words = f"images have heights or eccentricities, which {what} cannot hold"
+        problems.append(Problem(words, content.document.file))
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _not_a_frame(camera: Camera) -> list[str]:
+    """What of a camera makes its images other than central perspectives from their positions."""
+    found = []
+    if camera.line_time is not None or camera.line is not None:
+        found.append("is a line scanner")
+    if camera.eccentricity:
+        found.append("has an eccentricity")
+    return found
+
+
+def with_undeclared(content: Content, places: Things, named: Iterable[str]) -> Things:
+    """Return the points with those that only observations name.
+
+    Raises :class:`InputError` if the project does not allow them.
+    """
+    known = set(places.ids)
+    more = [name for name in dict.fromkeys(named) if name not in known]
+    if not more:
+        return places
+    if content.project.settings.undeclared_points != "free":
+        words = f"point {more[0]!r} is not among the points"
+        raise InputError([Problem(words, content.document.file)])
+    nothing = np.full((len(more), 3), np.nan)
+    theirs = Statuses(nothing, np.ones(nothing.shape, dtype=bool), nothing, nothing)
+    both = Statuses(*(np.concatenate(pair) for pair in zip(places.statuses, theirs, strict=True)))
+    return Things([*places.ids, *more], places.texts, both._replace(free=both.free.astype(bool)))
+
+
+def placed_points(content: Content, places: Things, what: str) -> tuple[Things, list[Problem]]:
+    """Return the points that have all coordinates, and a note on those that are left out."""
+    placed = np.isfinite(places.values).all(axis=1)
+    missing = int(np.count_nonzero(~placed))
+    if not missing:
+        return places, []
+    chosen = np.flatnonzero(placed)
+    kept = Things([places.ids[k] for k in chosen.tolist()], places.texts, places.statuses.rows(chosen))
+    words = (
+        f"{counted(missing, 'point')} without coordinates: left out of {what}; "
+        "convert an adjusted project (adjusted.yaml)"
+    )
+    return kept, [Problem(words, content.document.file)]
+
+
+def some_rays(rays: ImagePoints, chosen: IntArray) -> ImagePoints:
+    """Return some of the image points."""
+    rows = chosen.tolist()
+    return ImagePoints(
+        [rays.images[k] for k in rows], [rays.points[k] for k in rows], rays.xy[chosen], rays.sigma[chosen]
+    )
+
+
+def rays_of_points(
+    content: Content, rays: ImagePoints, places: Things, what: str
+) -> tuple[ImagePoints, list[Problem]]:
+    """Return the image points of these points, and a note on the others."""
+    known = set(places.ids)
+    chosen = np.flatnonzero([name in known for name in rays.points])
+    lost = len(rays.points) - len(chosen)
+    if not lost:
+        return rays, []
+    if not len(chosen):
+        words = (
+            f"{what}: no image point belongs to a point with coordinates; "
+            "convert an adjusted project (adjusted.yaml)"
+        )
+        raise InputError([Problem(words, content.document.file)])
+    words = f"{counted(lost, 'image point')} of points without coordinates: left out of {what}"
+    return some_rays(rays, chosen), [Problem(words, content.document.file)]
+
+
+_SECTIONS = (
+    "stations",
+    "systems",
+    "features",
+    "instruments",
+    "pairs",
+    "checks",
+    "trajectories",
+    "line_times",
+)
+
+
 def not_carried(
     content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str
 ) -> list[Problem]:
-    """What of a project a format has no place for: observations of other types, whole sections."""
+    """What of a project a format has no place for: observations of other types, whole sections, columns, counted."""
     project, file = content.project, content.document.file
     notes = []
     for entry in project.observations:
         if entry.type not in types:
             notes.append(f"observations {entry.name or entry.type} ({entry.type})")
-    for section in ("stations", "systems", "features", "instruments", "pairs", "checks"):
+    for section in _SECTIONS:
         found = getattr(project, section)
         if found and section not in sections:
             notes.append(counted(len(found), f"entry of {section}", f"entries of {section}"))
+    if "image" in types:
+        for key, name in (
+            ("readout", "rolling shutter"),
+            ("image_variant", "image-variant interior orientation"),
+        ):
+            count = sum(bool(getattr(camera, key)) for camera in project.cameras.values())
+            notes += [f"{name} of {counted(count, 'camera')}"] if count else []
+    if project.curvature:
+        notes.append("curvature (coordinates are plan coordinates and heights above a sphere)")
+    notes += [f"{key} ({counted(count, 'value')})" for key, count in content.unread.items()]
     return [Problem(f"{what} has no place for: {', '.join(notes)}", file)] if notes else []
 
 

@@ -13,7 +13,7 @@ from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, Row
 from mor.formats.wgs84 import east_north_up
-from mor.input_files import check_regular
+from mor.input_files import check_regular, note_input
 from mor.project.file.nodes import Document
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png", ".webp", ".heic")
@@ -66,6 +66,7 @@ def read_photographs(paths: Sequence[Path], target: Path) -> Document:
 
 def _photograph(path: Path) -> Photograph:
     check_regular(path)
+    note_input(path)
     try:
         from PIL import Image
     except ImportError:

@@ -24,9 +24,15 @@ def write_opencv(document: Document, folder: Path, target: Path) -> Written:
     files: dict[Path, bytes] = {}
     several = len(content.project.cameras) > 1
     for name, camera in content.project.cameras.items():
+        if several and set(name) & set("/\\"):
+            words = (
+                f"camera {name!r}: its name becomes the name of a file, which cannot have / or \\; rename it"
+            )
+            problems.append(content.place("cameras", name).problem(words))
+            continue
         place = target.with_name(f"{target.stem}_{name}{target.suffix}") if several else target
         try:
-            theirs = camera_from(1, camera, content.edge)
+            theirs = camera_from(1, camera, content.edge, "OpenCV")
         except ValueError as error:
             problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
             continue

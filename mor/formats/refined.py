@@ -55,7 +55,11 @@ def refined(
             problems.append(content.place("cameras", name).problem(words))
     if problems:
         raise InputError(problems)
-    return cameras, _points(content, used, cameras)
+    found = _points(content, used, cameras)
+    if not found.images:
+        words = f"{what} has image blocks; this project has no image points"
+        raise InputError([Problem(words, content.document.file)])
+    return cameras, found
 
 
 def _millimetres(content: Content, camera: Camera) -> float:

@@ -16,6 +16,12 @@ import numpy as np
 
 from mor.arrays import FloatArray
 
+EARTH_RADIUS = 6_371_000.0
+"""Mean radius of the earth, metres."""
+
+GRS80 = (6_378_137.0, 1.0 / 298.257222101)
+"""Semi-major axis (metres) and flattening."""
+
 _ROUNDS = 4
 """Of Bowring's formula: an error of 1 in the parametric latitude falls below 10⁻¹⁵ at heights up to 10 000 km."""
 
@@ -186,3 +192,50 @@ class Horizon:
             outwards = np.cross(east, self.pole)
             up = np.cos(latitude)[:, None] * outwards + np.sin(latitude)[:, None] * self.pole
         return np.stack([east, np.cross(up, east), up], axis=1)
+
+
+class LocalSphere(NamedTuple):
+    """A sphere under a project in plan coordinates and heights, and the Cartesian system in its tangent plane.
+
+    The sphere passes through ``origin`` (x, y and height there). Plan coordinates x, y of a point are azimuthal
+    equidistant about the origin: arcs on this sphere, of the direction and length that the point has from the
+    origin. z is the height above the sphere, plus the height of the origin. The Cartesian system agrees with x, y, z
+    at the origin. All lengths share one unit.
+    """
+
+    radius: float
+    origin: tuple[float, float, float]
+
+    def cartesian(self, position: FloatArray) -> FloatArray:
+        """Return Cartesian coordinates (n, 3) of plan coordinates and heights (n, 3)."""
+        x, y, height = (position - np.array(self.origin)).T
+        angle = np.hypot(x, y) / self.radius
+        from_centre = self.radius + height
+        flat = from_centre / self.radius * np.sinc(angle / np.pi)
+        up = height - 2.0 * from_centre * np.sin(0.5 * angle) ** 2
+        cartesian: FloatArray = np.stack([flat * x, flat * y, up], axis=1) + np.array(self.origin)
+        return cartesian
+
+    def local_axes(self, position: FloatArray) -> FloatArray:
+        """Return axes (n, 3, 3; rows, Cartesian) of the horizon at plan coordinates and heights (n, 3).
+
+        The third is the vertical. The others are those of the origin, turned with the vertical along the arc from
+        the origin: the turn has no component about the vertical.
+        """
+        x, y = (position[:, :2] - np.array(self.origin[:2])).T
+        distance = np.hypot(x, y)
+        angle = distance / self.radius
+        a, b = (np.where(distance > 0.0, v / np.where(distance > 0.0, distance, 1.0), 0.0) for v in (x, y))
+        sine, flat = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+        rows = [
+            np.stack([1.0 - a * a * flat, -a * b * flat, -a * sine], axis=1),
+            np.stack([-a * b * flat, 1.0 - b * b * flat, -b * sine], axis=1),
+            np.stack([a * sine, b * sine, 1.0 - flat], axis=1),
+        ]
+        return np.stack(rows, axis=1)
+
+
+def gaussian_radius(latitude: float) -> float:
+    """Return the Gaussian mean radius √(M N) of the ellipsoid GRS80 at a latitude (radians), metres."""
+    M, N = Ellipsoid(*GRS80).radii(np.array([latitude]))
+    return float(np.sqrt(M * N)[0])

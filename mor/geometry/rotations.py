@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 GIMBAL = 1e-9
 """cos φ below which ω and κ can no longer be told apart."""
@@ -61,7 +62,7 @@ def exponential(vector: FloatArray) -> FloatArray:
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray:
     """The rotation (3, 3) nearest to a matrix: largest trace of the product with its transpose (W. Kabsch 1976)."""
-    left, _, right = np.linalg.svd(matrix)
+    left, _, right = tolerant.svd(matrix)
     proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     nearest: FloatArray = (left * proper) @ right
     return nearest

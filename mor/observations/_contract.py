@@ -76,6 +76,8 @@ class ObservationType(NamedTuple):
     """How many times the work of others it is, where something is looked for at every observation."""
     still: ObservationType | None = None
     """Of points that move, the same observation of points that do not."""
+    flat: ObservationType | None = None
+    """Of a type on a sphere, the same observation with parallel verticals."""
 
     @property
     def name(self) -> str:

@@ -55,6 +55,7 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
         written=type_.name,
         slots=(*type_.slots, *extra),
         equation=equation,
+        flat=to_projection_centres(type_.flat) if type_.flat is not None else None,
     )
 
 

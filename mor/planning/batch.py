@@ -23,6 +23,7 @@ _STATUS = {
     ExitCode.INTERNAL: "internal error",
 }
 LOG = "log.txt"
+RESULTS = "results.json"
 
 
 class Case(NamedTuple):
@@ -39,10 +40,10 @@ def cases(patterns: Iterable[str], output: Path) -> list[Case]:
     ``**`` stands for any number of folders. A project is called as its path from what all have in common, without
     ``project.yaml``.
     """
-    problems, found = [], dict[Path, None]()
+    problems, found, there = [], dict[Path, None](), Path(os.path.realpath(output))
     for pattern in patterns:
         paths = [Path(path) for path in sorted(glob(pattern, recursive=True))]
-        here = [path for path in paths if path.is_file() and output.resolve() not in path.resolve().parents]
+        here = [path for path in paths if path.is_file() and there not in path.resolve().parents]
         if not here:
             problems.append(Mistake("no project file is called so", pattern))
         found |= dict.fromkeys(here)
@@ -68,13 +69,22 @@ def _name(path: Path) -> str:
     return named.as_posix()
 
 
-def row_of(case: Case, done: Done, against: Path | None, tolerance: float) -> Row:
-    """What is said of a project, from its results and its exit code."""
-    content = _content(case.folder / "results.json") if done.code is not None else None
+def stamp(case: Case) -> tuple[int, int] | None:
+    """What tells the results of a project from those of an earlier run, or ``None`` if there are none."""
+    try:
+        status = (case.folder / RESULTS).stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance: float) -> Row:
+    """What is said of a project, from its exit code and from its results if this run has written them."""
+    content = _content(case.folder / RESULTS) if done.code is not None and is_new else None
     row = _row(case, done, content)
     if against is None:
         return row
-    kept = _content(against / case.name / "results.json")
+    kept = _content(against / case.name / RESULTS)
     if kept is None:
         return row._replace(differences=-1, first="no kept results")
     if content is None:

@@ -11,6 +11,7 @@ import polars as pl
 
 from mor.arrays import BoolArray
 from mor.errors import Problem
+from mor.output_files import Content
 from mor.pipeline import read_document
 from mor.planning.plan import at_its_place, read_plan, solve_plan
 from mor.planning.ranks import Ranking, ranking
@@ -25,9 +26,8 @@ from mor.report.design.ranking import now_row, ranking_table, ranking_text
 from mor.report.design.text import design_text, requirement_section, verdict
 from mor.report.design.variants import Named, variant_row, variant_text
 from mor.report.design.visible import visible_rows, visible_section
-from mor.report.design.writing import text_writer, write_design
+from mor.report.design.writing import write_design
 from mor.report.identity import Identity
-from mor.report.results.folder import Writer
 from mor.report.results.json_text import to_json
 from mor.report.results.reservation import Reservation
 from mor.report.tables.files import table_writer
@@ -42,8 +42,6 @@ class Design(NamedTuple):
 
     solved: Solved
     judged: tuple[Judged, ...]
-    files: tuple[str, ...]
-    """Tables that the project refers to."""
     sighted: tuple[Sighted, ...] = ()
     """Who sees what, where the project leaves that open."""
     variants: tuple[Named, ...] = ()
@@ -63,11 +61,11 @@ class Design(NamedTuple):
         """Write all files of the plan into a folder."""
         words = words_of_planning(language)
         text = design_text(self.solved, self.judged, words, of, self._more(words))
-        more: dict[str, Writer] = {}
+        more: dict[str, Content] = {}
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
         page = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
-        more["design.html"] = text_writer(page)
+        more["design.html"] = page
         write_design(self.solved, self.judged, text, self.json(of), more, place)
 
     def json(self, of: Identity) -> str:
@@ -133,8 +131,7 @@ def designed(path: Path, form: str, ranks: bool, most: int) -> Design:
         wanted = [left for one in required if (left := _without_points(one, variant)) is not None]
         variants.append((name, changed, judgements(changed, wanted)))
     found = ranking(solved, required, most) if ranks and solved.quality is not None else None
-    files = tuple(document.table_files())
-    return Design(solved, judgements(solved, required), files, plan.sighted, tuple(variants), found)
+    return Design(solved, judgements(solved, required), plan.sighted, tuple(variants), found)
 
 
 def _without_points(required: Requirement, variant: Variant) -> Requirement | None:

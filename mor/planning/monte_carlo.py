@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -27,6 +26,7 @@ from mor.compilation import chosen_by_size
 from mor.errors import InputError, MorError, NoStartValuesError
 from mor.errors import Problem as Mistake
 from mor.input_files import ReadFile
+from mor.output_files import write_file
 from mor.planning.plan import solve_plan
 from mor.planning.simulation import placed_network
 from mor.preparation import determinable_start, make_problem
@@ -190,10 +190,7 @@ def _file(folder: Path, first: int, count: int) -> Path:
 
 
 def _keep(path: Path, arrays: dict[str, FloatArray]) -> None:
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    with beside.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    beside.replace(path)
+    write_file(path, lambda place: np.savez(place, **arrays), True)  # type: ignore[arg-type]
 
 
 def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> None:
@@ -211,7 +208,7 @@ def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> Non
             "the runs that are here are of other input or another seed; choose another folder, or remove them"
         )
         raise InputError([Mistake(words, str(folder))])
-    path.write_text(json.dumps(key) + "\n", encoding="utf-8", newline="\n")
+    write_file(path, json.dumps(key) + "\n", True)
 
 
 def digest_of(files: Mapping[Any, ReadFile]) -> str:

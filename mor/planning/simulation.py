@@ -14,6 +14,7 @@ from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
 from mor.observations import OBSERVED_PARAMETERS, ObservationGroup
+from mor.output_files import Content
 from mor.parameters.index import Values
 from mor.pipeline import read_document
 from mor.planning.plan import at_its_place, read_plan
@@ -23,14 +24,15 @@ from mor.project.network.build import Network
 from mor.quality.simulation.implied import is_implied, place_with_errors, unwritten
 from mor.quality.simulation.measurements import errors, measured_at
 from mor.quality.simulation.planted import Planted, Wishes, planted, with_planted
-from mor.report.results.folder import Writer, write_folder
+from mor.report.results.folder import write_folder
 from mor.report.results.reservation import Reservation
 from mor.report.results.writing import PROJECT
 from mor.report.simulation.project_files import planted_table, simulated_project, truth_table
 from mor.report.tables.files import table_writer
 
 LEFT_OUT = "something of the network has no place; a simulation needs one for everything"
-SIMULATED_FILES = (PROJECT, "truth.csv", "planted.csv", "observations_*.csv", "checks_*.csv")
+USUAL_FILES = (PROJECT, "truth.csv", "planted.csv")
+"""Files that every simulated project has."""
 
 
 class Simulation(NamedTuple):
@@ -45,17 +47,13 @@ class Simulation(NamedTuple):
     def write(self, place: Reservation) -> None:
         """Write the simulated project, its truth and what was planted into a folder."""
         text, tables = simulated_project(self.network, self.place, self.document, self.folder, place.folder)
-        writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in tables.items()}
+        writers: dict[str, Content] = {name: table_writer(frame) for name, frame in tables.items()}
         truth: pl.DataFrame = truth_table(self.network, self.place)
         writers["truth.csv"] = table_writer(truth)
         writers["planted.csv"] = table_writer(planted_table(self.network, self.planted))
         head = "# Simulated observations: nothing of this was measured. truth.csv has the true values.\n"
-        writers[PROJECT] = lambda path: _write(path, head + text)
+        writers[PROJECT] = head + text
         write_folder(place, writers)
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def placed_network(path: Path, form: str) -> tuple[Network, Document]:

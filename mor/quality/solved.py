@@ -91,6 +91,11 @@ class Solved:
 
     @property
     def accepted(self) -> bool:
-        """True where the global test and the tests of all groups accept, or where there is no redundancy to test."""
+        """True if the global test and the tests of all groups accept, or without redundancy.
+
+        False if the result as a whole is not determined.
+        """
         quality, judged = self.quality, self.verdict
-        return quality is not None and quality.global_test.accepted and not (judged and judged.contradicted)
+        if quality is None or judged is None or not quality.global_test.accepted or judged.contradicted:
+            return False
+        return judged.determined is None or judged.determined.as_a_whole

@@ -1,4 +1,4 @@
-"""What to think of an adjustment: accepted or not, which groups contradict, and what would explain them."""
+"""What to think of an adjustment: do the observations agree, which groups contradict, is the result determined."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 from mor.adjustment.datum.defect import network_components
 from mor.arrays import BoolArray
 from mor.project.network.build import Network
+from mor.project.network.entities import thing_of
 from mor.quality.assess import Quality
+from mor.quality.diagnosis.self_check import median_distance, sigma_of_geometry, told_by_user
+from mor.quality.diagnosis.weak_directions import weak_directions
 from mor.quality.tests.common_effects import CommonEffect, common_effects
 from mor.quality.tests.fixed_coordinates import fixed_point_tests
 from mor.quality.tests.group_tests import GroupTest, GroupTests, group_tests, rows_of_test
@@ -46,8 +49,42 @@ class Explained(NamedTuple):
         return max(self.effect.test**2 if self.effect is not None else 0.0, self.largest**2)
 
 
+LARGEST_SIGMA = 0.01
+"""σ of a point, in parts of the size of the network, from which on the point is ill-determined.
+
+Observations are linearised. A point that moves by δ at a distance D turns a sight by δ/D, and the second-order term,
+which is neglected, is δ/(2D) of the first. For δ = 2σ (95 %) and σ = D/100 it is 1 %: up to there σ, tests and
+ellipsoids hold to two digits."""
+
+
+class Determined(NamedTuple):
+    """How well the result is determined, whatever the residuals are. σ are those of ``sigma_of_geometry``."""
+
+    size: float
+    """Size of the network, length unit: twice the median distance of its points from their median."""
+    points: int
+    """Points and places of frames with unknown coordinates that were not observed themselves."""
+    largest: float
+    """Largest semi-axis of their ellipsoids (σ), length unit."""
+    median: float
+    beyond: tuple[tuple[str, str, float], ...]
+    """(kind, name, σ) of those with σ beyond ``LARGEST_SIGMA`` of the size, the worst first."""
+    directions: int
+    """Number of directions that are hardly determined."""
+
+    @property
+    def as_a_whole(self) -> bool:
+        """True if at least half of the points are determined."""
+        return self.size == 0.0 or self.median <= LARGEST_SIGMA * self.size
+
+    @property
+    def everywhere(self) -> bool:
+        """True if every point is determined and no direction is weak."""
+        return self.as_a_whole and not self.beyond and not self.directions
+
+
 class Verdict(NamedTuple):
-    """The tests of the whole and of the groups together."""
+    """The tests of the whole and of the groups together, and whether the result is determined."""
 
     tests: GroupTests
     explained: tuple[Explained, ...]
@@ -56,6 +93,8 @@ class Verdict(NamedTuple):
     """True where groups are rejected, but none of them beside the others: then all σ are wrong by the same factor."""
     chosen_only: bool
     """True where the fixed coordinates are the datum and no more: no observation controls them."""
+    determined: Determined | None = None
+    """``None`` for networks in domains."""
 
     @property
     def contradicted(self) -> bool:
@@ -74,7 +113,26 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     # Two that contradict each other gain alike: round-off must not say which comes first.
     explained.sort(key=lambda one: -float(f"{one.gain:.6g}"))
-    return Verdict(tests, tuple(explained), alike, _chosen_only(quality))
+    return Verdict(tests, tuple(explained), alike, _chosen_only(quality), determined(quality))
+
+
+def determined(quality: Quality) -> Determined:
+    """Return how well the points of an adjustment are determined."""
+    adjustment = quality.adjustment
+    size, directions = 2.0 * median_distance(adjustment), len(weak_directions(quality))
+    if "point" not in quality.cofactors or size == 0.0:
+        return Determined(size, 0, 0.0, 0.0, (), directions)
+    index = adjustment.problem.index
+    judged = np.flatnonzero((index.columns["point"] >= 0).any(axis=1) & ~told_by_user(quality, "point"))
+    if len(judged) == 0:
+        return Determined(size, 0, 0.0, 0.0, (), directions)
+    variance = np.linalg.eigvalsh(quality.cofactors["point"][judged])[:, -1]
+    sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
+    order = np.argsort(-sigma, kind="stable")
+    order = order[sigma[order] > LARGEST_SIGMA * size]
+    ids = index.blocks["point"].ids
+    beyond = tuple((*thing_of("point", ids[judged[k]]), float(sigma[k])) for k in order.tolist())
+    return Determined(size, len(judged), float(sigma.max()), float(np.median(sigma)), beyond, directions)
 
 
 def _chosen_only(quality: Quality) -> bool:

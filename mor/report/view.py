@@ -13,6 +13,7 @@ import polars as pl
 
 from mor.arrays import FloatArray
 from mor.errors import InputError, Problem
+from mor.input_files import note_input
 from mor.project.tables.guarded import plain_column
 from mor.quality.solved import Solved
 from mor.report.edge import points
@@ -132,6 +133,7 @@ def view_of(
 def view_of_folder(folder: Path) -> View:
     """The view of results on disk. Raises :class:`InputError` where they are missing or tell of no solution."""
     path = folder / "results.json"
+    note_input(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -222,7 +224,10 @@ _TEXTS = ("id", "camera", "status")
 def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
     if not path.exists():
         raise InputError([Problem(f"the table of {what} is missing beside results.json", str(path))])
+    note_input(path)
     if path.is_dir():  # a table in parts
+        for part in path.glob("*.parquet"):
+            note_input(part)
         return pl.read_parquet(path / "*.parquet")
     if path.suffix == ".parquet":
         return pl.read_parquet(path)

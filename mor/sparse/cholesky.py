@@ -55,6 +55,15 @@ class Factor:
     set_aside: IntArray
     set_aside_places: IntArray
 
+    @property
+    def smallest_pivot(self) -> float:
+        """Smallest pivot, squared as in N = L D Lᵀ; 0 if unknowns are set aside."""
+        if len(self.set_aside):
+            return 0.0
+        return min(
+            (float(np.square(front.diagonal()).min()) for front in self.pivots if front.size), default=np.inf
+        )
+
     def solve(self, right_hand_side: FloatArray) -> FloatArray:
         """Return x of N x = b for b (n,) or (n, k); unknowns set aside are held at zero.
 

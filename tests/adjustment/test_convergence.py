@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import mixed_network, photo_block, plane_network
 
-from mor.adjustment.convergence import ACCURACY, left_after, round_off, stands_still
+from mor.adjustment.convergence import ACCURACY, left_after, round_off, stands_still, without_progress
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
 from mor.adjustment.solve import Settings, adjust
@@ -40,12 +40,31 @@ def test_steps_that_halve_are_followed_to_the_end():
     assert left_after(_State(8e-4), 4e-4) > 1e-4
 
 
-def test_a_standstill_is_ten_iterations_that_lead_nowhere():
-    assert stands_still(_history(*[3.0] * 10))
-    assert not stands_still(_history(*[3.0] * 9))
-    assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(10))))
-    assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(10))))
-    assert stands_still(_history(*(100.0 * 0.9 ** np.arange(10))))
+def test_a_standstill_is_twenty_iterations_that_lead_nowhere():
+    assert stands_still(_history(*[3.0] * 20))
+    assert not stands_still(_history(*[3.0] * 19))
+    assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(20))))
+    assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(20))))
+    assert stands_still(_history(*(100.0 * 0.95 ** np.arange(20))))
+
+
+def test_an_iteration_whose_damping_falls_does_not_stand_still():
+    falling = [step._replace(damping=1e-4 * 0.7**step.number) for step in _history(*[3.0] * 20)]
+    assert not stands_still(tuple(falling))
+
+
+def test_only_iterations_without_progress_count():
+    steps = _history(*[3.0] * 100)
+    assert without_progress(steps) == 100
+    assert without_progress(()) == 0
+    halving = tuple(step._replace(objective=100.0 * 0.9**step.number) for step in steps)
+    assert without_progress(halving) == 1
+    assert (
+        without_progress(
+            halving[:40] + tuple(one._replace(objective=halving[39].objective) for one in steps[:7])
+        )
+        == 8
+    )
 
 
 def test_round_off_is_that_of_the_steps_of_disturbed_coordinates():

@@ -1,6 +1,7 @@
-"""Published small examples, read from the reference data; skipped where they are missing."""
+"""Published small examples: a collineation, two resections and a relative orientation."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,14 @@ from mor.approximate.resection.outcome import ResectionOutcome
 from mor.approximate.resection.space_resection import resect
 from mor.geometry.rotations import rotation_from_angles
 
+EXAMPLES = (
+    Path(__file__).parents[1] / "reference" / "networks" / "worked-examples" / "small-computations.json"
+)
+
 
 @pytest.fixture
-def examples(shared_data):
-    return json.loads((shared_data("textbook") / "small_examples.json").read_text(encoding="utf-8"))
+def examples():
+    return json.loads(EXAMPLES.read_text(encoding="utf-8"))
 
 
 def test_published_collineation_has_the_published_decompositions(examples):

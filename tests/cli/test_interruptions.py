@@ -70,3 +70,26 @@ def test_arithmetic_that_goes_wrong_is_an_error_and_nothing_else_is_said(
             np.sqrt(np.array([-1.0]))
         warnings.warn("no longer in the next version", DeprecationWarning, stacklevel=1)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer of the system")
+def test_an_interruption_that_c_code_drops_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the functions that LLVM calls while a kernel is compiled."""
+    import ctypes
+
+    before = signal.getsignal(signal.SIGALRM)
+    monkeypatch.setattr(sys, "unraisablehook", process._unraisable)
+    monkeypatch.setattr(process, "_CAME", [])
+    called = ctypes.CFUNCTYPE(None)(lambda: process._interrupt(signal.SIGUSR1, None))
+
+    def call_and_go_on() -> None:
+        called()
+        time.sleep(10.0)
+
+    try:
+        with pytest.raises(KeyboardInterrupt) as raised:
+            call_and_go_on()
+        assert raised.value.args == (signal.SIGUSR1,)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGUSR1, signal.SIG_DFL)

@@ -164,3 +164,26 @@ def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFi
     tables = [str(tmp_path / name) for name in ("rays.csv", "control.csv")]
     assert run(["new", str(tmp_path / "p.yaml"), *tables]) == 0
     assert "control.csv: points, 2 rows" in capsys.readouterr().err
+
+
+def test_german_messages_keep_the_names_of_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What has to be typed is the same in every language."""
+    (tmp_path / "t.csv").write_text("a,image\n1,2\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), "--lang", "de"]) == 2
+    said = capsys.readouterr().err
+    assert "gefunden die Spalten a, image; bekannt sind image: image, point, x, y;" in said
+    assert "zenith_directions: station, to, horizontal, zenith;" in said
+    assert "Bild," not in said
+    assert "Standpunkt" not in said
+
+
+def test_a_table_of_zenith_angles_gets_the_curvature(tmp_path: Path) -> None:
+    """Total stations record zenith angles without a correction; a table of distances says nothing of it."""
+    (tmp_path / "z.csv").write_text("station,to,horizontal,zenith\nA,B,0,100.1\n")
+    (tmp_path / "d.csv").write_text("from,to,distance\nA,B,50.1\n")
+    for table, wanted in (("z", True), ("d", False)):
+        project = tmp_path / f"{table}.yaml"
+        assert run(["new", str(project), str(tmp_path / f"{table}.csv")]) == 0
+        assert (read_document(project).data.get("curvature") == "true") is wanted

@@ -317,3 +317,20 @@ def test_images_of_a_chain_from_one_centre_are_turned(
     said = capsys.readouterr().out
     assert "kappa*" in said
     assert "No model of all images: not every pair of neighbouring images is oriented." in said
+
+
+def test_on_the_dangerous_locus_no_solution_has_standard_deviations(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Both centres on one normal: to first order σ mean nothing, for the second solution either."""
+    case = Path(__file__).parents[1] / "cases" / "plane_one_normal_twice.csv"
+    options = ["-c", "50", "--sigma", ".001", "--length", "p0", "p1", "36", "--json"]
+    assert run(["orient", "planar", str(case), *options]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["outcome"] == "base_along_normal"
+    assert len(data["solutions"]) == 2
+    for solution in data["solutions"]:
+        assert all(row["sigma"] is None for row in solution["results"])
+        assert all(row[key] is None for row in solution["points"] for key in ("sx", "sy", "sz"))
+        assert all(row[key] is None for row in solution["images"] for key in ("sx", "somega"))
+        assert all(value is None for row in solution["correlation"] for value in row)

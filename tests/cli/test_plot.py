@@ -114,7 +114,7 @@ def test_a_long_title_leaves_the_network_its_size(results: Path, tmp_path: Path)
     sizes = []
     for title in ("short", "very long " * 40):
         figure = network(replace(view, summary={**view.summary, "title": title}))
-        save(figure, tmp_path / "network.png")
+        save(figure, tmp_path / "network.png", force=True)
         sizes.append(figure.axes[0].get_position().size)
     assert np.allclose(*sizes, rtol=0.02)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -9,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -20,12 +20,13 @@ from small_projects import BLOCK, LEVELLING, mor, write, write_block
 from mor.errors import InputError
 from mor.report.results import folder as folder_module
 from mor.report.results import reservation
-from mor.report.results.folder import RESULT_FILES, Writer
+from mor.report.results.folder import Writer
 from mor.report.results.reservation import reserve
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    """The files of a folder without the list of them, which the tests of manifests look at."""
+    return {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file() and p.name != "files.json"}
 
 
 def say(words: str):
@@ -128,7 +129,7 @@ class TestOverwriting:
         assert run.err.splitlines() == [
             f"{tmp_path}/{name}: results would overwrite this file, which the project is read from; "
             "choose another folder"
-            for name in ("points.csv", "images.csv")
+            for name in ("images.csv", "points.csv")
         ]
         assert content(tmp_path) == before
 
@@ -160,7 +161,7 @@ def write_folder(folder: Path, writers: Mapping[str, Writer], force: bool) -> No
 class TestInterruption:
     @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
     def test_no_new_folder_is_left(self, tmp_path: Path, error: BaseException) -> None:
-        with pytest.raises(type(error)):
+        with pytest.raises((KeyboardInterrupt, InputError)):
             write_folder(tmp_path / "deep" / "out", {"a": say("a"), "b": fail(error)}, force=False)
         assert list(tmp_path.iterdir()) == []
 
@@ -168,7 +169,7 @@ class TestInterruption:
     def test_old_results_stay_as_they_were(self, tmp_path: Path, error: BaseException) -> None:
         folder = tmp_path / "out"
         write_folder(folder, {"a": say("old a"), "b": say("old b")}, force=False)
-        with pytest.raises(type(error)):
+        with pytest.raises((KeyboardInterrupt, InputError)):
             write_folder(folder, {"a": say("new a"), "b": fail(error)}, force=True)
         assert content(folder) == {"a": b"old a", "b": b"old b"}
         assert list(tmp_path.iterdir()) == [folder]
@@ -204,29 +205,94 @@ class TestInterruption:
             raise OSError(*said)
 
         project = write(tmp_path, LEVELLING)
-        monkeypatch.setattr(Path, "write_text", full)
+        monkeypatch.setattr(Path, "write_bytes", full)
         run = mor("adjust", project, "--lang", "de")
         assert run.code == 2
-        assert run.err.splitlines()[-1] == "auf dem Datenträger ist kein Platz mehr"
+        place = tmp_path / "project.results" / "README.txt"
+        said = "diese Datei kann nicht geschrieben werden: auf dem Datenträger ist kein Platz mehr"
+        assert run.err.splitlines()[-1] == f"{place}: {said}"
         assert list(tmp_path.iterdir()) == [project]
 
 
-def test_all_results_are_known_as_such(tmp_path: Path) -> None:
-    """What is not in the list would neither be taken away nor protected as an input."""
-    assert mor("adjust", write_block(tmp_path)).code == 0
-    for name in set(content(tmp_path / "project.results")) - {"README.txt"}:  # which may be the user's
-        assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
+class TestManifest:
+    """What mor has written into a folder is listed there, and nothing else is ever touched."""
 
+    @pytest.mark.parametrize("sample", ["block", "dam", "dam_epochs", "three_line_strip"])
+    def test_lists_all_files_of_an_adjustment(self, tmp_path: Path, sample: str) -> None:
+        samples = Path(__file__).parents[2] / "sample_projects"
+        project = write_block(tmp_path) if sample == "block" else samples / sample / "project.yaml"
+        assert mor("adjust", project, "-o", tmp_path / "results", "--no-html").code == 0
+        listed = json.loads((tmp_path / "results" / "results.json").read_text())["files"]
+        assert listed == sorted(path.name for path in (tmp_path / "results").iterdir())
 
-@pytest.mark.parametrize("sample", ["dam", "dam_epochs", "three_line_strip"])
-def test_all_results_of_networks_on_earth_of_motions_and_of_trajectories_are_known(
-    tmp_path: Path, sample: str
-) -> None:
-    """Other projects had them left beside their own results."""
-    project = Path(__file__).parents[2] / "sample_projects" / sample / "project.yaml"
-    assert mor("adjust", project, "-o", tmp_path / "results").code == 0
-    for name in set(content(tmp_path / "results")) - {"README.txt"}:
-        assert any(fnmatch(name, pattern) for pattern in RESULT_FILES), name
+    def test_files_of_the_user_stay_and_the_command_says_which(self, tmp_path: Path) -> None:
+        project = write(tmp_path, LEVELLING)
+        own = {"points.csv": "my points", "motions.csv": "my motions", "notes.txt": "my notes"}
+        for name, text in own.items():
+            (tmp_path / name).write_text(text)
+        (tmp_path / "start_points").mkdir()
+        run = mor("adjust", project, "-o", tmp_path, "--force")
+        assert run.code == 2
+        assert run.err.splitlines() == [
+            f"{tmp_path / 'points.csv'}: this file exists, and no earlier results in this folder list it, "
+            "so not even --force replaces it; choose another folder"
+        ]
+        assert {name: (tmp_path / name).read_text() for name in own} == own
+        (tmp_path / "points.csv").unlink()
+        assert mor("adjust", project, "-o", tmp_path, "--force").code == 0
+        assert (tmp_path / "motions.csv").read_text() == "my motions"
+        assert mor("adjust", project, "-o", tmp_path, "--force", "--tables", "none").code == 0
+        assert not (tmp_path / "points.csv").exists(), "of the earlier run, and not written again"
+        assert (tmp_path / "motions.csv").read_text() == "my motions"
+
+    def test_a_folder_of_the_user_stays_the_same_folder(self, tmp_path: Path) -> None:
+        """A shell that stands in it would be nowhere if it were exchanged for another one."""
+        project, number = write(tmp_path, LEVELLING), tmp_path.stat().st_ino
+        for _ in range(2):
+            assert mor("adjust", project, "-o", tmp_path, "--force").code == 0
+            assert tmp_path.stat().st_ino == number
+
+    @pytest.mark.parametrize(
+        "files",
+        [
+            ["../project.yaml", "points.csv"],
+            ["/etc/passwd"],
+            [".", "", "..", "a/../../project.yaml", 1, None, "\0"],
+            "points.csv",
+            None,
+        ],
+    )
+    @pytest.mark.parametrize("name", ["results.json", "files.json"])
+    def test_a_manifest_reaches_no_file_outside_its_folder(
+        self, tmp_path: Path, name: str, files: object
+    ) -> None:
+        project, folder = write(tmp_path, LEVELLING), tmp_path / "out"
+        folder.mkdir()
+        schema = {"results.json": "mor-results", "files.json": "mor-files"}[name]
+        (folder / name).write_text(json.dumps({"schema": schema, "files": files}))
+        mor("adjust", project, "-o", folder, "--force")
+        assert project.read_text() == LEVELLING
+        assert {path.name for path in tmp_path.iterdir()} == {"project.yaml", "out"}
+
+    def test_a_readme_that_the_user_has_put_in_its_place_stays(self, tmp_path: Path) -> None:
+        project = write(tmp_path, LEVELLING)
+        for _ in range(3):
+            assert mor("adjust", project, "--force").code == 0
+            (tmp_path / "project.results" / "README.txt").write_text("mine")
+        assert (tmp_path / "project.results" / "README.txt").read_text() == "mine"
+
+    def test_other_commands_list_their_files_too(self, tmp_path: Path) -> None:
+        project = write(tmp_path, LEVELLING)
+        for command in ("approximate", "simulate", "design"):
+            folder = tmp_path / command
+            for _ in range(2):
+                assert mor(command, project, "-o", folder, "--force").code in (0, 1)
+            names = sorted(path.name for path in folder.iterdir())
+            assert json.loads((folder / "files.json").read_text())["files"] == names
+            (folder / "files.json").unlink()
+            before = content(folder)
+            assert mor(command, project, "-o", folder, "--force").code == 2
+            assert content(folder) == before
 
 
 def test_folder_can_be_read_by_others(tmp_path: Path) -> None:
@@ -241,7 +307,7 @@ def test_start_values_never_overwrite_the_project_they_are_found_for(tmp_path: P
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     run = mor("approximate", project, "-o", tmp_path, "--force")
     assert run.code == 2
-    assert run.err.count("which the project is read from; choose another folder") == 2
+    assert run.err.count("which the project is read from; choose another folder") == 1
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
@@ -259,14 +325,14 @@ def exchange(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
 class TestExchange:
     def test_results_of_an_earlier_run_go_and_all_else_stays(self, tmp_path: Path) -> None:
         folder = tmp_path / "out"
-        write_folder(folder, {"results.json": say("old"), "start_points.csv": say("old")}, force=False)
+        write_folder(folder, {"report.txt": say("old"), "start_points.csv": say("old")}, force=False)
         (folder / "notes").mkdir(mode=0o700)
         (folder / "notes" / "mine.txt").write_text("mine")
         (folder / "link").symlink_to("nowhere")
         folder.chmod(0o750)
-        write_folder(folder, {"results.json": say("new")}, force=True)
-        assert {path.name for path in folder.iterdir()} == {"results.json", "notes", "link"}
-        assert (folder / "results.json").read_text() == "new"
+        write_folder(folder, {"report.txt": say("new")}, force=True)
+        assert {path.name for path in folder.iterdir()} == {"report.txt", "files.json", "notes", "link"}
+        assert (folder / "report.txt").read_text() == "new"
         assert (folder / "notes" / "mine.txt").read_text() == "mine"
         assert os.readlink(folder / "link") == "nowhere"
         assert [path.stat().st_mode & 0o777 for path in (folder, folder / "notes")] == [0o750, 0o700]

@@ -375,3 +375,43 @@ def test_deflections_act_on_zenith_and_vertical_angles_alike() -> None:
     network = network_of(document, REAL)
     first, second = (misclosures(group, network.start) for group in network.groups[:2])
     np.testing.assert_allclose(first, -second, atol=1e-14)
+
+
+FREE = """!#=DNA 3.01 STN    13.12.2018       ITRF2014    01.01.2020         3
+A                   FFF LLH      -36.3300000000      145.5800000000            150.0000
+B                   FFF LLH      -36.3238821312      145.5821570921            167.5630
+"""
+
+
+def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path: Path) -> None:
+    """Whole numbers behind the values, with frame and epoch or without, are identifiers; no station held is free."""
+    head = "!#=DNA 3.01 MSR    08.08.2020       ITRF2014    01.01.2020         5"
+    lines = [
+        head,
+        "S " + "A".ljust(20) + "B".ljust(40) + "    1150.0000       0.0159   1.500  0.000       12      1001",
+        "S " + "A".ljust(20) + "B".ljust(40) + "    1150.0000       0.0159    GDA2020   01.01.2020       13",
+        "V "
+        + "A".ljust(20)
+        + "B".ljust(40)
+        + "         89 10 11.5000   1.0000   1.500  0.000       14      1001",
+        "D "
+        + "A".ljust(20)
+        + "B".ljust(20)
+        + "1".ljust(20)
+        + "        247 55 04.2736   0.0009      31      1001",
+        "D " + " " * 20 + " " * 20 + "C".ljust(20) + "        334 55 50.4714   0.0009      32      1001",
+        "B " + "A".ljust(20) + "B".ljust(40) + "          9 10 11.5000   1.0000       15",
+    ]
+    (tmp_path / "n.msr").write_text("\n".join(lines) + "\n")
+    (tmp_path / "n.stn").write_text(FREE + FREE.splitlines()[1].replace("A  ", "C  ", 1) + "\n")
+    document = read_foreign(tmp_path / "n.msr")
+    assert document.data["datum"] == "free"
+    tables = {table["type"]: list(table["rows"]) for table in document.data["observations"]}
+    assert [row[2:4] for row in tables["distance"]] == [["1150.0000", "0.0159"]] * 2
+    assert tables["distance"][0][4:] == ["1.500", "0.000"]
+    assert tables["zenith_angle"][0][2:] == ["89-10-11.5", "1.0000", "1.500", "0.000"]
+    assert len(tables["directions"]) == 2
+    (tmp_path / "n.stn").write_text(
+        (tmp_path / "n.stn").read_text().replace("A                   FFF", "A                   CCC")
+    )
+    assert "datum" not in read_foreign(tmp_path / "n.msr").data

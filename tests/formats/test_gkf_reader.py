@@ -221,7 +221,7 @@ def test_covariances_of_observations_left_out_go_too(tmp_path):
     [("ne", "left-handed", 1.0), ("en", "left-handed", 1.0), ("wn", "right-handed", -1.0)],
 )
 def test_gross_observations_are_left_out(tmp_path, axes, sense, turn):
-    """1.5 m at the target is left out with tol-abs = 1000 mm, 0.5 m is not; nothing of the good ones is."""
+    """1.5 m at the target is left out with tol-abs = 1000 mm, 0.2 m is not; nothing of the good ones is."""
     body = _physical_file(axes, turn)
     place = TRUTH["A"], TRUTH["Q"]
     length = float(np.hypot(*np.subtract(place[1], place[0])[:2]))
@@ -229,7 +229,7 @@ def test_gross_observations_are_left_out(tmp_path, axes, sense, turn):
     wrong = "".join(
         f'<azimuth from="A" to="Q" val="{bearing + np.degrees(error / length) / 0.9:.17g}" stdev="5"/>\n'
         f'<distance from="A" to="Q" val="{length + error:.17g}" stdev="5"/>\n'
-        for error in (1.5, -1.5, 0.5)
+        for error in (1.5, -1.5, 0.2)
     )
     body += f"\n<obs>\n{wrong}</obs>"
     document = _document(tmp_path, body, network=f'axes-xy="{axes}" angles="{sense}"')
@@ -238,6 +238,31 @@ def test_gross_observations_are_left_out(tmp_path, axes, sense, turn):
     )
     assert [note.line for note in document.notes] == [first + 1, first + 2, first + 3, first + 4]
     assert all("tol-abs" in note.message for note in document.notes)
+
+
+@pytest.mark.parametrize(
+    ("sigma_apriori", "sigma", "error", "second_leg", "used"),
+    [
+        (10, 10, 1.2, 100, 1),
+        (10, 10, 0.8, 100, 2),
+        (1, 10, 1.2, 100, 2),
+        (10, 20, 1.9, 100, 2),
+        (10, 20, 2.1, 100, 1),
+        (10, 10, 0.8, 1000, 2),
+    ],
+)
+def test_tolerance_of_angles_is_that_of_gnu_gama(tmp_path, sigma_apriori, sigma, error, second_leg, used):
+    """An angle is compared at its first target, and weighted with its standard deviation; the distance is 3 m off."""
+    body = (
+        f'<point id="A" x="0" y="0" fix="xy"/><point id="B" x="100" y="0" fix="xy"/>'
+        f'<point id="C" x="0" y="{second_leg}" adj="xy"/>\n<obs from="A">\n'
+        f'<distance to="C" val="{second_leg + 3}" stdev="1"/>\n'
+        f'<angle bs="B" fs="C" val="{100 + np.degrees(error / 100) / 0.9:.12f}" stdev="{sigma}"/>\n'
+        f'<angle bs="B" fs="C" val="100" stdev="{sigma}"/></obs>'
+    )
+    document = _document(tmp_path, body, parameters=f'sigma-apr="{sigma_apriori}"')
+    angles = [len(table["rows"]) for table in document.data["observations"] if table["type"] == "angle"]
+    assert angles == [used]
 
 
 def test_a_gross_direction_does_not_spoil_its_set(tmp_path):

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results, reference_files
+from reference_data import NETWORKS, network_name, network_of, point_results
 
 from mor.errors import InputError
-from mor.formats import read_foreign, write_foreign
+from mor.formats import write_foreign
 from mor.pipeline import read_document, solve_network
 
 
@@ -21,12 +21,13 @@ def _again(source: Path, folder: Path) -> tuple[Path, list[str]]:
     return folder / "again.gkf", [note.message for note in out.notes]
 
 
-@pytest.mark.parametrize(
-    "path", [*reference_files("gama", "*.gkf"), *reference_files("textbook", "*/[BK]*.dat")]
-)
+REAL = [path for path in NETWORKS if path.parent.name == "gama" or path.match("textbook/[bk]*.yaml")]
+
+
+@pytest.mark.parametrize("path", REAL, ids=network_name)
 def test_real_networks_adjust_to_the_same(path: Path, tmp_path: Path) -> None:
     again, _ = _again(path, tmp_path)
-    first, second = (solve_network(network_of(read_foreign(p), p.parent)) for p in (path, again))
+    first, second = (solve_network(network_of(read_document(p), p.parent)) for p in (path, again))
     before, after = point_results(first), point_results(second)
     assert list(before) == list(after)
     scale = max(float(np.abs(xyz).max()) for xyz, _ in before.values())

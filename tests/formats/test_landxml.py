@@ -70,14 +70,16 @@ def test_a_network_comes_out_as_it_was(tmp_path: Path, length: str, angle: str) 
     path = tmp_path / "n.xml"
     path.write_text(survey(length, angle).replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
     assert format_of(path) == "landxml"
-    result = mor.adjust(str(path))
+    read = mor.read(str(path))
+    plane = {key: value for key, value in read.document.data.items() if key != "curvature"}
+    result = mor.adjust(plane)  # the readings were computed with parallel verticals
     network, solved = result.project.network, result.solved
     points = network.things["point"]
     assert set(points.ids) == set(PLACES)
     for name, place in PLACES.items():
         found = solved.adjustment.values["point"][points.part(name, "position")]
         np.testing.assert_allclose(found, place, atol=1e-6)
-    assert "3 set-ups, 3 sets" in " ".join(result.project.notes)
+    assert "3 set-ups, 3 sets" in " ".join(read.notes)
 
 
 PLAN = (

@@ -111,11 +111,11 @@ def test_other_texts_are_refused(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("one\ntwo\nthree\nfour\nfive\nsix\n")
     with pytest.raises(InputError) as error:
-        read_foreign(path)
+        read_foreign(path, "photomodeler")
     assert {problem.line for problem in error.value.problems} == {2, 3, 4, 6}
     path.write_text("short")
     with pytest.raises(InputError, match="no PhotoModeler text export"):
-        read_foreign(path)
+        read_foreign(path, "photomodeler")
 
 
 def test_a_calibration_project_has_its_camera_free(tmp_path):

@@ -5,13 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from reference import test_aicon, test_camcal, test_jag3d, test_sxb
-from reference_data import missing, reference_folder
+from reference import test_aicon, test_camcal, test_sxb
+from reference_data import NETWORKS, network_name, reference_file
 from small_projects import Run, mor
 
 TESTS = Path(__file__).parents[1]
@@ -21,39 +20,22 @@ NOT_A_NUMBER = re.compile(r"(?<![\w.])[+-]?(nan|inf|infinity)(?![\w.])", re.IGNO
 
 
 class Project(NamedTuple):
-    """A project file and the folder of its tables, or a foreign file."""
+    """A project file or a foreign file; ``text``: a project file that is written for the tables of a data set."""
 
-    text: str
-    place: Path
-
-
-def _of_data(data: str, text: Callable[[Path], str]) -> object:
-    """A project file that is written for the tables of a data set."""
-    folder = reference_folder(data)
-    if folder is None:
-        return pytest.param(None, marks=pytest.mark.skip(reason=missing(data)), id=data)
-    return Project(text(folder), folder)
+    place: str | Path
+    text: str = ""
 
 
-TABLES = {
-    "aicon": _of_data("aicon-115", lambda folder: test_aicon.project(disturbed=False)),
-    "camcal": _of_data("camcal", lambda folder: test_camcal.project("reference_model3")),
-    "camcal forward": _of_data("camcal", lambda folder: test_camcal.project("reference_model_forward")),
-    "camcal free": _of_data("camcal", lambda folder: test_camcal.project("free_network_model3")),
-    "sxb": _of_data("sxb-s4", lambda folder: test_sxb.PROJECT),
-    "net2d free": _of_data("jag3d-net2d", lambda folder: test_jag3d.net2d_project(folder, "free_all")[0]),
-    "net2d fixed": _of_data("jag3d-net2d", lambda folder: test_jag3d.net2d_project(folder, "fixed")[0]),
-    "lev5": _of_data("jag3d-lev5", lambda folder: test_jag3d.lev5_project(folder, "epoch0")[0]),
-    "lev5 two epochs": _of_data(
-        "jag3d-lev5", lambda folder: test_jag3d.lev5_project(folder, "congruence")[0]
-    ),
+BLOCKS = {
+    "aicon": Project("aicon-115", test_aicon.project(disturbed=False)),
+    "camcal": Project("camcal", test_camcal.project("reference_model3")),
+    "camcal forward": Project("camcal", test_camcal.project("reference_model_forward")),
+    "camcal free": Project("camcal", test_camcal.project("free_network_model3")),
+    "sxb": Project("sxb-s4", test_sxb.PROJECT),
+    "aicon flat files": Project("aicon-115/example.obc"),
+    "camcal-pmexport": Project("camcal/camcal-pmexport.txt"),
 }
-FOREIGN = {
-    ("aicon-115", "example.obc"),
-    ("camcal", "camcal-pmexport.txt"),
-    ("gama", "*.gkf"),
-    ("textbook", "?D/*.dat"),
-}
+"""Large blocks of the reference data."""
 SETTLED_CASES = {
     "control_2full_1height/project.yaml",
     "control_3plan_3height/project.yaml",
@@ -72,21 +54,18 @@ SETTLED_CASES = {
 
 
 def _found() -> list[object]:
-    found: list[object] = [pytest.param(p, True, id=name) for name, p in TABLES.items()]
-    for data, pattern in sorted(FOREIGN):
-        folder = reference_folder(data)
-        paths = sorted(folder.glob(pattern)) if folder else []
-        found += [pytest.param(Project("", path), True, id=path.stem) for path in paths]
+    found: list[object] = [pytest.param(project, True, id=name) for name, project in BLOCKS.items()]
+    found += [pytest.param(Project(path), True, id=network_name(path)) for path in NETWORKS]
     for path in sorted(SAMPLES.glob("*/project.yaml")):
-        found.append(pytest.param(Project("", path), True, id=path.parent.name))
+        found.append(pytest.param(Project(path), True, id=path.parent.name))
     for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
         name = path.relative_to(CASES).as_posix()
-        found.append(pytest.param(Project("", path), name in SETTLED_CASES, id=name))
+        found.append(pytest.param(Project(path), name in SETTLED_CASES, id=name))
     return found
 
 
 def _adjusted(project: Project, folder: Path) -> Run:
-    place = project.place
+    place = reference_file(project.place) if isinstance(project.place, str) else project.place
     if project.text:
         for path in place.iterdir():
             (folder / path.name).symlink_to(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -33,8 +34,25 @@ def test_aliases_that_unfold(tmp_path: Path) -> None:
         for inner, name in zip("abcdefgh", "bcdefghi", strict=True)
     )
     said = refused(write(tmp_path, f"mor: 1\na: &a [x, x, x, x, x, x, x, x, x, x]\n{levels}"))
-    assert "project.yaml:7: found more than 1000000 values" in said
+    assert "project.yaml:7: aliases (*name) repeat more than 100000 values" in said
     assert "MOR_MAX_VALUES" in said
+
+
+@pytest.mark.parametrize(
+    "repeated",
+    [
+        "{" + ", ".join("k: 1" for _ in range(20_000)) + "}",  # a key twice: its values are skipped
+        "{" + ", ".join("[a]: 1" for _ in range(50)) + "}",  # a key that is none
+        "[[], [], [], [], [], []]",
+        "'" + "y" * 50_000 + "'",
+    ],
+)
+def test_many_aliases_of_something_large(tmp_path: Path, repeated: str) -> None:
+    """What is small in the file, and would be 20 000 times as large."""
+    begun = time.process_time()
+    said = refused(write(tmp_path, f"mor: 1\na: &x {repeated}\nb: [{', '.join(['*x'] * 20_000)}]\n"))
+    assert "project.yaml:3: aliases (*name) repeat more than 100000 values, or 10000000 letters" in said
+    assert time.process_time() - begun < 10.0
 
 
 @pytest.mark.parametrize(

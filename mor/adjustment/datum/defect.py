@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,16 +46,19 @@ class Defect:
         networks that are only tried nobody asks.
         """
         inside = self.inside
-        return self.beyond_use or (loose_directions(inside.basis, self.datum, inside.index) if inside else ())
+        return self.beyond_use or (loose_directions(*inside) if inside else ())
 
 
-@dataclass(frozen=True)
-class Inside:
+class Inside(NamedTuple):
     """A null space that is more than movements of the network."""
 
     basis: FloatArray
-    """(u, k) orthonormal, the movements among it."""
+    """(u, k) orthonormal if lengths are counted in units of ``lengths``, the movements among it."""
+    datum: FloatArray
+    """(u, d) the movements, in these units, too."""
     index: Index
+    lengths: FloatArray
+    """(u,) units of the unknowns."""
 
 
 def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect:
@@ -66,7 +70,8 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     """
     if null.shape[1] == 0:
         return Defect((), null)
-    basis, _ = np.linalg.qr(null)
+    lengths = units_of_length(problem.index, values)
+    basis, _ = np.linalg.qr(null / lengths[:, None])
     columns = problem.index.columns["point"]
     used = _telling_components(problem, values, null.shape[1])
     free = (columns[used] >= 0)[:, None]
@@ -79,8 +84,29 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     rigid = right[stretches <= _SMALL].T
     motion, inner = _stretches(on_points @ rigid)
     datum = basis @ rigid @ inner[motion > _SMALL].T
-    inside = Inside(basis, problem.index) if datum.shape[1] < basis.shape[1] else None
-    return Defect(_name(np.where(free, datum[columns[used]], 0.0), generators), datum, inside)
+    inside = Inside(basis, datum, problem.index, lengths) if datum.shape[1] < basis.shape[1] else None
+    names = _name(np.where(free, datum[columns[used]], 0.0), generators)
+    return Defect(names, lengths[:, None] * datum, inside)
+
+
+def units_of_length(index: Index, values: Values) -> FloatArray:
+    """Return the unit of every unknown (u,) in which lengths are parts of the size of the network.
+
+    Null vectors have components of lengths and of angles. If lengths are counted in metres, the angles of a block of
+    micrometre size outweigh its coordinates a million times.
+    """
+    units = np.ones(index.count)
+    points = values.get("point", np.zeros((0, 3)))
+    if len(points) == 0:
+        return units
+    size = float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+    if not 0.0 < size < np.inf:
+        return units
+    for kind, columns in index.columns.items():
+        powers = [float(component.quantity.length) for component in index.blocks[kind].kind.components]
+        for column, power in zip(columns.T, powers, strict=True):
+            units[column[column >= 0]] = size**power
+    return units
 
 
 def explained_movements(whole: FloatArray, on_points: FloatArray) -> tuple[tuple[str, ...], FloatArray]:

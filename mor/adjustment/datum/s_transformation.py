@@ -102,13 +102,21 @@ def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
     return total
 
 
-def binds(null: FloatArray, constraint: Constraint) -> bool:
-    """True where the constraint determines every null direction."""
-    together = constraint.normals.T @ null
-    if together.size == 0:
+def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
+    """Return True if the constraint determines every movement (u, d) of the network.
+
+    The movements are made orthonormal on the point coordinates first. So the answer depends neither on the unit of
+    length nor on how the movements are combined.
+    """
+    if null.shape[1] == 0:
         return True
-    size = np.linalg.norm(constraint.normals, axis=0).max() * np.linalg.norm(null, axis=0).max()
-    return bool(size > 0.0 and np.linalg.svd(together, compute_uv=False)[-1] > 1e-9 * size)
+    columns = index.columns["point"]
+    triangle = np.linalg.qr(null[columns[columns >= 0]], mode="r")
+    if triangle.shape[0] < triangle.shape[1] or not np.diagonal(triangle).all():
+        return False
+    normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
+    size = float(np.linalg.norm(normals, axis=0).max())
+    return bool(size > 0.0 and np.linalg.svd(normals.T @ movements, compute_uv=False)[-1] > 1e-9 * size)
 
 
 def into_datum(

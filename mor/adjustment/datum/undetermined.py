@@ -33,8 +33,13 @@ class Undetermined(NamedTuple):
     amounts: tuple[float, ...]
 
 
-def loose_directions(basis: FloatArray, datum: FloatArray, index: Index) -> tuple[Undetermined, ...]:
-    """Directions of a null space (u, k), orthonormal, beside the movements of the network (u, d) in it."""
+def loose_directions(
+    basis: FloatArray, datum: FloatArray, index: Index, units: FloatArray
+) -> tuple[Undetermined, ...]:
+    """Directions of a null space (u, k), orthonormal, beside the movements of the network (u, d) in it.
+
+    Both are in ``units`` (u,) of the unknowns.
+    """
     found = basis.T @ datum
     loose = []
     for direction in _of_single_blocks(basis, index):
@@ -45,7 +50,7 @@ def loose_directions(basis: FloatArray, datum: FloatArray, index: Index) -> tupl
     if basis.shape[1] - found.shape[1] > _SPARSEST:
         others = np.linalg.qr(found, mode="complete")[0][:, found.shape[1] :]
         loose += list((others @ _echelon(basis @ others)).T)
-        return tuple(_describe(basis @ direction, index) for direction in loose)
+        return tuple(_describe(basis @ direction, index, units) for direction in loose)
     while found.shape[1] < basis.shape[1]:
         others = np.linalg.qr(found, mode="complete")[0][:, found.shape[1] :]
         direction = _sparsest(basis, others[:, 0], _block_starts(index))
@@ -53,7 +58,7 @@ def loose_directions(basis: FloatArray, datum: FloatArray, index: Index) -> tupl
         loose.append(direction)
     movements = [basis @ direction for direction in loose]
     told = [*movements[:single], *_by_components(movements[single:], index)]
-    return tuple(_describe(movement, index) for movement in told)
+    return tuple(_describe(movement, index, units) for movement in told)
 
 
 def _by_components(movements: list[FloatArray], index: Index) -> list[FloatArray]:
@@ -143,10 +148,11 @@ def _block_starts(index: Index) -> IntArray:
     return np.flatnonzero(changes).astype(np.int64)
 
 
-def _describe(movement: FloatArray, index: Index) -> Undetermined:
+def _describe(movement: FloatArray, index: Index, units: FloatArray) -> Undetermined:
     size = np.abs(movement)
     order = np.argsort(-size, kind="stable")
     order = order[size[order] > _TOLD * size.max()][:_MOST]
+    movement = units * movement
     largest = movement[order[0]]
     return Undetermined(
         tuple(index.label(int(column)) for column in order),

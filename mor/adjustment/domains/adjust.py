@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.convergence import ACCURACY, left_after, stands_still
+from mor.adjustment.convergence import ACCURACY, left_after, stands_still, without_progress
 from mor.adjustment.domains.null_space import NullSpace, explain
 from mor.adjustment.domains.tasks import (
     Followed,
@@ -111,7 +111,7 @@ def adjust(
 ) -> Joined:
     """Adjust planned domains, whose start values are in the store as those of stage 0."""
     state = _begin(engine, boundaries, sizes, free)
-    while state.outcome is Outcome.NOT_CONVERGED and len(state.iterations) < max_iterations:
+    while state.outcome is Outcome.NOT_CONVERGED and without_progress(state.iterations) < max_iterations:
         state = _advance(engine, state)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])

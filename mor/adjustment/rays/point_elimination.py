@@ -102,10 +102,10 @@ def accumulate_images(
     return noted, squares
 
 
-def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
+def follow_directions(rays: Rays, directions: FloatArray, damping: float = 0.0) -> FloatArray:
     """Return how the points of a chunk follow (p, 3, k) directions (n, k) of the reduced unknowns: −N_pp⁻¹ Wᵀ g."""
-    if not compilation.wanted():
-        return point_reference.follow_directions(rays, directions)
+    if damping or not compilation.wanted():
+        return point_reference.follow_directions(rays, directions, damping)
     _refuse_columns_beyond(rays.columns, len(directions))
     of_points = np.empty((rays.points, 3, directions.shape[1]))
     points.follow_directions(*_arrays(rays)[1:], np.ascontiguousarray(directions), of_points)

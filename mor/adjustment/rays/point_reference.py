@@ -113,9 +113,9 @@ def back_substitute(rays: Rays, reduced_step: FloatArray, damping: float) -> Flo
     return _followed(rays, roots, moved)[:, :, 0]
 
 
-def follow_directions(rays: Rays, directions: FloatArray) -> FloatArray:
+def follow_directions(rays: Rays, directions: FloatArray, damping: float = 0.0) -> FloatArray:
     """Return how the points follow (p, 3, k) directions (n, k) of the others."""
-    roots, _ = _inverse_roots(rays, 0.0)
+    roots, _ = _inverse_roots(rays, damping)
     return _followed(rays, roots, _moved(rays, directions))
 
 

@@ -21,7 +21,7 @@ from mor.arrays import FloatArray
 from mor.parameters.index import Values
 
 
-def full_directions(plan: Plan, values: Values, reduced: FloatArray) -> FloatArray:
+def full_directions(plan: Plan, values: Values, reduced: FloatArray, damping: float = 0.0) -> FloatArray:
     """Directions (u, k) whose reduced part is given (n, k), the points following so that AᵀA g vanishes for them."""
     full = np.zeros((plan.problem.index.count, reduced.shape[1]))
     full[plan.kept] = reduced
@@ -30,7 +30,7 @@ def full_directions(plan: Plan, values: Values, reduced: FloatArray) -> FloatArr
 
     def of_lane(rays: RayPlan) -> None:
         for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
-            full[rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced)
+            full[rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced, damping)
 
     in_lanes(plan.rays, 0, of_lane)
     return full
@@ -51,7 +51,9 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
     return full
 
 
-def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+def reduce_right_hand_side(
+    plan: Plan, values: Values, rhs: FloatArray, damping: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Reduced right-hand sides (n, k) of rhs (u, k), and N_pp⁻¹ b_p of the points (p, 3, k).
 
     Where points have nothing on their right-hand side, their rays are not looked at.
@@ -65,7 +67,7 @@ def reduce_right_hand_side(plan: Plan, values: Values, rhs: FloatArray) -> tuple
         if not touched[chunk.points].any():
             continue
         rays = chunk.rays
-        roots = inverse_roots(point_normals(rays))[0]
+        roots = inverse_roots(point_normals(rays), damping)[0]
         alone = roots.transpose(0, 2, 1) @ (roots @ of_points[chunk.points])
         answer[chunk.points] = alone
         moved = np.einsum("nmi,nik->nmk", rays.by_point, alone[point_of_ray(rays)])

@@ -91,10 +91,14 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
 
 
 def _unknown_stations(assembly: Assembly) -> set[int]:
-    places = np.array([sight.position for sight in assembly.scene.terrestrial.sights], dtype=np.int64)
+    """Positions of the sets that no part has oriented; a known position alone does not orient a set."""
+    sights = assembly.scene.terrestrial.sights
+    places = np.array([sight.position for sight in sights], dtype=np.int64)
+    numbers = np.arange(len(sights))
     known = np.zeros(len(places), dtype=bool)
     for part in assembly.parts:
-        known |= np.isfinite(part.points[places, :2]).all(axis=1)
+        oriented = np.isin(numbers, list(part.kappas)) | np.array([s.oriented for s in sights], dtype=bool)
+        known |= np.isfinite(part.points[places, :2]).all(axis=1) & oriented
     return set(places[~known].tolist())
 
 

@@ -12,6 +12,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.terrestrial.sights import Terrestrial
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 MOST = 300
 """Points that are worked out at once, at the most."""
@@ -82,7 +83,7 @@ def _solved(part: Part, points: IntArray, start: IntArray, end: IntArray, t: Flo
             A[rows[free], 2 * column[ends[free]] + axis] += sign * factor[free]
             fixed = part.points[ends[~free], axis] - middle[axis]
             right[rows[~free]] -= sign * factor[~free] * fixed
-    left, values, basis = np.linalg.svd(A, full_matrices=False)
+    left, values, basis = tolerant.svd(A, full_matrices=False)
     rank = int(np.count_nonzero(values > WEAKEST * values[0]))
     x = basis[:rank].T @ ((left[:, :rank].T @ right) / values[:rank])
     x[np.abs(basis[rank:]).max(axis=0, initial=0.0) > OPEN] = np.nan

@@ -12,6 +12,7 @@ from mor.approximate.growth.compiled import intersections as kernels
 from mor.approximate.parts.frames import loosened
 from mor.approximate.parts.sightings import Sightings
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
@@ -167,10 +168,10 @@ def _nearest(
             normal[:, i, j] = np.bincount(point, weights=projector[:, i, j], minlength=count)
     rays = np.bincount(point, minlength=count)
     # The smallest eigenvalue of Σ (I − ddᵀ) is about the sum of squared angles between the rays and their mean.
-    smallest_eigenvalue = np.linalg.eigvalsh(normal)[:, 0]
+    smallest_eigenvalue = tolerant.eigvalsh(normal)[:, 0]
     good = (rays >= 2) & (smallest_eigenvalue > 0.5 * smallest**2)
     X = np.full((count, 3), np.nan)
-    X[good] = np.linalg.solve(normal[good], side[good][:, :, None])[:, :, 0] + reference
+    X[good] = tolerant.solve(normal[good], side[good][:, :, None])[:, :, 0] + reference
     depth = np.einsum("ni,ni->n", X[point] - centre, direction)
     behind = np.bincount(point, weights=~(depth > 0.0), minlength=count)
     good &= behind < 0.5 * rays

@@ -22,6 +22,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.sightings import Sightings
 from mor.approximate.reprojection import reproject
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, rotate
 from mor.sparse.block_matrix import BlockMatrix, BlockStructure
 from mor.sparse.cholesky import NotFiniteError, factorise
@@ -113,7 +114,7 @@ def _step(
     size = np.trace(of_points, axis1=1, axis2=2)
     tie = np.where(size > 0.0, np.where(rays.held, 1e12, _LOOSE) * size, 1.0)
     of_points += tie[:, None, None] * np.eye(3)
-    inverse = np.linalg.inv(of_points).astype(np.float64)
+    inverse = tolerant.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
     order = np.argsort(rays.column, kind="stable")[np.count_nonzero(rays.column < 0) :]
     row, column, shape = rays.column[order], rays.point[order], (len(moving), len(X))

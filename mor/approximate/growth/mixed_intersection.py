@@ -8,6 +8,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 SMALLEST_ANGLE = 0.02
 """Radians at which lines and planes must meet at least."""
@@ -56,7 +57,7 @@ def _planes(part: Part, scene: Scene) -> dict[int, list[tuple[FloatArray, FloatA
         place, turn = part.poses[int(seen.frame[ray])]
         towards = turn.T @ seen.rays[ray]
         lowered = place - [0.0, 0.0, seen.height[ray]]
-        across = np.linalg.svd(towards[None])[2][1:]
+        across = tolerant.svd(towards[None])[2][1:]
         found.setdefault(int(seen.point[ray]), []).append((across, lowered, towards))
     for number, kappa in part.kappas.items():
         sight = scene.terrestrial.sights[number]
@@ -83,12 +84,12 @@ def _meeting(
         goal = np.concatenate(
             [across @ (at - X) / r for (across, at, _), r in zip(planes, reach, strict=True)]
         )
-        values = np.linalg.svd(rows[:, ~here], compute_uv=False)
+        values = tolerant.singular_values(rows[:, ~here])
         # Beside the rows themselves: a vertical plane says nothing of a height that alone is not known.
         largest = max(float(np.linalg.norm(rows, axis=1).max()), float(values[0]))
         if len(values) < np.count_nonzero(~here) or values[-1] < smallest * largest:
             return np.full(3, np.nan), False
-        X[~here] += np.linalg.lstsq(rows[:, ~here], goal, rcond=None)[0]
+        X[~here] += tolerant.lstsq(rows[:, ~here], goal, rcond=None)
         reach = np.array(
             [max(float(np.linalg.norm((X - at) * _measured(across))), 1e-9) for across, at, _ in planes]
         )

@@ -16,6 +16,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import LocalSystem, Scene
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 
 FITS = 0.01
 """Residual (radians, or parts of a distance) up to which a surface passes through a point."""
@@ -96,7 +97,7 @@ def meeting_places(
         side = np.einsum("kni,kn->ki", rows, off)[:, free]
         normal += (damping * np.trace(normal, axis1=1, axis2=2))[:, None, None] * np.eye(int(free.sum()))
         moved = X.copy()
-        moved[:, free] -= np.linalg.solve(
+        moved[:, free] -= tolerant.solve(
             normal + 1e-18 / size**2 * np.eye(int(free.sum())), side[:, :, None]
         )[:, :, 0]
         tried, fresh = _residuals(surfaces, moved, size)
@@ -111,7 +112,7 @@ def meeting_places(
     for k in np.argsort(cost)[: np.count_nonzero(good)]:
         if not good[k] or cost[k] > max(_ALIKE * cost[np.argmin(cost)], (0.1 * fits) ** 2):
             continue
-        values = np.linalg.svd(rows[k][:, free] * size, compute_uv=False)
+        values = tolerant.singular_values(rows[k][:, free] * size)
         if len(values) < free.sum() or values[-1] < SMALLEST * values[0]:
             continue
         if all(np.linalg.norm(X[k] - other) > SAME * size for other in places):
@@ -221,7 +222,7 @@ def _of_rays(rays: list[FloatArray]) -> list[FloatArray]:
     return [
         np.concatenate([normal, ray[:3], [0.0]])
         for ray in rays
-        for normal in np.linalg.svd(ray[None, 3:])[2][1:]
+        for normal in tolerant.svd(ray[None, 3:])[2][1:]
     ]
 
 

@@ -31,6 +31,7 @@ from mor.approximate.parts.contradictions import (
     without,
 )
 from mor.approximate.parts.joining import lay_upon
+from mor.approximate.parts.movement import Turn
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene, scene_of
 from mor.approximate.parts.transfer import fill_in, with_observed
@@ -48,6 +49,10 @@ ADJUSTMENTS = 3
 """Adjustments of a large network that other answers may take."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree."""
+_ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
+"""Types of observations that determine how the network is turned."""
+_TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
+"""Types of observations that stay the same in any turn of the network; an image type is ``image/…``."""
 SMALL = 5_000
 """Observations up to which start values are adjusted before they are judged."""
 
@@ -114,10 +119,27 @@ def _without_some(
     if not answer:
         return assembled(network, scene)
     reduced = replace(network, start=without(network, scene, some[answer - 1]))
+    return _assembled_near_given(network, reduced, scene)
+
+
+def _assembled_near_given(network: Network, reduced: Network, scene: Scene) -> Assembly:
+    """Return the parts of a network ``reduced`` by given start values, laid upon these if it has no others."""
     assembly = assembled(reduced, scene)
     if not np.isfinite(reduced.start["point"]).any():
-        lay_upon(assembly.parts[0], network.start["point"])
+        lay_upon(assembly.parts[0], network.start["point"], *_left_free(network))
     return assembly
+
+
+def _left_free(network: Network) -> tuple[Turn, bool]:
+    """Return the turns that the observations leave free, and whether they determine the size."""
+    types = [group.type for group in network.groups]
+    keys = {type_.key for type_ in types}
+    if keys & _ORIENTING:
+        turn = Turn.NONE
+    else:
+        turn = Turn.ANY if all(key.split("/")[0] in _TURNING for key in keys) else Turn.VERTICAL
+    scaled = any(component.quantity.length for type_ in types for component in type_.components)
+    return turn, scaled
 
 
 def _with_what_agrees(
@@ -181,7 +203,7 @@ def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> 
     One that contradicts only because another one had spoiled what it is tied to stays as it was given.
     """
     reduced = replace(network, start=without(network, scene, found))
-    assembly = assembled(reduced, scene)
+    assembly = _assembled_near_given(network, reduced, scene)
     approximation = _approximation(assembly)
     if approximation.missing:
         return None

@@ -15,6 +15,7 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.terrestrial.bearings_and_arcs import arc_section
 from mor.approximate.terrestrial.distance_network import Lengths, core_of, shape_of_distances
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 
 SIZES = (40, 20, 10)
 """Points, at the most, of which a shape is looked for; the others grow from it."""
@@ -125,7 +126,7 @@ def _of_three_spheres(centres: FloatArray, lengths: FloatArray) -> FloatArray | 
         return None
     normal *= np.copysign(1.0 / height, normal[2])
     right = 0.5 * (lengths[0] ** 2 - lengths[1:] ** 2 + np.sum((centres[1:] - first) ** 2, axis=1))
-    in_plane: FloatArray = np.linalg.lstsq(np.stack([along, across]), right, rcond=None)[0]
+    in_plane: FloatArray = tolerant.lstsq(np.stack([along, across]), right, rcond=None)
     square = float(lengths[0] ** 2 - in_plane @ in_plane)
     if square < -AGREES * lengths[0] ** 2:
         return None
@@ -151,15 +152,15 @@ def multilaterated(centres: FloatArray, lengths: FloatArray) -> FloatArray | Non
     """The point (3,) at measured distances (n,) from four known ones (n, 3) or more that lie in no plane."""
     middle = centres.mean(axis=0)
     away = centres - middle
-    values = np.linalg.svd(away, compute_uv=False)
+    values = tolerant.singular_values(away)
     if len(values) < 3 or values[2] < FLAT * values[0]:
         return None
     # |X|² − 2 aᵀX + |a|² = s²; the mean of all taken off each, |X|² drops out.
     square = lengths**2 - np.sum(away**2, axis=1)
-    X: FloatArray = np.linalg.lstsq(-2.0 * away, square - square.mean(), rcond=None)[0]
+    X: FloatArray = tolerant.lstsq(-2.0 * away, square - square.mean(), rcond=None)
     for _ in range(10):
         towards = X - away
         span = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
-        X = X - np.linalg.lstsq(towards / span[:, None], span - lengths, rcond=None)[0]
+        X = X - tolerant.lstsq(towards / span[:, None], span - lengths, rcond=None)
     off = np.linalg.norm(X - away, axis=1) - lengths
     return X + middle if np.sqrt(np.mean(off**2)) < AGREES * np.mean(lengths) else None

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 _STEP = 1e-6
 _FEW, _MANY = 6, 30
@@ -92,7 +93,7 @@ def _iterated(
         load = damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
         side = np.einsum("kni,kn->ki", rows, root * off)
         normal[:, np.arange(unknowns), np.arange(unknowns)] += load
-        change = -np.linalg.solve(np.nan_to_num(normal), side[:, :, None])[:, :, 0]
+        change = -tolerant.solve(np.nan_to_num(normal), side[:, :, None])[:, :, 0]
         moved = searched.moved(states, np.clip(np.nan_to_num(change), -_LARGEST, _LARGEST))
         tried = searched.residuals(moved)
         better = _objectives(tried, wide) < _objectives(off, wide)

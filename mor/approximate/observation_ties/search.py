@@ -11,6 +11,7 @@ from mor.approximate.parts.movement import Turn
 from mor.approximate.parts.part import Part
 from mor.approximate.ray_ties.movement_by_rays import sampled_turns
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 STARTS = 500
@@ -262,9 +263,9 @@ def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray
     x, y, z = np.moveaxis(points - middle, 2, 0)
     across = np.stack([c, -s], axis=1)
     turn = np.stack([c * x - s * y, c * y + s * x], axis=2)
-    inverse = np.linalg.pinv(across)
+    inverse = tolerant.pinv(across)
     rest = turn - across @ (inverse @ turn)
-    _, axes = np.linalg.eigh(np.swapaxes(rest, 1, 2) @ rest)
+    _, axes = tolerant.eigh(np.swapaxes(rest, 1, 2) @ rest)
     kappa = axes[:, :, 0]
     own = np.einsum("ij,kjl,kl->ki", inverse, turn, kappa)
     cosine, sine = kappa.T

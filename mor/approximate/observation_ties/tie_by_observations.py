@@ -15,6 +15,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.project.network.build import Network
 
 CONTROLLED = 3
@@ -153,9 +154,9 @@ def _determined(search: Search, rows: FloatArray) -> tuple[FloatArray, FloatArra
     of_target = _whatever(rows[:, n:stance], rows[:, stance:], 0.0)
     rest = _whatever(rows[:, n:stance], rows[:, :n], 0.0)
     rest = _whatever(of_target, rest, 1.0 / OPEN)
-    told = np.linalg.svd(of_target, compute_uv=False)
+    told = tolerant.singular_values(of_target)
     padded = np.concatenate([rest, np.zeros((n, n))])
-    _, values, axes = np.linalg.svd(padded, full_matrices=False)
+    _, values, axes = tolerant.svd(padded, full_matrices=False)
     return values, axes, search.stance.unknowns - int(np.count_nonzero(told * OPEN >= 1.0))
 
 
@@ -163,7 +164,7 @@ def _whatever(further: FloatArray, rows: FloatArray, least: float) -> FloatArray
     """Rows (n, m) without what ``further`` (n, k) unknowns explain whose reciprocal σ is more than ``least``."""
     if not further.shape[1]:
         return rows
-    left, values, _ = np.linalg.svd(further, full_matrices=False)
+    left, values, _ = tolerant.svd(further, full_matrices=False)
     left = left[:, values > max(1e-9 * values.max(initial=1e-300), least)]
     return np.asarray(rows - left @ (left.T @ rows))
 

@@ -17,6 +17,7 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.ray_ties.tie_by_rays import tie_by_rays
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 FEWEST_POSITIONS = 8
 """Given positions from which a part that is still growing may be tied to them."""
@@ -98,13 +99,21 @@ def free_movements(target: Part, source: Part) -> int:
     return 3 + turns + (not (target.scaled and source.scaled))
 
 
-def lay_upon(part: Part, places: FloatArray) -> None:
-    """Carry a part to where most of some points (points, 3) are said to be, roughly; its shape and size stay."""
+def lay_upon(part: Part, places: FloatArray, turn: Turn, scaled: bool) -> None:
+    """Carry a part as near as possible to where some points (points, 3) are said to be.
+
+    Args:
+        part: keeps its shape.
+        places: given coordinates, NaN for points without.
+        turn: the turns that the observations leave free.
+        scaled: true if the observations determine the size.
+    """
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))
     none = np.zeros((0, 3))
-    turn = Turn.VERTICAL if part.levelled else Turn.ANY
-    found = movement(Ties(part.points[rows], places[rows], none, none), turn, True) if len(rows) > 2 else None
-    if found is not None and not found.open:
+    found = (
+        movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
+    )
+    if found is not None:
         part.transform(found.similarity)
 
 
@@ -283,7 +292,7 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     found = (congruence if part.scaled else similarity)(source, target)
     if found.outcome is not SimilarityOutcome.DETERMINED:
         return False
-    spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
+    spread = tolerant.singular_values(target - target.mean(axis=0))
     return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
 
 

@@ -20,6 +20,7 @@ from mor.approximate.terrestrial.polar import bearing
 from mor.approximate.terrestrial.sights import Lengths
 from mor.approximate.vertical.finding import vertical_by_directions
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
@@ -82,10 +83,10 @@ def _level_by_heights(part: Part, scene: Scene) -> bool:
     difference, dz = _between_known(part, scene.level_lines)
     if len(dz) < 3:
         return False
-    values = np.linalg.svd(difference, compute_uv=False)
+    values = tolerant.singular_values(difference)
     if values[2] < WEAKEST * values[0]:
         return False
-    g = np.linalg.lstsq(difference, dz, rcond=None)[0]
+    g = tolerant.lstsq(difference, dz, rcond=None)
     misfit = float(np.linalg.norm(difference @ g - dz))
     length = float(np.linalg.norm(g))
     if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
@@ -112,8 +113,8 @@ def _level_by_unit_vector(part: Part, scene: Scene, difference: FloatArray, dz: 
 
     Where both fit alike it is the one with the cameras above what they see.
     """
-    axes = np.linalg.svd(difference, full_matrices=False)[2]
-    in_plane = np.linalg.lstsq(difference @ axes[:2].T, dz, rcond=None)[0] @ axes[:2]
+    axes = tolerant.svd(difference, full_matrices=False)[2]
+    in_plane = tolerant.lstsq(difference @ axes[:2].T, dz, rcond=None) @ axes[:2]
     rest = float(np.sqrt(max(1.0 - in_plane @ in_plane, 0.0)))
     both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
     misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
@@ -160,7 +161,7 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
-        best = best - np.linalg.lstsq(across, difference @ best - dz, rcond=1e-6)[0]
+        best = best - tolerant.lstsq(across, difference @ best - dz, rcond=1e-6)
         best = best / np.linalg.norm(best)
     make_upright(part, best)
     return True

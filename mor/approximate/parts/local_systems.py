@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.approximate.parts.movement import Ties, Turn, movement
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.parameters.index import Blocks
 from mor.project.network.build import Network
 
@@ -96,7 +97,7 @@ def _put_origin(
     gap = away - (np.nan_to_num(offset) - turned @ origin)
     gap[~seen] = 0.0
     if missing.any() and not anew:
-        origin[missing] -= np.linalg.lstsq(turned[np.ix_(seen, missing)], gap[seen], rcond=None)[0]
+        origin[missing] -= tolerant.lstsq(turned[np.ix_(seen, missing)], gap[seen], rcond=None)
         return
     loose = network.blocks["eccentricity"].free[one.offset]
     offset[loose] += gap[loose]

@@ -19,6 +19,7 @@ import numpy as np
 from mor.approximate.remembered import remembered
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 OPEN = 0.1
@@ -255,9 +256,9 @@ def _refined(ties: _Normalised, R: FloatArray, turn: Turn, scaled: bool) -> _Fit
         size = 1e-9 + lift if step < 3 else 1e-9
         A = np.concatenate([rows * root[:, None], size * np.eye(rows.shape[1])])
         change = np.zeros(7)
-        change[moves] = -np.linalg.lstsq(
+        change[moves] = -tolerant.lstsq(
             A, np.concatenate([root * residuals, np.zeros(rows.shape[1])]), rcond=None
-        )[0]
+        )
         if not np.isfinite(change).all():
             return None
         R = exponential(np.clip(change[3:6], -0.5, 0.5)[None])[0] @ R
@@ -273,7 +274,7 @@ def _judged(
     s: float, R: FloatArray, t: FloatArray, rows: FloatArray, weight: FloatArray, cost: float
 ) -> _Fit:
     redundancy = len(rows) - rows.shape[1]
-    values = np.linalg.svd(rows * np.sqrt(weight)[:, None], compute_uv=False)
+    values = tolerant.singular_values(rows * np.sqrt(weight)[:, None])
     values = np.append(values, np.zeros(max(rows.shape[1] - len(values), 0)))
     noise = max(np.sqrt(cost / redundancy) if redundancy > 0 else 0.0, PRECISION)
     unsettled = int(np.count_nonzero(values * OPEN < noise))

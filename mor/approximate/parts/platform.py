@@ -17,6 +17,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene, StereoPair
 from mor.approximate.similarity import SimilarityOutcome, similarity
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import nearest_rotation
 
 FEWEST = 3
@@ -87,13 +88,13 @@ def _with_turn(
     known = bool(np.isfinite(base).all())
     if known:
         right, A = right - A[:, -3:] @ arm, A[:, :-3]
-    unknowns = np.linalg.lstsq(A, right, rcond=1e-6)[0]
+    unknowns = tolerant.lstsq(A, right, rcond=1e-6)
     factor = spread / size if scaled else float(unknowns[0])
     shift, b = unknowns[int(not scaled) :][:3], arm if known else unknowns[-3:]
     if factor <= 0.0 or np.linalg.norm(b) > LONGEST:
         return None
     off = np.concatenate([(A @ unknowns - right), (T @ D_l @ R - D_f).ravel()])
-    values = np.linalg.svd(A[:, : 4 - int(scaled)], compute_uv=False)
+    values = tolerant.singular_values(A[:, : 4 - int(scaled)])
     scale = factor * size / spread
     moved = O_l.mean(axis=0) + size * shift - scale * R @ O_f.mean(axis=0)
     misfit = float(np.sqrt(np.mean(off**2)))

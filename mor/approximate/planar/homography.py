@@ -14,6 +14,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.vectors import cross, principal_rows, tangent_axes, unit
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, rotate
 
 UNCONTROLLED = 1e-6
@@ -51,7 +52,7 @@ def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
         design, residuals, corrections = _conditions(a, b, matrix, corrections)
         scale = matrix.ravel() / np.linalg.norm(matrix)
         # The scale of H is no unknown: H → 0 would satisfy every condition.
-        step = np.linalg.lstsq(design - np.outer(design @ scale, scale), -residuals, rcond=1e-12)[0]
+        step = tolerant.lstsq(design - np.outer(design @ scale, scale), -residuals, rcond=1e-12)
         matrix = matrix + step.reshape(3, 3)
         matrix = matrix / np.linalg.norm(matrix)
         if float(np.max(np.abs(step))) < 1e-13:
@@ -69,7 +70,7 @@ def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
     rows = design - np.outer(design @ scale, scale)
     normal = rows.T @ rows
     held = normal + np.trace(normal) * np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
+    return np.asarray(tolerant.pinv(held, rcond=1e-17, hermitian=True), dtype=np.float64)
 
 
 def misfits(a: Bundle, b: Bundle, matrices: FloatArray) -> FloatArray:
@@ -121,7 +122,7 @@ def significance_of_points(a: Bundle, b: Bundle, homography: Homography, fitted:
     rows = design.reshape(-1, 2, 9)
     of_fit = rows @ homography.covariance @ np.swapaxes(rows, 1, 2)
     covariance = np.eye(2) + np.where(fitted, -1.0, 1.0)[:, None, None] * of_fit
-    values, axes = np.linalg.eigh(covariance)
+    values, axes = tolerant.eigh(covariance)
     along = np.einsum("nji,nj->ni", axes, residuals.reshape(-1, 2))
     return np.asarray(np.sum(along**2 / np.maximum(values, UNCONTROLLED), axis=1))
 
@@ -146,12 +147,12 @@ def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
         design, residuals, corrections = _conditions(a, b, rotation, corrections)
         rows = design @ -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
         normal = rows.T @ rows
-        step = np.linalg.lstsq(rows, -residuals, rcond=None)[0]
+        step = tolerant.lstsq(rows, -residuals, rcond=None)
         rotation = rotate(rotation, np.asarray(step, dtype=np.float64))
         if float(np.max(np.abs(step))) < 1e-13:
             break
     residuals = _conditions(a, b, rotation, corrections)[1]
-    covariance = np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
+    covariance = np.asarray(tolerant.pinv(normal, hermitian=True), dtype=np.float64)
     return Turn(rotation, float(residuals @ residuals), covariance)
 
 
@@ -160,7 +161,7 @@ def significance_of_gaps(homography: Homography) -> float:
 
     Where two singular values are equal both centres lie on one normal of the plane.
     """
-    left, values, right = np.linalg.svd(homography.matrix)
+    left, values, right = tolerant.svd(homography.matrix)
     slopes = [np.outer(left[:, k], right[k]).ravel() / values[k] for k in range(3)]
     gaps: list[float] = []
     for k in (0, 1):
@@ -177,7 +178,7 @@ def linear_homography(a: Bundle, b: Bundle) -> FloatArray:
     start, target = unit(start @ turn_a.T), unit(target @ turn_b.T)
     rows = np.einsum("nij,nk->njik", tangent_axes(target), start).reshape(-1, 9)
     solution = principal_rows(rows)[1][8].reshape(3, 3)
-    matrix = np.linalg.solve(turn_b, solution @ turn_a)
+    matrix = tolerant.solve(turn_b, solution @ turn_a)
     return np.asarray(matrix / np.linalg.norm(matrix))
 
 
@@ -186,7 +187,7 @@ def scaled_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
 
     Where the middle one is round-off the largest one is held in the range of numbers.
     """
-    largest, middle, _ = np.linalg.svd(matrix, compute_uv=False)
+    largest, middle, _ = tolerant.singular_values(matrix)
     scaled = matrix / max(middle, _ROUND_OFF * largest)
     signs = np.einsum("ni,ni->n", rays_a @ scaled.T, rays_b)
     if np.sum(signs > 0.0) * 2 < len(signs):
@@ -196,7 +197,7 @@ def scaled_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
 
 def _whitening(directions: FloatArray) -> FloatArray:
     # Narrow bundles: bring the spread of the rays across their mean to the size of the mean (regular matrix).
-    values, axes = np.linalg.eigh(directions.T @ directions / len(directions))
+    values, axes = tolerant.eigh(directions.T @ directions / len(directions))
     return np.asarray(axes.T / np.sqrt(np.maximum(values, 1e-6 * values[2]))[:, None])
 
 
@@ -219,8 +220,8 @@ def _conditions(
     by_b = -factor[:, None, None] * np.einsum("nij,nil->njl", across, b.whitened_axes)
     slopes = np.concatenate([by_a, by_b], axis=2)
     condition = np.einsum("nij,ni->nj", across, image) - np.einsum("njl,nl->nj", slopes, corrections)
-    root = np.linalg.cholesky(_regular(slopes @ np.swapaxes(slopes, 1, 2)))
-    whiten = np.linalg.inv(root)
+    root = tolerant.cholesky(_regular(slopes @ np.swapaxes(slopes, 1, 2)))
+    whiten = tolerant.inv(root)
     residuals = np.einsum("njl,nl->nj", whiten, condition)
     rows = np.einsum("nij,nk->njik", across, rays_a).reshape(-1, 2, 9)
     design = (whiten @ rows).reshape(-1, 9)

@@ -16,6 +16,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import ahead, reproject
 from mor.approximate.vectors import tangent_axes
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, rotate
 
 FREE = 4
@@ -111,7 +112,7 @@ def _step(design: FloatArray, residuals: FloatArray, damping: float) -> FloatArr
     normal = design.T @ design
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     damped = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
-    return np.asarray(-np.linalg.solve(damped, design.T @ residuals / scale) / scale)
+    return np.asarray(-tolerant.solve(damped, design.T @ residuals / scale) / scale)
 
 
 def _linearised(
@@ -181,11 +182,11 @@ def covariance_in(adjusted: AdjustedPlane, constraints: FloatArray) -> FloatArra
     """
     free = adjusted.free
     scale = 1.0 / np.sqrt(np.maximum(np.diag(adjusted.normal)[free], 1e-300))
-    values, vectors = np.linalg.eigh(adjusted.normal[np.ix_(free, free)] * np.outer(scale, scale))
+    values, vectors = tolerant.eigh(adjusted.normal[np.ix_(free, free)] * np.outer(scale, scale))
     if values[FREE] < UNDETERMINED * values[-1]:
         return np.full(adjusted.normal.shape, np.nan)
     null, chosen = movements(adjusted.state)[free], constraints[:, free]
-    into_datum = np.eye(len(null)) - null @ np.linalg.solve(chosen @ null, chosen)
+    into_datum = np.eye(len(null)) - null @ tolerant.solve(chosen @ null, chosen)
     roots = into_datum @ (scale[:, None] * vectors[:, FREE:]) / np.sqrt(values[FREE:])
     covariance = np.zeros(adjusted.normal.shape)
     covariance[np.ix_(free, free)] = roots @ roots.T

@@ -37,6 +37,7 @@ from mor.approximate.planar.two_images import (
 from mor.approximate.relative_orientation.nonlinearity import FAR, PROMISED
 from mor.approximate.vectors import tangent_axes, unit
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix
 
 AS_GOOD = 25.0
@@ -239,7 +240,7 @@ def _shape(rays: _Rays, adjusted: AdjustedPlane, off: BoolArray, limit: float) -
 def _sigma_normal(state: PlaneState, covariance: FloatArray) -> float:
     across = cross_matrix(state.rotations[0, :, 2])
     spread = across @ covariance[3:6, 3:6] @ across.T
-    return float(np.sqrt(np.max(np.linalg.eigvalsh(spread)))) if np.all(np.isfinite(spread)) else float("inf")
+    return float(np.sqrt(np.max(tolerant.eigvalsh(spread)))) if np.all(np.isfinite(spread)) else float("inf")
 
 
 def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape]) -> PlaneShape:
@@ -258,6 +259,10 @@ def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape])
     based: list[PlaneOutcome] = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
         outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
+    if (
+        outcome is PlaneOutcome.BASE_ALONG_NORMAL
+    ):  # the measurements cannot tell which: no σ holds for any of them
+        rivals = [one._replace(outcome=outcome) for one in rivals]
     return best._replace(outcome=outcome, alternatives=tuple(rivals))
 
 
@@ -283,7 +288,7 @@ def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     covariance = covariance_in(adjusted, inner_constraints(adjusted, rays.in_plane & rays.seen.any(axis=0)))
     normal = -adjusted.state.rotations[0, :, 2]
     off = ~rays.in_plane & ~shape.left_out
-    values, axes = np.linalg.eigh(cross_matrix(normal) @ covariance[3:6, 3:6] @ cross_matrix(normal).T)
+    values, axes = tolerant.eigh(cross_matrix(normal) @ covariance[3:6, 3:6] @ cross_matrix(normal).T)
     used = np.isfinite(adjusted.residuals[:, :, 0])
     sigma_heights = np.sqrt(np.diag(covariance)[2 : 6 * len(shape.positions) : 6])
     for k, far, sign in product((2, 1), FAR, (1.0, -1.0)):

@@ -19,6 +19,7 @@ from mor.approximate.planar.killian import corners_in_frame, solve_quadrilateral
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.vectors import principal_rows, tangent_axes, unit
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
@@ -163,7 +164,7 @@ def _flat(directions: FloatArray) -> FloatArray:
     axis = unit(directions.sum(axis=0))
     if float(np.min(directions @ axis)) < 0.1:
         axis = _facing_axis(directions)
-    across = np.linalg.svd(axis[None, :])[2][1:]
+    across = tolerant.svd(axis[None, :])[2][1:]
     return np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
 
 
@@ -225,7 +226,7 @@ def _thin(bundle: Bundle) -> bool:
 
 def thickness(bundle: Bundle) -> float:
     """Root mean square distance (radians) of the rays from the plane that fits them best: 0 for a line of points."""
-    values = np.linalg.svd(bundle.directions, compute_uv=False)
+    values = tolerant.singular_values(bundle.directions)
     return float(values[2] / np.sqrt(len(bundle)))
 
 
@@ -239,7 +240,7 @@ def _three_in_line(bundle: Bundle) -> bool:
 
 def along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
     """Both centres on one normal n, H = D* (1 − β n nᵀ): n belongs to the singular value that stands alone."""
-    _, values, right = np.linalg.svd(matrix)
+    _, values, right = tolerant.svd(matrix)
     alone = 2 if values[0] / values[1] < values[1] / values[2] else 0
     pair = float(np.sqrt(np.prod(np.delete(values, alone))))
     normal = right[alone] * np.where(np.sum(rays_a @ right[alone]) < 0.0, -1.0, 1.0)

@@ -16,6 +16,7 @@ from mor.approximate.parts.movement import Movement, Turn
 from mor.approximate.remembered import remembered
 from mor.approximate.similarity import Similarity, SimilarityOutcome
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 PRECISION = 2e-3
@@ -138,7 +139,7 @@ def _linear(ties: _Ties, rotations: FloatArray, scaled: bool) -> tuple[FloatArra
         normal = np.einsum("kni,kn,knj->kij", rows, weight, rows)
         side = np.einsum("kni,kn,kn->ki", rows, weight, constant)
         damping = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-30
-        solution = -np.linalg.solve(normal + damping * np.eye(rows.shape[2]), side[:, :, None])[:, :, 0]
+        solution = -tolerant.solve(normal + damping * np.eye(rows.shape[2]), side[:, :, None])[:, :, 0]
         shift = solution[:, :3]
         scale = scale if scaled else np.maximum(solution[:, 3], 1e-3)
         reach = _reach(ties.planes, rotations, scale, shift)
@@ -225,7 +226,7 @@ def _refined(ties: _Ties, near: _Movements, turn: Turn, scaled: bool) -> list[_F
         rows = _derivatives(ties, near, off, turn, scaled)
         weighted = np.swapaxes(rows * weight[..., None], 1, 2)
         normal = weighted @ rows + 1e-10 * np.eye(rows.shape[2])
-        change = -np.linalg.solve(normal, weighted @ off[..., None])[..., 0]
+        change = -tolerant.solve(normal, weighted @ off[..., None])[..., 0]
         near = near.moved(np.clip(change, -0.3, 0.3), turn, scaled)
         off = near.residuals(ties)
         if width == PRECISION and float(np.abs(change).max()) < 1e-9:
@@ -255,7 +256,7 @@ def _judged(ties: _Ties, found: list[_Fit], turn: Turn, scaled: bool, redundant:
     redundancy = int(np.count_nonzero(agrees)) - rows.shape[1]
     if redundancy < redundant or np.count_nonzero(agrees) < AGREEING * len(agrees):
         return None
-    values = np.linalg.svd(rows[agrees], compute_uv=False)
+    values = tolerant.singular_values(rows[agrees])
     others: list[_Fit] = []
     for one in found[1:]:
         if one.objective < best.objective + CLEAR and all(_apart(one, other) for other in (best, *others)):

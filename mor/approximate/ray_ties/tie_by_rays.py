@@ -11,6 +11,7 @@ from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
 from mor.approximate.ray_ties.movement_by_rays import Planes, movement_by_rays
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 CONTROLLED = 3
 """Planes beyond those that a movement takes, from which on they tell it beyond doubt."""
@@ -61,7 +62,7 @@ def _of_rays(part: Part, other: Part, scene: Scene, of_source: bool) -> Iterator
         place = _raised(part, other, scene, int(seen.point[ray]), float(seen.height[ray]))
         centre, D = part.poses[int(seen.frame[ray])]
         towards = D.T @ seen.rays[ray]
-        for normal in np.linalg.svd(towards[None])[2][1:]:
+        for normal in tolerant.svd(towards[None])[2][1:]:
             yield normal, centre - place[1] * UP, place[0], of_source, 0.0, towards
 
 

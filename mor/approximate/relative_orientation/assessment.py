@@ -20,6 +20,7 @@ from mor.approximate.relative_orientation.outcome import (
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns, four_candidates
 from mor.approximate.vectors import cross
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
 
 AS_GOOD = 25.0
@@ -145,7 +146,7 @@ def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Cop
     in_all = [one.objective + float(np.sum(own**2)) for one, own in zip(fitting, parallaxes, strict=True)]
     chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], in_all[k]))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
-    sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(chosen)))))
+    sigma = float(np.sqrt(np.max(tolerant.eigvalsh(orientation_covariance(chosen)))))
     rivals = [
         one
         for one, hidden in zip(fitting, behind, strict=True)
@@ -191,7 +192,7 @@ def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate,
 def orientation_covariance(chosen: Coplanarity) -> FloatArray:
     """Covariance (6, 6) of b and δ from the five parameters; infinite where the normal matrix is singular."""
     scale = np.sqrt(np.maximum(np.diag(chosen.normal), 1e-300))
-    values, vectors = np.linalg.eigh(chosen.normal / np.outer(scale, scale))
+    values, vectors = tolerant.eigh(chosen.normal / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
     spread = np.zeros((6, 5))
     spread[:3, :2], spread[3:, 2:] = chosen.base_axes, np.eye(3)
@@ -250,7 +251,7 @@ def _parallaxes(a: Bundle, b: Bundle, one: Coplanarity) -> tuple[BoolArray, Floa
     behind = ~np.all(in_front(a, b, one.base, one.rotation), axis=1)
     parallax = np.linalg.norm(cross(a.directions, b.directions @ one.rotation), axis=1)
     of_rays = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
-    of_turn = float(np.sqrt(np.max(np.linalg.eigvalsh(orientation_covariance(one)[3:, 3:]))))
+    of_turn = float(np.sqrt(np.max(tolerant.eigvalsh(orientation_covariance(one)[3:, 3:]))))
     return behind, parallax, of_rays, of_turn
 
 

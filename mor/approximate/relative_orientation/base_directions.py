@@ -17,6 +17,7 @@ import numpy as np
 from mor.approximate.bundle import Bundle
 from mor.approximate.vectors import cross
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 DIRECTIONS = 100
@@ -60,5 +61,5 @@ def _map(a: Bundle, b: Bundle, turn: FloatArray, bases: FloatArray) -> tuple[Flo
     rows = cross(turned[None], moment) / spread[:, :, None]
     normal, side = np.swapaxes(rows, 1, 2) @ rows, np.einsum("mni,mn->mi", rows, condition)
     scale = np.trace(normal, axis1=1, axis2=2)
-    rest = -np.linalg.solve(normal + 1e-12 * scale[:, None, None] * np.eye(3), side[:, :, None])[:, :, 0]
+    rest = -tolerant.solve(normal + 1e-12 * scale[:, None, None] * np.eye(3), side[:, :, None])[:, :, 0]
     return np.sum(condition**2, axis=1) + np.einsum("mi,mi->m", side, rest), rest

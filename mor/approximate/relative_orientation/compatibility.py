@@ -24,6 +24,7 @@ import numpy as np
 from mor.approximate.relative_orientation.rinner import adjoint
 from mor.approximate.vectors import cross
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 UPPER = np.triu_indices(3)
 INDEPENDENT = 4
@@ -88,12 +89,12 @@ def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20
 
 def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
     matrix = current.reshape(3, 3)
-    left, values, right = np.linalg.svd(conditions_by_unknowns(matrix))
+    left, values, right = tolerant.svd(conditions_by_unknowns(matrix))
     rows = right[:INDEPENDENT]
     target = -(left[:, :INDEPENDENT].T @ conditions(matrix)) / values[:INDEPENDENT]
     system = np.zeros((9 + INDEPENDENT, 9 + INDEPENDENT))
     system[:9, :9], system[:9, 9:], system[9:, :9] = weight, rows.T, rows
     side = np.concatenate([weight @ (start - current), target])
-    step = np.linalg.lstsq(system, side, rcond=None)[0][:9]
+    step = tolerant.lstsq(system, side, rcond=None)[:9]
     length = float(np.linalg.norm(step))
     return current + step * min(1.0, 0.5 / max(length, 1e-300)), length

@@ -22,6 +22,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
 from mor.approximate.vectors import cross, tangent_axes
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential, rotate
 
 INNER = 4
@@ -151,7 +152,7 @@ def design(state: Misfit, base: FloatArray, rotation: FloatArray, axes: FloatArr
 def _step(normal: FloatArray, side: FloatArray, damping: float) -> FloatArray:
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(scale, scale) + damping * np.eye(5)
-    step = -np.linalg.lstsq(scaled, side / scale, rcond=1e-15)[0] / scale
+    step = -tolerant.lstsq(scaled, side / scale, rcond=1e-15) / scale
     return np.asarray(step * min(1.0, 0.5 / max(float(np.linalg.norm(step)), 1e-300)))
 
 

@@ -91,10 +91,9 @@ def _orientations(pair: RobustOrientation, a: Bundle, b: Bundle) -> list[RobustO
 
 def _tried(pairs: list[RobustOrientation], images: Sequence[Bundle], used: BoolArray) -> Joined:
     linked = chain([pair.orientation for pair in pairs], images, used)
-    try:
-        model = adjust_model(images, used, linked) if np.all(linked.common != 0) else None
-    except np.linalg.LinAlgError:  # no point lies in front of its images, or too few do
-        model = None
+    model = adjust_model(images, used, linked) if np.all(linked.common != 0) else None
+    if model is not None and not np.isfinite(model.frame_covariance).all():
+        model = None  # no point lies in front of its images, or too few do
     return Joined(pairs, linked, model, 0)
 
 

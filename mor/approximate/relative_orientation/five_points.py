@@ -16,6 +16,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 QUADRATIC = list(combinations_with_replacement(range(4), 2))
 CUBIC = list(combinations_with_replacement(range(4), 3))
@@ -57,7 +58,7 @@ MIXING = _mixing()
 def null_spaces(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """Four matrices (s, 4, 3, 3) that span the solutions of (5) for s samples of five rays (s, 5, 3)."""
     rows = np.einsum("spi,spk->spik", rays_a, rays_b).reshape(len(rays_a), 5, 9)
-    basis = np.linalg.svd(rows, full_matrices=True)[2][:, 5:]
+    basis = tolerant.svd(rows, full_matrices=True)[2][:, 5:]
     return np.asarray(np.einsum("ab,sbm->sam", MIXING, basis).reshape(len(rays_a), 4, 3, 3))
 
 
@@ -89,17 +90,17 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """
     basis = null_spaces(rays_a, rays_b)
     conditions = cubic_conditions(basis)
-    sound = np.linalg.matrix_rank(conditions[:, :, :10], tol=1e-13) == 10
+    sound = tolerant.singular_values(conditions[:, :, :10])[:, -1] > 1e-13
     basis, conditions = basis[sound], conditions[sound]
     if not len(basis):
         return np.zeros((0, 3, 3))
-    reduced = -np.linalg.solve(conditions[:, :, :10], conditions[:, :, 10:])
+    reduced = -tolerant.solve(conditions[:, :, :10], conditions[:, :, 10:])
     action = np.zeros((len(basis), 10, 10))
     for row, cubic in TIMES_X_CUBIC.items():
         action[:, row] = reduced[:, cubic]
     for row, column in TIMES_X_BASIS.items():
         action[:, row, column] = 1.0
-    values, vectors = np.linalg.eig(action)
+    values, vectors = tolerant.eig(action)
     last = vectors[:, 9, :]
     real = (np.abs(values.imag) <= REAL * (1.0 + np.abs(values))) & (np.abs(last) > 1e-12)
     weights = vectors[:, 6:10, :] / np.where(real, last, 1.0)[:, None, :]

@@ -18,6 +18,7 @@ from mor.approximate.relative_orientation.outcome import RelativeOrientation
 from mor.approximate.reprojection import reproject
 from mor.approximate.vectors import tangent_axes
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, rotate
 
 ITERATIONS = 30
@@ -127,7 +128,7 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Mo
     for _ in range(ITERATIONS):
         scale = np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
         scaled = normals.frames / np.outer(scale, scale) + damping * np.eye(len(scale))
-        step = -np.linalg.solve(scaled, normals.side / scale) / scale
+        step = -tolerant.solve(scaled, normals.side / scale) / scale
         moved = _moved(positions, rotations, step, start.unit)
         shifted = chosen - normals.offset - normals.reach @ step
         tried = _normals(rays, there, (*moved, shifted), start.unit)
@@ -210,7 +211,7 @@ def _normals(
         side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
         objective += float(np.sum(computed.residuals**2))
     own += _hold(own)
-    inverse = np.linalg.inv(own).astype(np.float64)
+    inverse = tolerant.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
     return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)
@@ -231,7 +232,7 @@ def _model(
     reasons: tuple[IntersectionOutcome, ...],
 ) -> Model:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
-    unknowns = np.linalg.inv(normals.frames * np.outer(scale, scale)) * np.outer(scale, scale)
+    unknowns = tolerant.inv(normals.frames * np.outer(scale, scale)) * np.outer(scale, scale)
     basis = _basis(adjusted.positions, adjusted.unit)
     frames = basis @ unknowns @ basis.T
     blocks = np.stack([frames[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(len(adjusted.positions))])

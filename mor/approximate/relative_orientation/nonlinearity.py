@@ -16,6 +16,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.coplanarity import Coplanarity, design, misfit, turned_by
 from mor.approximate.vectors import cross, unit
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 FAR = (3.0, 5.0)
 """Standard deviations by which the base is turned."""
@@ -28,7 +29,7 @@ ENOUGH = 0.5
 
 def sigma_hold(a: Bundle, b: Bundle, chosen: Coplanarity, covariance: FloatArray) -> bool:
     """True if Σ (v/σ)² rises as ``covariance`` (6, 6) of b and δ promises, in all directions of the base."""
-    values, axes = np.linalg.eigh(covariance[:3, :3])
+    values, axes = tolerant.eigh(covariance[:3, :3])
     if not max(FAR) * np.sqrt(values[2]) < 0.5 * np.pi:
         return False
     for k, far, sign in product((2, 1), FAR, (1.0, -1.0)):
@@ -49,7 +50,7 @@ def _least(a: Bundle, b: Bundle, start: tuple[FloatArray, FloatArray], axis: Flo
     for _ in range(STEPS):
         across = unit(cross(base, axis))
         rows = design(state, base, rotation, across[:, None])
-        step = -np.linalg.lstsq(rows, state.residuals, rcond=1e-12)[0]
+        step = -tolerant.lstsq(rows, state.residuals, rcond=1e-12)
         if -float(state.residuals @ (rows @ step)) < ENOUGH:
             break
         moved = turned_by(base, rotation, np.concatenate([step[0] * across, step[1:]]))

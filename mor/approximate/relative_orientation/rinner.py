@@ -19,6 +19,7 @@ import numpy as np
 
 from mor.approximate.vectors import cross, principal_rows, unit
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix
 
 NORM = np.sqrt(2.0)
@@ -68,7 +69,7 @@ def inhomogeneous_unknowns(rows: FloatArray, lm: tuple[int, int]) -> FloatArray:
     column = 3 * lm[0] + lm[1]
     others = np.delete(np.arange(9), column)
     solution = np.ones(9)
-    solution[others] = np.linalg.lstsq(rows[:, others], -rows[:, column], rcond=None)[0]
+    solution[others] = tolerant.lstsq(rows[:, others], -rows[:, column], rcond=None)
     return np.asarray(solution.reshape(3, 3) * (NORM / np.linalg.norm(solution)))
 
 
@@ -113,7 +114,7 @@ def auxiliary_unknowns(base: FloatArray, rotation: FloatArray) -> FloatArray:
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray:
     """Rotation (…, 3, 3) nearest to a matrix (orthogonal polar factor with determinant +1)."""
-    left, _, right = np.linalg.svd(matrix)
+    left, _, right = tolerant.svd(matrix)
     left = left.copy()
     left[..., :, 2] *= np.where(np.linalg.det(left @ right) < 0.0, -1.0, 1.0)[..., None]
     return np.asarray(left @ right)

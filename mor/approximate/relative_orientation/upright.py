@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 
 FEWEST = 4
 _STEP = np.pi / 360.0
@@ -62,13 +63,13 @@ def _misfits(a: FloatArray, b: FloatArray, kappas: FloatArray) -> FloatArray:
     c, s, o = np.cos(kappas), np.sin(kappas), np.zeros_like(kappas)
     turns = np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=1).reshape(-1, 3, 3)
     normals = np.cross(a[None], b @ turns)
-    smallest = np.linalg.eigvalsh(np.swapaxes(normals, 1, 2) @ normals)[:, 0]
+    smallest = tolerant.eigvalsh(np.swapaxes(normals, 1, 2) @ normals)[:, 0]
     return np.sqrt(np.maximum(smallest, 0.0)).astype(np.float64)
 
 
 def _smallest(a: FloatArray, b: FloatArray, kappa: float) -> tuple[float, FloatArray]:
     normals = np.cross(a, b @ _about_vertical(kappa))
-    _, values, right = np.linalg.svd(normals)
+    _, values, right = tolerant.svd(normals)
     return float(values[2]), right[2]
 
 

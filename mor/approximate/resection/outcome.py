@@ -11,6 +11,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import misfits
 from mor.approximate.resection.refinement import Pose, pose_design, star_of
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import angles_from_rotation
 
 AS_GOOD = 25.0
@@ -138,7 +139,7 @@ def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:
     _, design = pose_design(bundle, points, pose)
     normal = design.T @ design
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    values, vectors = tolerant.eigh(normal / np.outer(scale, scale))
     return np.asarray((vectors / np.maximum(values, 1e-15)) @ vectors.T / np.outer(scale, scale))
 
 

@@ -13,6 +13,7 @@ from mor.approximate.bundle import Bundle
 from mor.approximate.growth.compiled import poses as kernels
 from mor.approximate.reprojection import reproject
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import cross_matrix, rotate
 
 
@@ -89,7 +90,7 @@ def adjust_pose_plainly(
         normal = design.T @ design
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         damped = normal / np.outer(scale, scale) + damping * np.eye(6)
-        step = -np.linalg.lstsq(damped, design.T @ residuals / scale, rcond=1e-15)[0] / scale
+        step = -tolerant.lstsq(damped, design.T @ residuals / scale, rcond=1e-15) / scale
         moved = Pose(pose.position + step[:3], rotate(pose.rotation, step[3:]))
         new_residuals, new_design = _design(bundle, points, moved, observed)
         before, after = float(residuals @ residuals), float(new_residuals @ new_residuals)

@@ -23,6 +23,7 @@ from mor.approximate.resection.plane_object import is_plane, object_plane, resec
 from mor.approximate.resection.refinement import Pose, adjust_pose, star_of
 from mor.approximate.resection.three_points import nearly_resect_three_points
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 
 SAMPLES = 80
 """Three-point samples at the most; all triples are taken where they are not more."""
@@ -67,7 +68,7 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
     if np.any(np.linalg.norm(bundle.rays, axis=1) == 0.0):
         return ResectionOutcome.INVALID
     extensions = object_plane(points).extensions
-    thin = np.linalg.svd(bundle.directions, compute_uv=False)[2] / np.sqrt(len(points))
+    thin = tolerant.singular_values(bundle.directions)[2] / np.sqrt(len(points))
     if extensions[1] <= LINE * extensions[0] or thin < 3.0 * bundle.noise:
         return ResectionOutcome.COLLINEAR
     return None

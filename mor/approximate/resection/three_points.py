@@ -19,6 +19,7 @@ import numpy as np
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.vectors import unit
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 REAL = 1e-3
 """Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs)."""
@@ -118,7 +119,7 @@ def _roots(coefficients: FloatArray) -> FloatArray:
     companion[:, 0, :] = -ordered[:, 1:] / leading
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
     companion[~np.all(np.isfinite(companion), axis=(1, 2))] = 0.0
-    roots = np.linalg.eigvals(companion)
+    roots = tolerant.eigvals(companion)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(flip[:, None], 1.0 / roots, roots))
 
@@ -162,7 +163,7 @@ def _refined(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArra
         size = np.linalg.norm(jacobian, axis=(1, 2)) ** 3
         regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * size
         step = np.zeros_like(s)
-        step[regular] = np.linalg.solve(jacobian[regular], misclosure[regular][:, :, None])[:, :, 0]
+        step[regular] = tolerant.solve(jacobian[regular], misclosure[regular][:, :, None])[:, :, 0]
         limit = 0.1 * np.linalg.norm(s, axis=1, keepdims=True)
         length = np.linalg.norm(step, axis=1, keepdims=True)
         s = s - step * np.minimum(1.0, limit / np.maximum(length, 1e-300))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 
 class SectionOutcome(Enum):
@@ -61,12 +62,12 @@ def bearing_section(stations: FloatArray, bearings: FloatArray) -> Section:
     across = np.stack([np.cos(t), -np.sin(t)], axis=1)
     centre = stations.mean(axis=0)
     offset = np.einsum("ni,ni->n", across, stations - centre)
-    point = centre + np.linalg.lstsq(across, offset, rcond=None)[0]
+    point = centre + tolerant.lstsq(across, offset, rcond=None)
     for _ in range(REFINEMENTS if len(t) > 2 else 0):
         ranges = np.maximum(np.linalg.norm(point - stations, axis=1), 1e-12)
-        step = np.linalg.lstsq(
+        step = tolerant.lstsq(
             across / ranges[:, None], -np.einsum("ni,ni->n", across, point - stations) / ranges, rcond=None
-        )[0]
+        )
         point = point + step
         if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
             break
@@ -135,7 +136,7 @@ def _many_arcs(stations: FloatArray, d: FloatArray, section: Section) -> Section
     misfits = np.array([float(np.sum(misclosures_of_arcs(stations, d, point) ** 2)) for point in refined])
     order = np.argsort(misfits, kind="stable")
     sigma0 = float(np.sqrt(misfits[order[0]] / (len(d) - 2)))
-    values = np.linalg.svd(stations - stations.mean(axis=0), compute_uv=False)
+    values = tolerant.singular_values(stations - stations.mean(axis=0))
     in_line = values[1] < 1e-6 * values[0]
     points = np.stack([refined[index] for index in order])
     if section.outcome is SectionOutcome.AMBIGUOUS and not in_line:
@@ -157,7 +158,7 @@ def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> Floa
     for _ in range(REFINEMENTS):
         offset = point - stations
         ranges = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
-        step = -np.linalg.lstsq(offset / ranges[:, None], ranges - d, rcond=1e-9)[0]
+        step = -tolerant.lstsq(offset / ranges[:, None], ranges - d, rcond=1e-9)
         point = point + step
         if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
             break

@@ -15,6 +15,7 @@ import scipy.sparse
 from scipy.sparse.csgraph import shortest_path
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 BEGINNINGS = 16
 AGREEING = 4
@@ -90,7 +91,7 @@ def _scaling(lengths: Lengths, dimension: int) -> FloatArray:
     )
     square = shortest_path(graph, directed=False) ** 2
     centred = square - square.mean(axis=0) - square.mean(axis=1)[:, None] + square.mean()
-    values, vectors = np.linalg.eigh(-0.5 * centred)
+    values, vectors = tolerant.eigh(-0.5 * centred)
     largest: FloatArray = vectors[:, -dimension:] * np.sqrt(np.maximum(values[-dimension:], 0.0))
     return largest[:, ::-1]
 
@@ -120,7 +121,7 @@ def _minimal_stress(lengths: Lengths, points: FloatArray, dimension: int, pressu
         N = A.T @ A + np.diag(weight)
         gradient = A.T @ (span - lengths.value) + weight * points.ravel()
         while True:
-            step = np.linalg.solve(N + damping * np.eye(n * d), gradient).reshape(n, d)
+            step = tolerant.solve(N + damping * np.eye(n * d), gradient).reshape(n, d)
             trial = _cost(lengths, points - step, dimension, pressure)
             if trial < cost or damping > 1e6:
                 break
@@ -155,7 +156,7 @@ def _different(one: FloatArray, other: FloatArray) -> bool:
 def _stiff(lengths: Lengths, points: FloatArray, unknowns: int) -> bool:
     """True where no point can move while all distances stay."""
     A = _derivatives(lengths, points[lengths.end] - points[lengths.start])
-    values = np.linalg.svd(A, compute_uv=False)
+    values = tolerant.singular_values(A)
     return bool(values[unknowns - 1] > FLEXIBLE * values[0])
 
 

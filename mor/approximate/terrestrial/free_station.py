@@ -20,6 +20,7 @@ from mor.approximate.terrestrial.bearings_and_arcs import arc_section
 from mor.approximate.terrestrial.polar import bearing, orient
 from mor.approximate.vectors import principal_rows
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 
 SEED_PAIRS = 30
 """Combinations of points that seeds are taken from."""
@@ -229,7 +230,7 @@ def _refine(
         design[:, 1, :2] = -offset / np.sqrt(square)[:, None]
         misclosure = _misclosure(points, observed, position, kappa)
         rows = (design / sigma[:, None])[used]
-        step = -np.linalg.lstsq(rows, (misclosure / sigma)[used], rcond=1e-13)[0]
+        step = -tolerant.lstsq(rows, (misclosure / sigma)[used], rcond=1e-13)
         position, kappa = position + step[:2], kappa + step[2]
         if not np.all(np.isfinite(position)) or np.linalg.norm(step[:2]) > 1e3 * np.sqrt(np.max(square)):
             return None

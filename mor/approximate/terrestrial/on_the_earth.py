@@ -21,7 +21,9 @@ _NEUTRAL = 0
 
 
 def to_plane(network: Network) -> Network:
-    """The network with plain observations in place of those that need the ellipsoid."""
+    """The network with plain observations in place of those that need the ellipsoid or the sphere."""
+    if network.sphere is not None:
+        return replace(network, groups=tuple(_flat(group) for group in network.groups))
     if network.world is None:
         return network
     horizon = network.world.horizon
@@ -34,6 +36,10 @@ def to_plane(network: Network) -> Network:
         for group in network.groups
     )
     return replace(network, groups=groups)
+
+
+def _flat(group: ObservationGroup) -> ObservationGroup:
+    return group if group.type.flat is None else replace(group, type=group.type.flat)
 
 
 def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 STEPS = 60
 """Orientations over the half circle of either bundle that the search begins with."""
@@ -43,7 +44,7 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     r = np.asarray(directions, dtype=float)
     grid = (np.arange(STEPS) + 0.5) * np.pi / STEPS
     b, c = np.meshgrid(grid, grid, indexing="ij")
-    values, vectors = np.linalg.eigh(_normals(r, b, c))
+    values, vectors = tolerant.eigh(_normals(r, b, c))
     least = values[..., 0]
     beside = [np.roll(least, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
     minima = np.argwhere(least <= np.min(beside, axis=0))
@@ -99,7 +100,7 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
     normals = np.stack([np.cos(t), -np.sin(t)], axis=-1)
     matrix = np.einsum("mni,mnj->nij", normals, normals)
     right = np.einsum("mni,mnk,mk->ni", normals, normals, stations)
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    return np.asarray(tolerant.solve(matrix, right[..., None])[..., 0])
 
 
 def _alike(one: PlanShape, other: PlanShape) -> bool:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 PRECISION = 2e-3
@@ -98,7 +99,7 @@ def _judged(
     others = ups[1:][objectives[1:] < objectives[0] + CLEAR]
     alone = all(np.linalg.norm(np.cross(other, up)) < APART and other @ up > 0.0 for other in others)
     rows = _derivatives(ups[:1], sets, angles, residuals)[0][agrees]
-    least = float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) > 1 else 0.0
+    least = float(tolerant.singular_values(rows)[-1]) if len(rows) > 1 else 0.0
     sigma = PRECISION / least if least > 0.0 else np.inf
     return Vertical(up, agreeing, redundancy, sigma, alone) if redundancy >= 0 else None
 
@@ -111,7 +112,7 @@ def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tupl
         root = 1.0 / np.hypot(1.0, residuals / width)
         rows = _derivatives(ups, sets, angles, residuals) * root[..., None]
         matrix = np.swapaxes(rows, 1, 2) @ rows + _DAMPING * np.eye(2)
-        turns = -np.linalg.solve(matrix, np.swapaxes(rows, 1, 2) @ (root * residuals)[..., None])[..., 0]
+        turns = -tolerant.solve(matrix, np.swapaxes(rows, 1, 2) @ (root * residuals)[..., None])[..., 0]
         ups = _tilted(ups, np.clip(turns, -0.2, 0.2))
         residuals = _residuals(ups, sets, angles)
         if width == PRECISION and float(np.abs(turns).max()) < 1e-9:
@@ -199,7 +200,7 @@ def _stations(plan: FloatArray, directions: FloatArray, weight: FloatArray) -> F
         axis=2,
     )
     rows = rows * weight[..., None] / weight.max(axis=1)[:, None, None]
-    c, s, u, v = np.linalg.svd(rows, full_matrices=len(directions) < 4)[2][:, 3].T
+    c, s, u, v = tolerant.svd(rows, full_matrices=len(directions) < 4)[2][:, 3].T
     scale = np.maximum(np.square(c) + np.square(s), 1e-300)
     position = np.stack([(c * u - s * v) / scale, (s * u + c * v) / scale], axis=1)
     return np.asarray(centre[:, 0] + size[:, 0] * position)

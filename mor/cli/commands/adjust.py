@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from mor.cli._domains import Amount, Results, Wanted, adjust_in_domains, has_library, needs_domains
-from mor.cli._format import format_option
+from mor.cli._domains import (
+    Amount,
+    Results,
+    Wanted,
+    adjust_in_domains,
+    check_scratch_folder,
+    has_library,
+    needs_domains,
+)
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, OutputPath, quiet_option
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -45,7 +53,7 @@ class Asked(NamedTuple):
     workers: int | None
     cluster: str | None
     scratch: Path | None
-    events: TextIO | None
+    events: Path | None
     quiet: bool
     verbose: bool
 
@@ -86,12 +94,12 @@ class Asked(NamedTuple):
 
 
 @click.command(name="adjust")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath(), default=".")
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="PROJECT.results",
     help="Folder of the results.",
 )
@@ -155,14 +163,14 @@ class Asked(NamedTuple):
 @click.option(
     "--scratch",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=InputPath(),
     show_default="beside the results",
     help="Folder for the state of the domains, which all workers see under the same name.",
 )
 @click.option(
     "--events",
     metavar="FILE",
-    type=click.File("w", encoding="utf-8"),
+    type=OutputPath(),
     help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
 )
 @quiet_option
@@ -179,7 +187,8 @@ def command(**given: Any) -> int:
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
       mor adjust network.dat --from starnet --memory 4GB
 
-    PROJECT is a project file (.yaml), or a foreign file that mor convert knows. Missing start values are worked out.
+    PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
+    without it, the folder is the current one. Missing start values are worked out.
 
     \b
     Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
@@ -190,23 +199,30 @@ def command(**given: Any) -> int:
 
 def run(asked: Asked) -> int:
     """Adjust a project and write what was asked for; the exit code."""
+    asked = asked._replace(project=only_project(asked.project, asked.source_format))
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.input_files import files_read
+    from mor.output_files import lines_into
+    from mor.pipeline import read_document
     from mor.report.identity import Identity
     from mor.report.results.repetition import is_repeated
     from mor.report.results.reservation import reserve
-    from mor.report.results.writing import write_results
+    from mor.report.results.writing import usual_files, write_results
     from mor.report.words.language import words_of
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
-    speaking = progress(asked.quiet, asked.verbose, asked.events, words)
-    with speaking as say, compiler_announced(say.note), ExitStack() as held:
+    check_scratch_folder(asked.scratch)
+    with ExitStack() as held:
         files = held.enter_context(files_read())
+        events = held.enter_context(lines_into(asked.events, asked.force))
+        say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
+        held.enter_context(compiler_announced(say.note))
         say.phase("reading")
-        document = read_inputs(project, folder if asked.writes else None, asked.source_format)
+        document = read_document(project, asked.source_format or "")
         replaces = asked.force or is_repeated(folder, project, asked.told)
-        place = held.enter_context(reserve(folder, replaces)) if asked.writes else None
+        names = usual_files(asked.tables, asked.table_format)
+        place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
         if needs_domains(document, project.parent, asked.limits):
             how = Results(
                 asked.table_format,
@@ -273,17 +289,6 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
         raise
 
 
-def read_inputs(project: Path, folder: Path | None, source_format: str | None) -> Document:
-    """The project file, or a foreign one; results in the folder must not overwrite what it is read from."""
-    from mor.pipeline import read_document
-    from mor.report.results.folder import check_inputs
-
-    document = read_document(project, source_format or "")
-    if folder is not None:
-        check_inputs(folder, [project, *(project.parent / name for name in document.table_files())])
-    return document
-
-
 def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> Solved:
     """What becomes of a project; its tables are found from the folder."""
     from mor.api.adjust import adjust
@@ -293,6 +298,7 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     look_ahead(document, folder)
     network = read_network(document, folder, say.table_counter(document, folder))
     say.notes(network.notes)
+    say.inputs_are_known()
     say.phase("adjusting")
     project = Project(document, network, folder)
     solved = adjust(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
-from mor.cli._output import force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.counting import counted
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 @click.command(name="approximate")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="PROJECT.start",
     help="Folder of the project with start values.",
 )
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @click.option(
     "--plot",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     help="Draw a plan of what was found, coloured by part: .svg, .png or .pdf.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
@@ -66,24 +66,25 @@ def command(
     Exit codes: 0 done; 2 input, or values stay missing and undetermined: leave_out is not set.
     """
     from mor.errors import ExitCode, InputError, Problem
+    from mor.output_files import check_file
     from mor.pipeline import read_document, read_network
     from mor.quality.diagnosis.determinable import AT_INFINITY
+    from mor.report.plots.sheet import check_picture
     from mor.report.results.adjusted.start_columns import Placed
-    from mor.report.results.folder import check_inputs, folder_beside
-    from mor.report.results.reservation import check_free, reserve
+    from mor.report.results.folder import folder_beside
+    from mor.report.results.reservation import reserve
     from mor.report.results.writing import PROJECT, write_project
 
+    project = only_project(project, source_format)
     folder = output or folder_beside(project, ".start")
-    check_free(folder, force)
-    if plot is not None and plot.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(plot))])
     document = read_document(project, source_format or "")
-    tables = (project.parent / name for name in document.table_files())
-    check_inputs(folder, [project, *tables], [PROJECT])
-    with reserve(folder, force) as place:
+    if plot is not None:
+        check_picture(plot)
+        check_file(plot, force)
+    with reserve(folder, force, [PROJECT]) as place:
         network = read_network(document, project.parent)
         approximation = _approximated(network, quiet)
-        _report(network, approximation, as_json, plot, lang)
+        _report(network, approximation, as_json, plot, force, lang)
         missing = [thing for thing in approximation.missing if thing.treatment != AT_INFINITY]
         if missing and network.project.settings.undetermined == "refuse":
             count = counted(len(missing), "thing stays", "things stay")
@@ -112,7 +113,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
 
 
 def _report(
-    network: Network, approximation: Approximation, as_json: bool, plot: Path | None, lang: str
+    network: Network, approximation: Approximation, as_json: bool, plot: Path | None, force: bool, lang: str
 ) -> None:
     from mor.preparation import make_problem
     from mor.report.plots.sheet import save, style
@@ -132,7 +133,7 @@ def _report(
         from mor.report.plots.start_values import parts
 
         with style():
-            save(parts(network, approximation, words), plot)
+            save(parts(network, approximation, words), plot, force)
 
 
 def _note(quiet: bool, words: str, /, **values: object) -> None:

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mor.cli._language import language_option, tell
+from mor.cli._output import InputPath, OutputPath
+
+if TYPE_CHECKING:
+    from mor.output_files import Content
 
 FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
 """As :data:`mor.formats.calibration.FORMS`, which ``--help`` need not import."""
 
 
 @click.command(name="certificate")
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=InputPath())
 @click.argument("camera")
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="certificate_CAMERA.html in RESULTS",
     help="The file that is written: .html, .txt or .pdf, or the calibration of --to.",
 )
@@ -48,15 +53,15 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Problem
+    from mor.output_files import check_file, write_file
 
     target = output or results / _name(camera, form)
-    if target.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(target))])
+    check_file(target, force)
     if form is not None:
-        _export(results, camera, form, target)
+        content: Content = _exported(results, camera, form, target)
     else:
-        _certify(results, camera, target, paper, lang)
+        content = _certified(results, camera, target, paper, lang)
+    write_file(target, content, force)
     click.echo(str(target), err=True)
 
 
@@ -70,7 +75,7 @@ def _name(camera: str, form: str | None) -> str:
     return f"certificate_{plain}.html" if form is None else f"{plain}_{form}{SUFFIXES[form]}"
 
 
-def _export(results: Path, camera: str, form: str, target: Path) -> None:
+def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     from mor.errors import InputError, Problem
     from mor.formats.calibration import write_calibration
     from mor.pipeline import read_document
@@ -79,12 +84,11 @@ def _export(results: Path, camera: str, form: str, target: Path) -> None:
     if not adjusted.is_file():
         words = "no adjusted.yaml in this folder; expected the results of mor adjust"
         raise InputError([Problem(words, str(results))])
-    target.write_bytes(write_calibration(read_document(adjusted), results, camera, form, target))
+    return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
-def _certify(results: Path, camera: str, target: Path, paper: str, lang: str) -> None:
-    import tempfile
-
+def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) -> Content:
+    """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Problem
     from mor.report.certificate.content import certificate
     from mor.report.certificate.sheet import certificate_page, certificate_text
@@ -97,18 +101,14 @@ def _certify(results: Path, camera: str, target: Path, paper: str, lang: str) ->
         raise InputError([Problem("expected a name that ends in .html, .txt or .pdf", str(target))])
     one = certificate(view_of_folder(results), camera)
     if suffix == ".html":
-        target.write_text(certificate_page(one, words_of_page(lang)), encoding="utf-8")
-        return
+        return certificate_page(one, words_of_page(lang))
     text, program = certificate_text(one, words_of(lang)), browser()
     if suffix == ".txt":
-        target.write_text(text, encoding="utf-8")
-    elif program is None:
+        return text
+    if program is None:
         from mor.report.plots.text_pages import write_text_pages
 
         tell("note: no browser was found: the PDF has the text, without the curve")
-        write_text_pages(text, text.split("\n", 1)[0], target, paper, words_of_page(lang))
-    else:
-        with tempfile.TemporaryDirectory(prefix="mor") as folder:
-            page = Path(folder) / "certificate.html"
-            page.write_text(certificate_page(one, words_of_page(lang)), encoding="utf-8")
-            print_page(program, page, target, paper)
+        return lambda path: write_text_pages(text, text.split("\n", 1)[0], path, paper, words_of_page(lang))
+    page = certificate_page(one, words_of_page(lang))
+    return lambda path: print_page(program, page, path, paper)

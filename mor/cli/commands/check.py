@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_of_command, tell_note, told_problem
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, quiet_option
 
 
 @click.command(name="check")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
 )
@@ -38,6 +38,7 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
     from mor.report.results.contents import contents
     from mor.report.words.language import words_of
 
+    project = only_project(project, source_format)
     try:
         found = read(project, form=source_format or "")
     except InputError as error:

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mor.cli._language import language_option
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, OutputPath, quiet_option
 from mor.errors import ExitCode, InputError, Problem
 from mor.input_files import TABLE, read_text
+from mor.output_files import check_file, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +30,7 @@ SCHEMA = "mor-results"
 
 
 @click.command(name="compare")
-@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("results", nargs=-1, required=True, type=InputPath())
 @click.option(
     "--tol",
     default=1e-9,
@@ -43,7 +44,7 @@ SCHEMA = "mor-results"
 @click.option(
     "--pairs",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=InputPath(),
     help="CSV with a header and two columns of points: have the pairs of one adjustment moved apart?",
 )
 @click.option(
@@ -59,7 +60,7 @@ SCHEMA = "mor-results"
 @click.option(
     "--page",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     help="With --epochs or --between: write a page, both epochs side by side, movements with ellipses and tests.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
@@ -100,6 +101,7 @@ def command(
         raise InputError([Problem(f"--tol: found {tol:g}, expected 0 or more")])
     if epochs + (pairs is not None) + (between is not None) > 1:
         raise InputError([Problem("choose one of --epochs, --pairs, --between")])
+    written = (page, force) if page is not None else None
     check_page(page, epochs or between is not None, force)
     alone = "--pairs" if pairs is not None else "--between" if between is not None else ""
     if len(results) != (1 if alone else 2):
@@ -108,9 +110,9 @@ def command(
     if pairs is not None:
         table, words = _pairs(results[0], pairs, level, known_sigma0, lang)
     elif between is not None:
-        table, words = _between(results[0], between, level, known_sigma0, page, lang)
+        table, words = _between(results[0], between, level, known_sigma0, written, lang)
     elif epochs:
-        table, words = _epochs(results[0], results[1], level, known_sigma0, page, lang)
+        table, words = _epochs(results[0], results[1], level, known_sigma0, written, lang)
     else:
         return _regression(results[0], results[1], tol, lang, quiet)
     from mor.project.tables.guarded import csv_lines
@@ -127,8 +129,7 @@ def check_page(page: Path | None, epochs: bool, force: bool) -> None:
         return
     if not epochs:
         raise InputError([Problem("--page is for --epochs and --between")])
-    if page.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(page))])
+    check_file(page, force)
 
 
 def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> ExitCode:
@@ -173,7 +174,7 @@ def _folder(path: Path) -> Path:
 
 
 def _epochs(
-    one: Path, other: Path, level: float, known: bool, page: Path | None, lang: str
+    one: Path, other: Path, level: float, known: bool, page: tuple[Path, bool] | None, lang: str
 ) -> tuple[pl.DataFrame, list[str]]:
     from mor.api.reopened import reopen, solve
     from mor.compilation import chosen_by_size
@@ -181,7 +182,7 @@ def _epochs(
     from mor.report.tables.movements import movement_table, verdict
     from mor.report.words.language import words_of
 
-    first, second = reopen(_folder(one)).project, reopen(_folder(other)).project
+    first, second = reopen(_folder(one)), reopen(_folder(other))
     if first.network.edge != second.network.edge:
         raise InputError([Problem("the two epochs have different units or axes", str(other))])
     names = common_points(first.network, second.network)
@@ -202,7 +203,7 @@ def _epochs(
 
 
 def _between(
-    path: Path, wanted: tuple[str, str], level: float, known: bool, page: Path | None, lang: str
+    path: Path, wanted: tuple[str, str], level: float, known: bool, page: tuple[Path, bool] | None, lang: str
 ) -> tuple[pl.DataFrame, list[str]]:
     from mor.api.reopened import reopen, solve
     from mor.compilation import chosen_by_size
@@ -210,7 +211,7 @@ def _between(
     from mor.report.tables.movements import movement_table, verdict
     from mor.report.words.language import words_of
 
-    solved = solve(reopen(_folder(path)).project)
+    solved = solve(reopen(_folder(path)))
     first, second = _epoch_numbers(solved, wanted, path)
     with chosen_by_size(solved.network.observations):
         found = compare_within(solved, first, second, level, known)
@@ -252,7 +253,7 @@ def _write_page(
     table: pl.DataFrame,
     level: float,
     known: bool,
-    page: Path,
+    page: tuple[Path, bool],
     lang: str,
 ) -> None:
     """The page of two epochs, solved in the datum over their common points."""
@@ -265,7 +266,7 @@ def _write_page(
     words = words_of_page(lang)
     said = verdict(found, level, known, words)
     text = comparison_page(both, moved(solved[0], found, table), table, said, known, words)
-    page.write_text(text, encoding="utf-8")
+    write_file(page[0], text, page[1])
 
 
 def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tuple[pl.DataFrame, list[str]]:
@@ -275,7 +276,7 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tup
     from mor.report.tables.movements import movement_table
     from mor.report.words.language import words_of
 
-    solved = solve(reopen(_folder(path)).project)
+    solved = solve(reopen(_folder(path)))
     assert solved.quality is not None
     names, tests = [], []
     for line, (one, other) in _listed(pairs):
@@ -292,12 +293,8 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tup
 
 def _listed(pairs: Path) -> list[tuple[int, list[str]]]:
     """Line and points of each row of a table of pairs."""
-    try:
-        with pairs.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
-    except FileNotFoundError:
-        raise InputError([Problem("this file does not exist", str(pairs))]) from None
+    reader = csv.reader(read_text(pairs, TABLE).splitlines(keepends=True))
+    rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
     if not rows or any(len(row) < 2 for _, row in rows):
         raise InputError([Problem("expected two columns of points below a header", str(pairs))])
     return rows

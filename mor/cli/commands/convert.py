@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import tell, tell_note
-from mor.cli._output import force_option, quiet_option
+from mor.cli._output import OutputPath, force_option, quiet_option
 
 if TYPE_CHECKING:
     from mor.errors import Problem
@@ -19,12 +19,12 @@ _OWN = (".yaml", ".yml")
 
 
 @click.command(name="convert")
-@click.argument("paths", metavar="SOURCE... TARGET", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="SOURCE... TARGET", nargs=-1, type=OutputPath())
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     help="The same as TARGET.",
 )
 @click.option(
@@ -68,10 +68,14 @@ def command(
     """
     from mor.errors import InputError, Problem
     from mor.formats import format_to_write
+    from mor.input_files import note_input
+    from mor.output_files import write_files
 
     sources, place = (paths, output) if output is not None else (paths[:-1], paths[-1] if paths else None)
     if place is None or not sources:
         raise InputError([Problem("give a SOURCE, and one TARGET, the file or folder to write")])
+    for source in sources:
+        note_input(source)
     source = sources[0]
     key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
     document = _read(sources, source_formats, bool(key))
@@ -83,7 +87,7 @@ def command(
     files, notes = (
         _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
     )
-    write_new(files, force)
+    write_files(files, force, makes_folders=True)
     if not quiet:
         for note in [*document.notes, *notes]:
             tell_note(note)
@@ -122,15 +126,3 @@ def _said(target: Path, files: Mapping[Path, bytes], key: str) -> str:
     if key:
         return f"{target}: {counted(len(files), 'file')}, {key}"
     return f"{target}, and {counted(len(files) - 1, 'table')} beside it" if len(files) > 1 else str(target)
-
-
-def write_new(files: Mapping[Path, bytes | str], force: bool) -> None:
-    """Write files. Raises :class:`mor.errors.InputError` before anything is written if one is there already."""
-    from mor.errors import InputError, Problem
-
-    there = [path for path in files if path.exists()]
-    if there and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(path)) for path in there])
-    for path, content in files.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mor.cli._output import InputPath, OutputPath
+
 if TYPE_CHECKING:
     from mor.quality.solved import Solved
 
 
 @click.command(name="covariance")
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=InputPath())
 @click.option("--points", metavar="A,B,…", help="All coordinates of these points together.")
 @click.option("--full", is_flag=True, help="All unknowns together, where they fit into memory.")
 @click.option("--blocks", is_flag=True, help="The 3 × 3 block of every point, as .csv.")
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     required=True,
     help="File to write: .npz, .csv or .mtx (Matrix Market).",
 )
@@ -66,19 +68,19 @@ def command(
     from mor.api.reopened import in_datum, reopen, solve
     from mor.compilation import chosen_by_size
     from mor.errors import InputError, Problem
+    from mor.output_files import check_file, write_file
+    from mor.report.results.covariance import check_covariance
 
     if sum((points is not None, full, blocks, bool(relative))) != 1:
         raise InputError([Problem("choose one of --points, --full, --blocks, --relative")])
-    if output.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(output))])
+    check_covariance(output)
+    check_file(output, force)
     if (blocks or relative) and output.suffix != ".csv":
         raise InputError([Problem("--blocks and --relative are written as .csv", str(output))])
-    reopened = reopen(results)
-    if output.resolve() in {path.resolve() for path in reopened.inputs}:
-        raise InputError([Problem("the results are read from this file; choose another one", str(output))])
-    solved = in_datum(reopened.project, target, "--to")[1] if target is not None else solve(reopened.project)
+    project = reopen(results)
+    solved = in_datum(project, target, "--to")[1] if target is not None else solve(project)
     with chosen_by_size(solved.network.observations):
-        _write(output, solved, points, blocks, relative)
+        write_file(output, lambda path: _write(path, solved, points, blocks, relative), force)
 
 
 def _write(output: Path, solved: Solved, points: str | None, blocks: bool, relative: tuple[str, ...]) -> None:

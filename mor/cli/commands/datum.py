@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from mor.cli._language import language_option
+from mor.cli._output import InputPath, OutputPath
 
 
 @click.command(name="datum")
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=InputPath())
 @click.option(
     "--to", "target", metavar="DATUM", required=True, help="The other datum, as the project file writes it."
 )
@@ -18,7 +19,7 @@ from mor.cli._language import language_option
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     help="Folder of all results in that datum; without it the points are printed as CSV.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
@@ -40,19 +41,17 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.reopened import in_datum, reopen
+    from mor.output_files import check_folder
     from mor.report.identity import Identity
-    from mor.report.results.folder import check_inputs
-    from mor.report.results.reservation import check_free, reserve
-    from mor.report.results.writing import Choice, tables_by_size, write_results
+    from mor.report.results.reservation import reserve
+    from mor.report.results.writing import Choice, tables_by_size, usual_files, write_results
     from mor.report.tables.estimates import point_table
     from mor.report.words.language import words_of
 
+    project = reopen(results)
     if output is not None:
-        check_free(output, force)
-    reopened = reopen(results)
-    if output is not None:
-        check_inputs(output, reopened.inputs)
-    project, solved = in_datum(reopened.project, target, "--to")
+        check_folder(output, force, usual_files(None, "csv"))
+    project, solved = in_datum(project, target, "--to")
     if not solved.adjustment.defect.datum.size:
         words = (
             "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from mor.cli._language import tell
+from mor.cli._output import OutputPath
 
 
 @click.command(name="examples")
@@ -16,7 +17,7 @@ from mor.cli._language import tell
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="NAME",
     help="Folder to copy it to; new, or empty.",
 )
@@ -66,28 +67,40 @@ def copy_sample(name: str, target: Path) -> None:
 
     Raises :class:`mor.errors.InputError`.
     """
-    import shutil
-
     from mor.errors import InputError, Problem, nearest
+    from mor.output_files import named, write_files
 
     known = {folder.name: folder for folder in sample_projects()}
     if name not in known:
         words = f"unknown sample project {name!r}{nearest(name, known)} (known: {', '.join(known)})"
         raise InputError([Problem(words)])
     ignored = ("__pycache__", "expected.json", "*.results")
-    if _is_copy(target, known[name], ignored):
-        return
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise InputError([Problem("this exists and is not an empty folder; -o names another", str(target))])
-    shutil.copytree(known[name], target, ignore=shutil.ignore_patterns(*ignored), dirs_exist_ok=True)
+    sample = known[name]
+    with named(target):
+        if _is_copy(target, sample, ignored):
+            return
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            words = "this exists and is not an empty folder; -o names another"
+            raise InputError([Problem(words, str(target))])
+        write_files(
+            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},
+            False,
+            makes_folders=True,
+        )
 
 
 def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
     """True where all files of a sample stand in a folder as they are; results beside them do not matter."""
     import filecmp
+
+    wanted = _names(sample, ignored)
+    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted
+
+
+def _names(sample: Path, ignored: Sequence[str]) -> list[str]:
+    """The files of a sample, from its folder on."""
     import shutil
 
     files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]
     left_out = shutil.ignore_patterns(*ignored)
-    wanted = [str(path) for path in files if not left_out("", list(path.parts))]
-    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted
+    return [str(path) for path in files if not left_out("", list(path.parts))]

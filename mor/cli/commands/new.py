@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from mor.cli._language import tell
-from mor.cli._output import force_option
+from mor.cli._output import InputPath, OutputPath, force_option
 
 
 @click.command(name="new")
-@click.argument("project", type=click.Path(path_type=Path))
-@click.argument("tables", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("project", type=OutputPath())
+@click.argument("tables", nargs=-1, type=InputPath())
 @click.option(
     "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
 )
@@ -72,10 +72,10 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.cli.commands.convert import write_new
     from mor.counting import counted
     from mor.errors import InputError, Problem, nearest
     from mor.formats.exif import is_photograph
+    from mor.output_files import write_files
     from mor.project.file.beginning import CameraSettings, begin
     from mor.project.file.recognition import recognise, told_apart
     from mor.project.file.schema import project_schema
@@ -92,20 +92,29 @@ def command(
     found = told_apart([recognise(table) for table in tables])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
-    write_new(texts, force)
-    project.with_name("mor.schema.json").write_text(project_schema(), encoding="utf-8")
+    schema = project.with_name("mor.schema.json")
+    if not _has_content(schema, project_schema()):
+        texts[schema] = project_schema()
+    write_files(texts, force, makes_folders=True)
     for table in found:
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
 
 
+def _has_content(path: Path, text: str) -> bool:
+    try:
+        return path.is_file() and path.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
 def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force: bool) -> None:
-    from mor.cli.commands.convert import write_new
     from mor.formats.exif import read_photographs
+    from mor.output_files import write_files
     from mor.project.file.writing import project_files
 
     document = read_photographs(photographs, project)
-    write_new(project_files(document.data, project.parent, project), force)
+    write_files(project_files(document.data, project.parent, project), force, makes_folders=True)
     for note in document.notes:
         tell(f"note: {note.message}")
     tell(f"{project} is there: add observations, then mor check {project}")

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from mor.cli._language import language_option
+from mor.cli._output import InputPath
 
 _CONSTANT = click.option(
     "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
@@ -42,7 +43,7 @@ def command() -> None:
 @command.command(
     name="relative", short_help="Two images or a chain, from 8 or more homologous points (Rinner)."
 )
-@click.argument("pairs", type=click.Path(path_type=Path))
+@click.argument("pairs", type=InputPath())
 @_CONSTANT
 @_SIGMA
 @_UNIT
@@ -104,7 +105,7 @@ def relative_command(
 @command.command(
     name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian)."
 )
-@click.argument("points", type=click.Path(path_type=Path))
+@click.argument("points", type=InputPath())
 @_CONSTANT
 @_SIGMA
 @_UNIT

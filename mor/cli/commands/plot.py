@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import language_option
+from mor.cli._output import InputPath, OutputPath
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,12 +21,12 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
 
 @click.command(name="plot")
 @click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
-@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("source", type=InputPath())
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     required=True,
     help="Picture to write: .svg, .png or .pdf.",
 )
@@ -65,14 +66,14 @@ def command(
     \b
     Exit codes: 0 done; 2 input, or no solution.
     """
-    from mor.errors import InputError, Problem
-    from mor.report.plots.sheet import save, style
+    from mor.output_files import check_file
+    from mor.report.plots.sheet import check_picture, save, style
     from mor.report.words.language import words_of_page
 
-    if output.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(output))])
+    check_picture(output)
+    check_file(output, force)
     with style():
-        save(drawn(kind, view_of_source(source), name, words_of_page(lang), confidence), output)
+        save(drawn(kind, view_of_source(source), name, words_of_page(lang), confidence), output, force)
 
 
 def view_of_source(source: Path) -> View:

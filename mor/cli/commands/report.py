@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import language_option, tell
+from mor.cli._output import InputPath, OutputPath
 
 if TYPE_CHECKING:
+    from mor.output_files import Writer
     from mor.report.words.language import Words
 
 
 @click.command(name="report")
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=InputPath())
 @click.option("--pdf", is_flag=True, help="Print the report as PDF.")
 @click.option(
     "--paper",
@@ -27,11 +29,11 @@ if TYPE_CHECKING:
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="report.pdf or report.html in RESULTS",
     help="The file that is written.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file of -o that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
 @language_option("the page; a PDF has that of the report it is made of")
 def command(results: Path, pdf: bool, paper: str, output: Path | None, force: bool, lang: str) -> None:
     """Print the report in RESULTS as PDF, or write its page anew in another language.
@@ -49,28 +51,28 @@ def command(results: Path, pdf: bool, paper: str, output: Path | None, force: bo
     Exit codes: 0 done; 2 input.
     """
     from mor.errors import InputError, Problem
+    from mor.output_files import check_file, listed_files, write_file
 
-    target = output or results / ("report.pdf" if pdf else "report.html")
-    if output is not None and output.exists() and not force:
-        raise InputError([Problem("this file exists; --force replaces it", str(output))])
+    name = "report.pdf" if pdf else "report.html"
+    target = output or results / name
     if not (results / "results.json").is_file():
         raise InputError([Problem("there is no results.json in this folder", str(results))])
-    if pdf:
-        _print(results, target, paper)
-    else:
-        _write_page(results, target, lang)
+    force = force or (output is None and name in listed_files(results))
+    check_file(target, force)
+    write_file(target, _printed(results, paper) if pdf else _page(results, lang), force)
     click.echo(str(target), err=True)
 
 
-def _print(results: Path, target: Path, paper: str) -> None:
-    """PDF of the page where a browser is found, of the text otherwise."""
+def _printed(results: Path, paper: str) -> Writer:
+    """What writes the PDF: of the page where a browser is found, of the text otherwise."""
     from mor.errors import InputError, Problem
+    from mor.input_files import TABLE, read_text
     from mor.report.html.paper import browser, print_page
 
     page, program = results / "report.html", browser()
     if program is not None and page.is_file():
-        print_page(program, page, target, paper)
-        return
+        content = read_text(page, TABLE)
+        return lambda path: print_page(program, content, path, paper)
     text = results / "report.txt"
     if not text.is_file():
         raise InputError(
@@ -78,16 +80,17 @@ def _print(results: Path, target: Path, paper: str) -> None:
         )
     why = "there is no report.html" if program is not None else "no browser was found"
     tell(f"note: {why}: the PDF has the text of report.txt, without pictures")
-    _print_text(text, target, paper)
+    return _text_printed(text, paper)
 
 
-def _print_text(text: Path, target: Path, paper: str) -> None:
+def _text_printed(text: Path, paper: str) -> Writer:
     from mor.input_files import TABLE, read_text
     from mor.report.plots.text_pages import write_text_pages
     from mor.report.words.language import words_of_page
 
     said = read_text(text, TABLE)
-    write_text_pages(said, said.split("\n", 1)[0], target, paper, words_of_page(_language(said)))
+    words = words_of_page(_language(said))
+    return lambda path: write_text_pages(said, said.split("\n", 1)[0], path, paper, words)
 
 
 def _language(report: str) -> str:
@@ -98,10 +101,10 @@ def _language(report: str) -> str:
     return next((name for name in LANGUAGES if f"\n{words_of(name)(title)}\n" in report), LANGUAGES[0])
 
 
-def _write_page(results: Path, target: Path, lang: str) -> None:
+def _page(results: Path, lang: str) -> str:
     from mor.report.html.page import page
     from mor.report.view import view_of_folder
     from mor.report.words.language import words_of_page
 
     words: Words = words_of_page(lang)
-    target.write_text(page(view_of_folder(results), words), encoding="utf-8")
+    return page(view_of_folder(results), words)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import language_option, tell
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, OutputPath, quiet_option
 from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode, InputError, Problem
 
@@ -21,13 +21,16 @@ if TYPE_CHECKING:
     from mor.report.batch.rows import Row
 
 
+_TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
+
+
 @click.command(name="batch")
 @click.argument("projects", nargs=-1, required=True)
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     default="batch.results",
     show_default=True,
     help="Folder of the tables, with a folder of results for each project in it.",
@@ -40,7 +43,7 @@ if TYPE_CHECKING:
 @click.option(
     "--against",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=InputPath(),
     help="A batch kept from an earlier run: projects whose numbers differ from it fail.",
 )
 @click.option(
@@ -94,7 +97,9 @@ def command(
     A project fails where mor adjust exits with another code than 0, or where it differs from what
     was kept.
     """
-    from mor.planning.batch import cases
+    from mor.input_files import note_input
+    from mor.output_files import write_among
+    from mor.planning.batch import LOG, cases
     from mor.report.batch.files import batch_page, junit_xml
     from mor.report.batch.rows import batch_data, batch_text
     from mor.report.results.json_text import to_json
@@ -110,12 +115,15 @@ def command(
         *("--tables", "none", "--lang", lang, "--force"),
     ]
     found = cases(projects, output)
+    for case in found:
+        note_input(case.project)
+    logs = [f"{case.name}/{LOG}" for case in found]
+    write_among(output, {}, (*_TABLES, *logs))
     with _workers(output, len(found), jobs, cluster, timeout) as work:
         rows = _rows(found, options, work, against, tol, quiet)
     text, data = batch_text(rows, words), to_json(batch_data(rows))
-    files = {"batch.txt": text, "batch.json": data, "batch.html": batch_page(rows, words)}
-    for name, content in {**files, "junit.xml": junit_xml(rows, words)}.items():
-        (output / name).write_text(content, encoding="utf-8", newline="\n")
+    contents = (text, data, batch_page(rows, words), junit_xml(rows, words))
+    write_among(output, dict(zip(_TABLES, contents, strict=True)))
     if as_json:
         click.echo(data, nl=False)
     if not quiet:
@@ -151,16 +159,20 @@ def _rows(
     quiet: bool,
 ) -> list[Row]:
     """The row of each project in the order of their names; each is told when it is done."""
-    from mor.planning.batch import LOG, row_of
+    from mor.output_files import named
+    from mor.planning.batch import LOG, row_of, stamp
     from mor.planning.workers import Task
 
     for case in found:
-        case.folder.mkdir(parents=True, exist_ok=True)
+        with named(case.folder):
+            case.folder.mkdir(parents=True, exist_ok=True)
+    before = [stamp(case) for case in found]
     tasks = [Task((str(case.project), str(case.folder), *options), case.folder / LOG) for case in found]
     rows: dict[int, Row] = {}
     begun = time.monotonic()
     for done in work(tasks):
-        rows[done.number] = row = row_of(found[done.number], done, against, tol)
+        is_new = stamp(found[done.number]) != before[done.number]
+        rows[done.number] = row = row_of(found[done.number], done, is_new, against, tol)
         if not quiet:
             tell(f"{len(rows)}/{len(tasks)} {row.name}: {row.status}, {done.seconds:.1f} s")
     if not quiet:
@@ -169,8 +181,7 @@ def _rows(
 
 
 def adjust_one(project: str, folder: str, *options: str) -> int:
-    """One project, in the process of a batch; its old results go first, so that none of them are taken for new ones."""
+    """One project, in the process of a batch."""
     from mor.cli import run
 
-    (Path(folder) / "results.json").unlink(missing_ok=True)
     return run(["adjust", project, "-o", folder, *options])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option
-from mor.cli._output import force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 @click.command(name="design")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="PROJECT.design",
     help="Folder of the plan.",
 )
@@ -69,23 +69,23 @@ def command(
     4 singular: the plan leaves something undetermined.
     """
     from mor.input_files import files_read
+    from mor.output_files import check_folder
     from mor.planning.design import designed
+    from mor.report.design.writing import USUAL_FILES
     from mor.report.identity import Identity
-    from mor.report.results.folder import check_inputs, folder_beside
-    from mor.report.results.reservation import check_free, reserve
+    from mor.report.results.folder import folder_beside
+    from mor.report.results.reservation import reserve
 
+    project = only_project(project, source_format)
     writes = output is not None or not as_json
     folder = output or folder_beside(project, ".design")
     if writes:
-        check_free(folder, force)
+        check_folder(folder, force, USUAL_FILES)
     with files_read() as files:
         design = designed(project, source_format or "", rank or greedy is not None, greedy or 0)
     of = Identity(tuple(files.values()), project.parent, _options(rank, greedy, source_format))
     if writes:
-        from mor.report.design.writing import DESIGN_FILES
-
-        check_inputs(folder, [project, *(project.parent / name for name in design.files)], DESIGN_FILES)
-        with reserve(folder, force) as place:
+        with reserve(folder, force, USUAL_FILES) as place:
             design.write(place, of, lang)
     if as_json:
         click.echo(design.json(of), nl=False)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli._format import format_option
+from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
-from mor.cli._output import force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
 from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 @click.command(name="simulate")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=click.Path(path_type=Path),
+    type=OutputPath(),
     show_default="PROJECT.simulated, with --runs PROJECT.montecarlo",
     help="Folder of the simulated project, or of the report of many runs.",
 )
@@ -141,6 +141,7 @@ def command(
     from mor.planning.monte_carlo import Trial
     from mor.quality.simulation.planted import Wishes
 
+    project = only_project(project, source_format)
     systematic = (*_systematic(offsets, False), *_systematic(scales, True))
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
@@ -163,16 +164,15 @@ def _one(
     quiet: bool,
 ) -> int:
     from mor.errors import screenful
-    from mor.planning.simulation import simulated
-    from mor.report.results.folder import check_inputs, folder_beside
-    from mor.report.results.reservation import check_free, reserve
+    from mor.output_files import check_folder
+    from mor.planning.simulation import USUAL_FILES, simulated
+    from mor.report.results.folder import folder_beside
+    from mor.report.results.reservation import reserve
 
     folder = output or folder_beside(project, ".simulated")
-    check_free(folder, force)
+    check_folder(folder, force, USUAL_FILES)
     simulation = simulated(project, form, seed, wishes, not noise_free)
-    tables = [project.parent / name for name in simulation.document.table_files()]
-    check_inputs(folder, [project, *tables], [path.name for path in (project, *tables)])
-    with reserve(folder, force) as place:
+    with reserve(folder, force, USUAL_FILES) as place:
         simulation.write(place)
     if not quiet:
         for note in screenful(simulation.network.notes, "mor check --all"):
@@ -215,6 +215,7 @@ def _many(
     from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
     from mor.input_files import files_read
+    from mor.output_files import write_among
     from mor.planning.monte_carlo import prepared, run_trial
     from mor.quality.simulation.findings import findings
     from mor.report.identity import Identity
@@ -239,8 +240,7 @@ def _many(
     of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
     about = ready.network, ready.truth, tally, trial.seed, trial.starts
     data = to_json(monte_carlo_data(*about, of))
-    for name, text in (("montecarlo.txt", monte_carlo_text(*about, words, of)), ("montecarlo.json", data)):
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    write_among(folder, dict(zip(_REPORTS, (monte_carlo_text(*about, words, of), data), strict=True)))
     if as_json:
         click.echo(data, nl=False)
     found = findings(ready.truth, tally)
@@ -267,12 +267,22 @@ def _workers(
         yield partial(chunks_on_cluster, cluster=workers, files=files)
 
 
+_REPORTS = ("montecarlo.txt", "montecarlo.json")
+
+
 def _check_folder(folder: Path, force: bool) -> None:
     """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
-    from mor.report.results.reservation import check_free
+    from mor.errors import InputError, Problem
+    from mor.output_files import check_folder, check_names
 
-    if not (folder / "runs" / "key.json").is_file():
-        check_free(folder, force)
+    runs = folder / "runs"
+    if (runs / "key.json").is_file():
+        check_names(folder, _REPORTS)
+        return
+    check_folder(folder, force, _REPORTS)
+    if runs.is_dir() and any(runs.iterdir()):
+        words = "this folder holds no runs of mor, and is not empty; choose another folder with -o"
+        raise InputError([Problem(words, str(runs))])
 
 
 def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:

@@ -15,12 +15,14 @@ from mor.formats.content import (
     Content,
     ImagePoints,
     Things,
+    block,
     content_of,
-    image_points,
-    images,
+    frames,
     interior_values,
     not_carried,
+    placed_points,
     points,
+    rays_of_points,
 )
 from mor.formats.networks.terrestrial import groups
 from mor.formats.written import Written
@@ -38,7 +40,7 @@ _TOLD = (
 def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     """The five files. Raises :class:`InputError` for cameras, names and poses that they cannot say."""
     content = content_of(document, folder)
-    found, places = images(content), points(content)
+    found = frames(content, "AICON's files")
     problems: list[Problem] = []
     cameras, pixels = [], {}
     for name, camera in content.project.cameras.items():
@@ -47,7 +49,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
             cameras += lines
         except ValueError as error:
             problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
-    names = (*content.project.cameras, *found.ids, *places.ids)
+    names = (*content.project.cameras, *found.ids, *points(content).ids)
     problems += [
         Problem(f"{name!r}: names in AICON's files have no blanks, # or quotes", document.file)
         for name in names
@@ -62,7 +64,9 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     if problems:
         raise InputError(problems)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
-    rays = image_points(content, used, corner=False)
+    whole = block(content, "AICON's files", found, corner=False)
+    places, without = placed_points(content, whole.points, "AICON's files")
+    rays, gone = rays_of_points(content, whole.rays, places, "AICON's files")
     lengths = content.edge.metres * 1e3
     scales, lost = _scales(content, set(places.ids), lengths)
     files = {
@@ -73,7 +77,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
         ".scale": scales,
     }
     stem = target.with_suffix("") if target.suffix in files else target
-    notes = not_carried(content, ("image", "distance"), (), "AICON's files")
+    notes = [*without, *gone, *not_carried(content, ("image", "distance"), (), "AICON's files")]
     partly = int((_known(places).any(axis=1) & ~_known(places).all(axis=1)).sum())
     for count, what in (
         (partly, "point with control in some components only"),
@@ -140,7 +144,7 @@ def _points(places: Things, rays: ImagePoints, content: Content, lengths: float)
 
 
 def _rays(rays: ImagePoints, pixel: FloatArray) -> list[str]:
-    xy, sigma = rays.xy * pixel[:, None], rays.sigma * pixel[:, None]
+    xy, sigma = rays.xy * pixel[:, None], np.nan_to_num(rays.sigma) * pixel[:, None]
     return [
         f"{image} {point} {_words([*xy[k], *sigma[k]])} 0 0 1 1 1"
         for k, (image, point) in enumerate(zip(rays.images, rays.points, strict=True))

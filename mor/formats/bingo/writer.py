@@ -10,7 +10,7 @@ from mor.arrays import BoolArray
 from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.bingo.files import GROUND, IMAGES, ORIENTATIONS, bingo_angles
-from mor.formats.content import Content, Things, content_of, images, not_carried, points
+from mor.formats.content import Content, Things, content_of, frames, not_carried, points, with_undeclared
 from mor.formats.refined import RefinedCamera, RefinedPoints, refined
 from mor.formats.written import Written
 from mor.geometry.rotations import rotation_from_angles
@@ -20,10 +20,11 @@ from mor.project.file.nodes import Document
 def write_bingo(document: Document, folder: Path, target: Path) -> Written:
     """``image.dat``, ``geoin.dat``, ``itera.dat`` in a folder. Raises :class:`InputError` for what they cannot say."""
     content = content_of(document, folder)
-    found, places = images(content), points(content)
+    found, places = frames(content, "BINGO"), points(content)
     _refuse(content, found, places)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
     cameras, rays = refined(content, used, "BINGO")
+    places = with_undeclared(content, places, rays.points)
     known = known_points(places)
     metres = content.edge.metres
     files = {

@@ -106,10 +106,13 @@ def _radial(camera: ColmapCamera, given: Mapping[str, float]) -> dict[str, float
     return {**interior, **{ours: given[name] / power for ours, name, power in powers if name in given}}
 
 
-def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
-    """COLMAP's camera that says the same. Raises ``ValueError`` with words where none does."""
+def camera_from(number: int, camera: Camera, edge: Edge, what: str = "COLMAP") -> ColmapCamera:
+    """COLMAP's camera that says the same. Raises ``ValueError`` with words where none does.
+
+    ``what`` is written with its numbers, for the words.
+    """
     if camera.image is None:
-        raise ValueError("it has no image: {width, height}, which COLMAP needs")
+        raise ValueError(f"it has no image: {{width, height}}, which {what} needs")
     scale = image_scale(camera, edge.units)
     width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
     values = interior_values(camera, edge, scale)
@@ -124,7 +127,7 @@ def camera_from(number: int, camera: Camera, edge: Edge) -> ColmapCamera:
             values.get(key, 0.0) / (scale.pixel if key in _TWO else 1.0) for key in MODELS[name].parameters
         ]
     else:
-        raise ValueError(f"no model of COLMAP says what its model {camera.model} says")
+        raise ValueError(f"no model of {what} says what its model {camera.model} says")
     if camera.model in ("opencv", *_SAME) and not scale.corner:
         parameters[2:4] = parameters[2] + width / 2.0, parameters[3] + height / 2.0
     return ColmapCamera(number, name, round(width), round(height), tuple(parameters))

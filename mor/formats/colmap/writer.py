@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from mor.arrays import FloatArray
+from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.colmap.cameras import MODELS, camera_from
 from mor.formats.colmap.model import ColmapCamera
 from mor.formats.colmap.poses import theirs
-from mor.formats.content import Content, Things, content_of, image_points, images, not_carried, points
+from mor.formats.content import Content, Things, block, content_of, frames, not_carried, placed_points
 from mor.formats.written import Written
 from mor.geometry.rotations import rotation_from_angles
 from mor.project.file.nodes import Document
@@ -21,65 +23,74 @@ from mor.project.file.nodes import Document
 _TRACK = "<II"
 
 
-class Block:
+class Model:
     """What is written: everything by the number that COLMAP knows it by."""
 
     def __init__(self, content: Content):
-        self.images, self.points = images(content), points(content)
+        self.images = frames(content, "a COLMAP model")
         self.problems: list[Problem] = []
         self.cameras = _cameras(content, self.problems)
         numbers = {name: camera.id for name, camera in self.cameras.items()}
         self.camera_of = [numbers.get(name, 0) for name in self.images.texts["camera"]]
         self.poses = _poses(content, self.images, self.problems)
-        used = dict(zip(self.images.ids, self.images.texts["camera"], strict=True))
         if self.problems:
             raise InputError(self.problems)
-        self.rays = image_points(content, used)
+        found = block(content, "a COLMAP model", self.images)
+        self.points, self.left_out = placed_points(content, found.points, "points3D")
+        self.rays = found.rays
         self.point_numbers = numbered(self.points.ids)
         self.of_image = _grouped(self.rays.images, self.images.ids)
-        self.point_of_ray = np.array([self.point_numbers[name] for name in self.rays.points], dtype=np.int64)
+        self.point_of_ray = np.array(
+            [self.point_numbers.get(name, -1) for name in self.rays.points], dtype=np.int64
+        )
 
 
 def write_colmap(document: Document, folder: Path, target: Path) -> Written:
     """Text files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
     content = content_of(document, folder)
-    block = Block(content)
+    model = Model(content)
     files = {
-        "cameras.txt": "".join(camera_line(camera) for camera in block.cameras.values()),
-        "images.txt": "".join(_image_lines(block)),
-        "points3D.txt": "".join(_point_lines(block)),
+        "cameras.txt": "".join(camera_line(camera) for camera in model.cameras.values()),
+        "images.txt": "".join(_image_lines(model)),
+        "points3D.txt": "".join(_point_lines(model)),
     }
-    return _written({target / name: text.encode() for name, text in files.items()}, content, block, target)
+    return _written({target / name: text.encode() for name, text in files.items()}, content, model, target)
 
 
 def write_colmap_binary(document: Document, folder: Path, target: Path) -> Written:
     """Binary files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
     content = content_of(document, folder)
-    block = Block(content)
-    cameras = [_camera_bytes(camera) for camera in block.cameras.values()]
+    model = Model(content)
+    cameras = [_camera_bytes(camera) for camera in model.cameras.values()]
     files = {
         "cameras.bin": cameras,
-        "images.bin": _image_bytes(block),
-        "points3D.bin": _point_bytes(block),
+        "images.bin": _image_bytes(model),
+        "points3D.bin": _point_bytes(model),
     }
     packed = {target / name: struct.pack("<Q", len(parts)) + b"".join(parts) for name, parts in files.items()}
-    return _written(packed, content, block, target)
+    return _written(packed, content, model, target)
 
 
-def _written(files: dict[Path, bytes], content: Content, block: Block, target: Path) -> Written:
-    notes = not_carried(content, ("image",), ("pairs",), "a COLMAP model")
+def _written(files: dict[Path, bytes], content: Content, model: Model, target: Path) -> Written:
+    notes = [*model.left_out, *not_carried(content, ("image",), ("pairs",), "a COLMAP model")]
     if content.project.pairs:
         notes.append(Problem("stereo pairs are written as single images with their poses", str(target)))
-    statuses = block.points.statuses
+    statuses = model.points.statuses
     if np.isfinite(statuses.sigma).any() or not statuses.free.all():
         notes.append(
             Problem("that points are fixed or observed, and their σ, has no place in COLMAP", str(target))
         )
-    if not np.all(block.rays.sigma == 1.0):
+    alone = int(np.count_nonzero(model.point_of_ray < 0))
+    if alone:
+        words = f"{counted(alone, 'image point')} of points without coordinates: written without a point"
+        notes.append(Problem(words, content.document.file))
+    if not np.all(model.rays.sigma == 1.0):
         notes.append(Problem("σ of image points have no place in COLMAP", str(target)))
-    if list(block.point_numbers) != [str(number) for number in block.point_numbers.values()]:
-        lines = [f"{number},{name}\n" for name, number in block.point_numbers.items()]
-        files[target / "point_names.csv"] = ("point3D,name\n" + "".join(lines)).encode()
+    if list(model.point_numbers) != [str(number) for number in model.point_numbers.values()]:
+        names = pl.DataFrame(
+            {"point3D": list(model.point_numbers.values()), "name": list(model.point_numbers)}
+        )
+        files[target / "point_names.csv"] = names.write_csv().encode()
         notes.append(Problem("points are numbered; point_names.csv has their names", str(target)))
     return Written(files, notes)
 
@@ -128,12 +139,14 @@ def _grouped(names: Sequence[str], of: Sequence[str]) -> list[list[int]]:
     return result
 
 
-def _tracks(block: Block) -> dict[int, list[tuple[int, int]]]:
+def _tracks(model: Model) -> dict[int, list[tuple[int, int]]]:
     """Image number and place in it of the rays of each point."""
-    tracks: dict[int, list[tuple[int, int]]] = {number: [] for number in block.point_numbers.values()}
-    for image, rows in enumerate(block.of_image, start=1):
+    tracks: dict[int, list[tuple[int, int]]] = {number: [] for number in model.point_numbers.values()}
+    for image, rows in enumerate(model.of_image, start=1):
         for place, row in enumerate(rows):
-            tracks[int(block.point_of_ray[row])].append((image, place))
+            number = int(model.point_of_ray[row])
+            if number >= 0:
+                tracks[number].append((image, place))
     return tracks
 
 
@@ -146,20 +159,20 @@ def camera_line(camera: ColmapCamera) -> str:
     return f"{camera.id} {camera.model} {camera.width} {camera.height} {_words(camera.parameters)}\n"
 
 
-def _image_lines(block: Block) -> list[str]:
+def _image_lines(model: Model) -> list[str]:
     lines = []
-    for k, name in enumerate(block.images.ids):
-        lines.append(f"{k + 1} {_words(block.poses[k])} {block.camera_of[k]} {name}\n")
-        rays = (f"{_words(block.rays.xy[row])} {block.point_of_ray[row]}" for row in block.of_image[k])
+    for k, name in enumerate(model.images.ids):
+        lines.append(f"{k + 1} {_words(model.poses[k])} {model.camera_of[k]} {name}\n")
+        rays = (f"{_words(model.rays.xy[row])} {model.point_of_ray[row]}" for row in model.of_image[k])
         lines.append(" ".join(rays) + "\n")
     return lines
 
 
-def _point_lines(block: Block) -> list[str]:
-    tracks = _tracks(block)
+def _point_lines(model: Model) -> list[str]:
+    tracks = _tracks(model)
     return [
         f"{number} {_words(xyz)} 0 0 0 -1 {' '.join(f'{i} {p}' for i, p in tracks[number])}\n"
-        for number, xyz in zip(block.point_numbers.values(), block.points.values, strict=True)
+        for number, xyz in zip(model.point_numbers.values(), model.points.values, strict=True)
     ]
 
 
@@ -168,22 +181,22 @@ def _camera_bytes(camera: ColmapCamera) -> bytes:
     return head + struct.pack(f"<{len(camera.parameters)}d", *camera.parameters)
 
 
-def _image_bytes(block: Block) -> list[bytes]:
+def _image_bytes(model: Model) -> list[bytes]:
     form = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
     parts = []
-    for k, name in enumerate(block.images.ids):
-        rows = block.of_image[k]
+    for k, name in enumerate(model.images.ids):
+        rows = model.of_image[k]
         rays = np.empty(len(rows), dtype=form)
-        rays["xy"], rays["point"] = block.rays.xy[rows], block.point_of_ray[rows]
-        head = struct.pack("<I7dI", k + 1, *block.poses[k], block.camera_of[k])
+        rays["xy"], rays["point"] = model.rays.xy[rows], model.point_of_ray[rows]
+        head = struct.pack("<I7dI", k + 1, *model.poses[k], model.camera_of[k])
         parts.append(head + name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rays.tobytes())
     return parts
 
 
-def _point_bytes(block: Block) -> list[bytes]:
-    tracks = _tracks(block)
+def _point_bytes(model: Model) -> list[bytes]:
+    tracks = _tracks(model)
     parts = []
-    for number, xyz in zip(block.point_numbers.values(), block.points.values, strict=True):
+    for number, xyz in zip(model.point_numbers.values(), model.points.values, strict=True):
         head = struct.pack("<Q3d3BdQ", number, *xyz, 0, 0, 0, -1.0, len(tracks[number]))
         parts.append(head + b"".join(struct.pack(_TRACK, *element) for element in tracks[number]))
     return parts

@@ -50,7 +50,7 @@ def write_dxf(document: Document, folder: Path, target: Path) -> Written:
         else "there are no results, hence no ellipses"
     )
     words = f"DXF has no observed values; {said}"
-    return Written({target: text.getvalue().encode()}, [Problem(words, str(target))])
+    return Written({target: text.getvalue().encode()}, [*shown.notes, Problem(words, str(target))])
 
 
 def _text(space: object, name: str, place: list[float], extent: float) -> None:

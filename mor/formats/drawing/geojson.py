@@ -38,7 +38,7 @@ def write_geojson(document: Document, folder: Path, target: Path) -> Written:
     words = "coordinates are those of the project, in metres: GeoJSON's own, longitude and latitude, are not known"
     if shown.crs or shown.degrees:
         words = "coordinates are those of the reference system of the project, which the file names (crs)"
-    return Written({target: (text + "\n").encode()}, [Problem(words, str(target))])
+    return Written({target: (text + "\n").encode()}, [*shown.notes, Problem(words, str(target))])
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:

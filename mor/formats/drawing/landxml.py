@@ -30,5 +30,8 @@ def write_landxml(document: Document, folder: Path, target: Path) -> Written:
     for name, (east, north, up) in zip(shown.ids, np.asarray(east_north).tolist(), strict=True):
         lines.append(f"<CgPoint name={quoteattr(name)}>{escape(f'{north!r} {east!r} {up!r}')}</CgPoint>")
     text = "\n".join([*lines, "</CgPoints>", "</LandXML>"]) + "\n"
-    notes = [Problem("LandXML has points only here: no σ, no images, no observations", str(target))]
+    notes = [
+        *shown.notes,
+        Problem("LandXML has points only here: no σ, no images, no observations", str(target)),
+    ]
     return Written({target: text.encode()}, notes)

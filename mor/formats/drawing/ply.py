@@ -27,7 +27,7 @@ def write_ply(document: Document, folder: Path, target: Path) -> Written:
     values = np.concatenate([shown.xyz, np.nan_to_num(shown.sigma)], axis=1)[:, : len(names)]
     rows = [" ".join(map(repr, row)) for row in values.tolist()]
     text = "\n".join([*head, "end_header", *rows]) + "\n"
-    notes = [Problem("PLY has no names of points, no images and no observations", str(target))]
+    notes = [*shown.notes, Problem("PLY has no names of points, no images and no observations", str(target))]
     return Written({target: text.encode()}, notes)
 
 

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray
+from mor.arrays import FloatArray, IntArray
+from mor.counting import counted
 from mor.errors import InputError, Problem
 from mor.formats.content import Content, content_of, images, points
+from mor.input_files import note_input
 from mor.project.file.nodes import Document
 from mor.project.network.build import build_network
 from mor.project.tables.sources import from_file, from_rows
@@ -54,6 +56,8 @@ class Drawing(NamedTuple):
     """Name (URN) of the reference system on the earth that they are in, where it has one."""
     degrees: bool = False
     """True where x and y are longitude and latitude in degrees."""
+    notes: tuple[Problem, ...] = ()
+    """What was left out, and how much."""
 
 
 def drawing(document: Document, folder: Path) -> Drawing:
@@ -84,7 +88,20 @@ def drawing(document: Document, folder: Path) -> Drawing:
         photos.values[oriented, :3] * metres,
         _lines(content, set(ids)),
         content.project.axes.xy,
+        notes=_left_out(content, found.values, placed),
     )
+
+
+def _left_out(content: Content, values: FloatArray, placed: IntArray) -> tuple[Problem, ...]:
+    """Notes on points without coordinates, and without a height in a network that has heights."""
+    file, notes = content.document.file, []
+    missing = len(values) - len(placed)
+    flat = int(np.count_nonzero(~np.isfinite(values[placed, 2]))) if len(placed) else 0
+    if missing:
+        notes.append(Problem(f"{counted(missing, 'point')} without coordinates: left out", file))
+    if flat and "z" in content.project.settings.dimensions:
+        notes.append(Problem(f"{counted(flat, 'point')} without a height: drawn at height 0", file))
+    return tuple(notes)
 
 
 def drawing_in_metres(document: Document, folder: Path) -> Drawing:
@@ -114,13 +131,15 @@ def _on_earth(content: Content) -> Drawing:
     lines = _lines(content, set(ids))
     centres = np.zeros((0, 3))
     title, urn = content.project.title, world.system.urn
-    return Drawing(title, ids, xyz, sigma, nothing, [], centres, lines, "en", urn, degrees)
+    notes = _left_out(content, positions, placed)
+    return Drawing(title, ids, xyz, sigma, nothing, [], centres, lines, "en", urn, degrees, notes)
 
 
 def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
     """σ (n, 3) east, north, up by the table of results, NaN where there is none."""
     rows: dict[str, dict[str, str | None]] = {}
     if path.is_file():
+        note_input(path)
         rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
     columns = ("seast", "snorth", "sup")
     return np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids])
@@ -131,6 +150,7 @@ def _precision(path: Path, ids: list[str], metres: float) -> tuple[FloatArray, F
     sigma, ellipses = np.full((len(ids), 3), np.nan), np.full((len(ids), 3), np.nan)
     if not path.is_file():
         return sigma, ellipses
+    note_input(path)
     table = pl.read_csv(path, infer_schema=False)
     if not {"id", "sx", "sy", "sz", "rxy"} <= set(table.columns):
         return sigma, ellipses

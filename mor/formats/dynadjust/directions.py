@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mor.formats.draft import Row, number
-from mor.formats.dynadjust.lines import NAMES, NUMBER, OFF, VALUES, Collected, Measurements
+from mor.formats.dynadjust.lines import NAMES, OFF, VALUES, Collected, Measurements, measured_words
 from mor.formats.dynadjust.terrestrial import sexagesimal_words
 
 CODE = "D"
@@ -48,7 +48,7 @@ def _goes_on(found: Measurements) -> bool:
 
 def _sight(found: Measurements, target: str) -> Sight:
     text = found.lines[found.at][VALUES:]
-    words = NUMBER.findall(text)
+    words = measured_words(text, 4)
     if len(words) != 4:
         raise ValueError(f"found {len(words)} numbers, expected an angle and its σ")
     off = found.lines[found.at][1:2] == "*"

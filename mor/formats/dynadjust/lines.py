@@ -19,7 +19,20 @@ _MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
 VALUES = 62
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_NO_VALUE = re.compile(r"(?<=\s)(?:\d\d?\.\d\d?\.\d{4}|[A-Za-z]\w*)(?=\s|$)")
+"""Frames and epochs behind the values of a measurement."""
 OFF = "measurements that are switched off (*)"
+
+
+def measured_words(text: str, least: int) -> list[str]:
+    """Numbers of a measurement of one line, ``least`` or more; frame, epoch and the identifiers of a database go.
+
+    Identifiers of measurement and cluster are whole numbers behind the values, which have a decimal point.
+    """
+    words = NUMBER.findall(_NO_VALUE.sub(" ", text))
+    while len(words) > least and words[-1].isdecimal():
+        words.pop()
+    return words
 
 
 @dataclass

@@ -19,7 +19,17 @@ from mor.project.world.reference_system import (
     reference_system,
 )
 
-SYSTEMS = {"GDA94": 4283, "GDA2020": 7844}
+SYSTEMS = {
+    "GDA94": 4283,
+    "GDA2020": 7844,
+    "ITRF1996": 8995,
+    "ITRF1997": 8996,
+    "ITRF2000": 8997,
+    "ITRF2005": 8998,
+    "ITRF2008": 8999,
+    "ITRF2014": 9000,
+    "ITRF2020": 9990,
+}
 """Geographic systems of the frames that DynAdjust's files are in, by EPSG code."""
 _ZONES = {"GDA94": 28300, "GDA2020": 7800}
 """EPSG codes of the map grids of these frames, without their zones."""
@@ -75,6 +85,15 @@ def put_stations(path: Path, stations: Iterable[Station], found: Collected, fram
         if name not in known:
             draft.problem(f"station {name!r} is not in {path.name}", line)
     _put_tables(draft, path, tables)
+    if tables["free"] and not tables["held"] and not tables["in part"] and not _positions(draft):
+        draft.put("datum", "free")
+        draft.note("no station is held, and no position is observed: the network is free", 1, str(path))
+
+
+def _positions(draft: Draft) -> bool:
+    """True if positions of stations are observed."""
+    types = {table["type"] for table in draft.data.get("observations", [])}
+    return bool(types & {"gnss_position", "geodetic_position"})
 
 
 def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
@@ -139,6 +158,8 @@ def _place(station: Station, frame: str, N: float) -> list[str]:
         zone = station.zone
         if not zone.isdecimal() or not 1 <= int(zone) <= 60:
             raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
+        if frame not in _ZONES:
+            raise ValueError(f"found UTM in {frame}, which has no map grid; expected LLH or XYZ")
         grid = _system(_ZONES[frame] + int(zone))
         latitude, longitude, height = grid.to_geodetic(values)[0].tolist()
     else:

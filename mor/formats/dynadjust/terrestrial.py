@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mor.formats.draft import Row, number
-from mor.formats.dynadjust.lines import NUMBER, OFF, VALUES, Collected, Measurements
+from mor.formats.dynadjust.lines import OFF, VALUES, Collected, Measurements, measured_words
 
 
 class Kind(NamedTuple):
@@ -49,8 +49,8 @@ def read_line(found: Measurements, code: str) -> None:
     """One measurement. Raises ``ValueError`` with words."""
     kind, text = KINDS[code], found.lines[found.at]
     names = found.stations_of(text, len(kind.names))
-    words = NUMBER.findall(text[VALUES:])
     count = 4 if kind.angle else 2
+    words = measured_words(text[VALUES:], count)
     if len(words) != count and not (kind.heights and len(words) == count + 2):
         raise ValueError(
             f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ"

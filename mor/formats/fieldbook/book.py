@@ -1,20 +1,46 @@
-"""A field book: set-ups, sights and points as an instrument wrote them, and the project they make."""
+"""A field book: the set-ups, sights and points that an instrument recorded, and the project made from them.
+
+Readers translate records into calls of :class:`FieldBook`; everything that holds for every instrument is decided here:
+
+- a station record opens a set-up; a sight belongs to the open one, or waits for the station record that follows;
+- the circle may be turned between a stationing and the sights that follow it, so these are different sets;
+- the instrument height holds for the set-up; a different height after the first sight opens another set-up;
+- coordinates that were keyed in or uploaded are given; coordinates that the instrument computed from its readings are
+  not used, and a station whose point was sighted before, or was determined by a resection, has computed coordinates;
+- given coordinates that come again replace the earlier ones, as they do in the instrument.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from math import atan2, cos, hypot, pi, radians, sin, tau
+from pathlib import Path
 from typing import NamedTuple
 
 from mor.counting import counted
 from mor.formats.draft import Draft, Row
+from mor.formats.text import read_lines
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
 SIGMA_CONTROL = "0.01"
-"""σ of readings: no field book says any."""
+"""Standard deviations of readings and of given coordinates (m): no field book has any."""
+_CONTROL = "".join(map(chr, (*range(9), *range(14, 32), 127)))
 _SPANS = 12
 """Spans of lines that a note lists."""
+_NAMED = 5
+"""Points that a note names."""
+AGREES = 0.1
+"""Metres within which a slope distance agrees with given coordinates, for the purpose of telling whose sight it is."""
+NOT_TURNED = 0.01
+"""Gon (36 arcsec) within which a circle reads azimuths."""
+APART, APART_IN_HEIGHT = 0.5, 3.0
+"""Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
+CIRCLE_SET = 1e-4
+"""Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
+COMPUTED = "coordinates that the instrument computed from its readings"
+_ZERO = "coordinates that are all 0"
 
 
 class Sight(NamedTuple):
@@ -30,6 +56,17 @@ class Sight(NamedTuple):
     face: int = 0
     """1 or 2, 0 where only the zenith angle tells."""
     bearing: float | None = None
+    before: bool = False
+    """True if the instrument recorded it before its station: the circle may have been turned in between."""
+
+
+class Place(NamedTuple):
+    """Coordinates of a point in metres, ``None`` where the book has none, and their line."""
+
+    east: float | None
+    north: float | None
+    height: float | None
+    line: int
 
 
 @dataclass
@@ -40,6 +77,10 @@ class SetUp:
     line: int
     height: float = 0.0
     sights: list[Sight] = field(default_factory=list)
+    used: bool = False
+    """True once a sight followed the station record."""
+    turn: float | None = None
+    """What the circle was turned by when the station was recorded, in the unit of the book; ``None`` if unknown."""
 
 
 @dataclass
@@ -49,33 +90,220 @@ class FieldBook:
     draft: Draft
     angle: str = "deg"
     """deg or gon."""
+    stations_follow: bool = False
+    """True if sights before the first station record belong to it; otherwise their station is unknown."""
     set_ups: list[SetUp] = field(default_factory=list)
-    points: dict[str, tuple[float | None, float | None, float | None, int]] = field(default_factory=dict)
-    """East, north, height and line of the points whose coordinates the book has."""
+    points: dict[str, Place] = field(default_factory=dict)
+    """Given coordinates of points."""
+    computed: dict[str, Place] = field(default_factory=dict)
+    """Coordinates of points that the instrument computed; the points of a book without readings."""
+    waiting: list[Sight] = field(default_factory=list)
+    """Sights that belong to the station record that follows."""
+    unlocated: set[int] = field(default_factory=set)
+    """Lines of the sights whose records have no computed coordinates, in a format that may have them."""
+    replaced: dict[str, tuple[Place, Place]] = field(default_factory=dict)
+    """Given coordinates that came again, different from before: the first and the last ones."""
+    unnamed_height: float = 0.0
+    """Instrument height of a station that the book does not name."""
     skipped: dict[str, list[int]] = field(default_factory=dict)
 
-    def set_up(self, station: str, line: int, height: float = 0.0) -> SetUp:
-        """Begin a set-up."""
-        self.set_ups.append(SetUp(station, line, height))
-        return self.set_ups[-1]
+    def set_up(
+        self,
+        station: str,
+        line: int,
+        height: float = 0.0,
+        place: tuple[float | None, float | None, float | None] | None = None,
+        claims: bool = False,
+        resection: int = 0,
+    ) -> SetUp:
+        """Open a set-up; sights that wait belong to it.
+
+        With ``claims`` the last sights of the set-up before may belong to it as well: an instrument may record a
+        resection before its station. ``place`` are the coordinates of the station record. Those of a station that two
+        or more waiting points determine, or that are recorded after the line of a ``resection``, are computed.
+        """
+        last = self.set_ups[-1] if self.set_ups else None
+        if last is not None and last.station == station and not last.used and not self.waiting:
+            last.height = height or last.height
+            return last
+        if claims:
+            self._claim(place)
+        since = resection
+        if len({sight.target for sight in self.waiting}) > 1:
+            since = since or self.waiting[0].line
+        given = self.points.get(station)
+        if since and given is not None and given.line >= since:
+            del self.points[station]
+            self.computed_point(station, *given)
+        if place is not None:
+            add = self.computed_point if since and station not in self.points else self.station_point
+            add(station, *place, line)
+        opened = SetUp(station, line, height, [sight._replace(before=True) for sight in self.waiting])
+        self.waiting = []
+        self.set_ups.append(opened)
+        return opened
+
+    def _claim(self, place: tuple[float | None, float | None, float | None] | None) -> None:
+        """Let the last sights before a station record wait for it if they are those of its stationing.
+
+        They are if the instrument could not compute coordinates from them, as it did at the station before, or if
+        their distances fit the coordinates of the record and not those of the station before.
+        """
+        before = self.set_ups[-1] if self.set_ups else None
+        sights = self.waiting if before is None else before.sights
+        if before is not None and self.waiting:
+            return
+        located = any(sight.line not in self.unlocated for sight in sights)
+        here = None if place is None else Place(*place, 0)
+        old = None
+        if before is not None:
+            old = self.points.get(before.station) or self.computed.get(before.station)
+        first = len(sights)
+        for k in range(len(sights) - 1, -1, -1):
+            sight = sights[k]
+            if sight.before:
+                break
+            if located:
+                if sight.line not in self.unlocated:
+                    break
+                first = k
+                continue
+            misfit = None if here is None else self._misfit(here, sight)
+            other = None if old is None else self._misfit(old, sight)
+            if misfit is None:
+                continue
+            if misfit > 1.0 or (other is not None and other < misfit):
+                break
+            first = k
+        if before is not None:
+            self.waiting, before.sights = sights[first:], sights[:first]
+        elif located and first:
+            self.waiting = sights[:first]
+            self._place_waiting()
+            self.waiting = sights[first:]
+
+    def _misfit(self, station: Place, sight: Sight) -> float | None:
+        """Misfit of a distance in plan to given coordinates, 1 at most if it agrees; ``None`` without both."""
+        target = self.points.get(sight.target)
+        length = sight.horizontal_distance
+        if length is None and sight.slope is not None and sight.zenith is not None:
+            unit = pi / 180.0 if self.angle == "deg" else pi / 200.0
+            length = sight.slope * abs(sin(sight.zenith * unit))
+        if target is None or length is None:
+            return None
+        (east, north), (target_east, target_north) = station[:2], target[:2]
+        if east is None or north is None or target_east is None or target_north is None:
+            return None
+        return abs(hypot(target_east - east, target_north - north) - length) / (AGREES + 1e-3 * length)
+
+    def instrument_height(self, height: float, line: int) -> None:
+        """The height of the instrument; a different one after the first sight is that of another set-up."""
+        if not self.set_ups:
+            return
+        current = self.set_ups[-1]
+        if not current.used:
+            current.height = height
+        elif height != current.height:
+            self.draft.note(
+                f"the instrument height at {current.station!r} changes from {current.height:g} to {height:g} m: "
+                "another set-up begins",
+                line,
+            )
+            self.set_up(current.station, line, height)
 
     def sight(self, sight: Sight) -> None:
-        """Readings at the last set-up; a name is made up where the book names no station."""
+        """Readings at the open set-up; without one they wait for a station record."""
         if not self.set_ups:
-            self.draft.note("readings without a station before them: it is called station 1", sight.line)
-            self.set_up("station 1", sight.line)
+            if self.stations_follow:
+                self.waiting.append(sight)
+                return
+            self._unnamed(sight.line)
         self.set_ups[-1].sights.append(sight)
+        self.set_ups[-1].used = True
+
+    def wait(self, sight: Sight) -> None:
+        """Readings that belong to the next station record."""
+        self.waiting.append(sight)
+
+    def forget_waiting(self, what: str) -> None:
+        """Leave out the sights that wait: the stationing they belong to began anew."""
+        for sight in self.waiting:
+            self.leave_out(what, sight.line)
+        self.waiting = []
+
+    def _unnamed(self, line: int) -> None:
+        name = f"station {1 + len(self.set_ups)}"
+        self.draft.note(f"readings without a station before them: it is called {name}", line)
+        self.set_up(name, line, self.unnamed_height)
+
+    def backsight(self, set_up: SetUp, sight: Sight, turned: bool = False) -> None:
+        """Add the reading that the circle was set to at the backsight, unless a sight measured it.
+
+        With ``turned`` a first sight to the backsight that reads something else was made before the circle was set.
+        """
+        full = 360.0 if self.angle == "deg" else 400.0
+        for k, other in enumerate(set_up.sights):
+            if other.target != sight.target or other.horizontal is None or sight.horizontal is None:
+                continue
+            flip = full / 2 if face_of(other, full) == 2 else 0.0
+            if (
+                abs((other.horizontal - flip - sight.horizontal + full / 2) % full - full / 2)
+                < CIRCLE_SET * full
+            ):
+                return
+            if turned and k == 0:
+                set_up.sights[k] = other._replace(before=True)
+                set_up.sights.insert(1, sight)
+                return
+        if not any(s.target == sight.target and s.horizontal is not None for s in set_up.sights):
+            set_up.sights.insert(0, sight)
+
+    def sighted(self, name: str) -> bool:
+        """Return whether an earlier set-up sighted a point."""
+        return any(sight.target == name for set_up in self.set_ups for sight in set_up.sights)
 
     def point(
         self, name: str, east: float | None, north: float | None, height: float | None, line: int
     ) -> None:
-        """Coordinates; where a point comes again the first ones count, and others are told. All 0 is none."""
+        """Add given coordinates; the last ones of a point count. Coordinates that are all 0 are none."""
         if not any((east, north, height)):
-            self.leave_out("coordinates that are all 0", line)
+            self.leave_out(_ZERO, line)
             return
-        known = self.points.setdefault(name, (east, north, height, line))
-        if known[:3] != (east, north, height):
-            self.leave_out("other coordinates of a point that has some", line)
+        old = self.points.get(name)
+        if old is None:
+            self.points[name] = Place(east, north, height, line)
+            return
+        new = Place(
+            old.east if east is None else east,
+            old.north if north is None else north,
+            old.height if height is None else height,
+            line,
+        )
+        if any(a is not None and a != b for a, b in zip(old[:3], new[:3], strict=True)):
+            self.replaced[name] = (self.replaced.get(name, (old,))[0], new)
+        self.points[name] = new
+
+    def computed_point(
+        self, name: str, east: float | None, north: float | None, height: float | None, line: int
+    ) -> None:
+        """Add coordinates that the instrument computed: they are used only if the book has no readings."""
+        if any((east, north, height)):
+            self.computed[name] = Place(east, north, height, line)
+            self.leave_out(COMPUTED, line)
+        else:
+            self.leave_out(_ZERO, line)
+
+    def station_point(
+        self, name: str, east: float | None, north: float | None, height: float | None, line: int
+    ) -> None:
+        """Add coordinates of a station record: computed if an earlier set-up sighted the point, given otherwise."""
+        known = self.points.get(name)
+        if known is not None and known[:3] == (east, north, height):
+            return
+        if self.sighted(name) or name in self.computed:
+            self.computed_point(name, east, north, height, line)
+        else:
+            self.point(name, east, north, height, line)
 
     def leave_out(self, what: str, line: int) -> None:
         """A record that is not read."""
@@ -84,25 +312,181 @@ class FieldBook:
     def finish(self, title: str) -> None:
         """Put everything into the draft."""
         draft = self.draft
+        self._settle()
         for what, lines in self.skipped.items():
             draft.note(f"not read: {what} ({counted(len(lines), 'record')}, lines {_spans(lines)})", lines[0])
+        if self.replaced:
+            said = [
+                f"{name} (line {old.line}, then {new.line})"
+                for name, (old, new) in list(self.replaced.items())[:_NAMED]
+            ]
+            more = ", …" if len(self.replaced) > _NAMED else ""
+            draft.note(
+                f"{counted(len(self.replaced), 'point')} with other coordinates later in the book, which replace "
+                f"the earlier ones: {', '.join(said)}{more}",
+                next(iter(self.replaced.values()))[1].line,
+            )
         draft.put("title", title)
         draft.put("units", {"length": "m", "angle": self.angle})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
-        for set_up in self.set_ups:
-            alone = [sight for sight in set_up.sights if sight.target == set_up.station]
-            for sight in alone:
-                draft.note(f"a sight from {set_up.station!r} to itself is not read", sight.line)
-            set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
         occupied = [set_up for set_up in self.set_ups if set_up.sights]
         _put_points(self, occupied)
         if occupied:
             _put_sights(self, occupied)
-            draft.put("settings", {"undetermined": "leave_out"})
-        else:
+            _put_curvature(self, occupied)
+            settings = {"undetermined": "leave_out"}
+            if not self._spatial():
+                settings["dimensions"] = "xy"
+            draft.put("settings", settings)
+        elif draft.data.get("points"):
             draft.note("there are no readings: the points are all there is")
         if not draft.data.get("points"):
-            draft.problem("there is neither a point nor a reading")
+            draft.problem(f"there is neither a point nor a reading{self._only()}")
+
+    def _spatial(self) -> bool:
+        """Return whether anything tells heights: a zenith angle, a slope distance or a given height."""
+        sights = [sight for set_up in self.set_ups for sight in set_up.sights]
+        measured = any(sight.zenith is not None or sight.slope is not None for sight in sights)
+        return measured or any(place.height is not None for place in self.points.values())
+
+    def _only(self) -> str:
+        """What a book without points and readings has."""
+        found = [f"{what} ({counted(len(lines), 'record')})" for what, lines in self.skipped.items()]
+        return f"; it has only: {'; '.join(found)}" if found else ""
+
+    def _settle(self) -> None:
+        """Place sights that still wait, drop sights to the station itself, and tell computed from given stations."""
+        self._place_waiting()
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                if sight.target == set_up.station:
+                    self.leave_out("sights from a station to itself", sight.line)
+            set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
+        for set_up in self.set_ups:
+            self._join_circles(set_up)
+        self._part_names()
+        if not any(set_up.sights for set_up in self.set_ups):
+            self.skipped.pop(COMPUTED, None)
+            self.points = {**self.computed, **self.points}
+
+    def _part_names(self) -> None:
+        """Give points of a set-up that share a name and are too far apart to be one different names.
+
+        Only distances are compared, as the circle may be turned between sets, and only points that one station sights
+        and that have no given coordinates: nothing else refers to them.
+        """
+        stations: dict[str, set[str]] = {}
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                stations.setdefault(sight.target, set()).add(set_up.station)
+        occupied = {set_up.station for set_up in self.set_ups}
+        parted: dict[str, int] = {}
+        for set_up in self.set_ups:
+            seen: dict[str, list[tuple[str, float, float]]] = {}
+            for k, sight in enumerate(set_up.sights):
+                name, measured = sight.target, self._polar(sight)
+                alone = len(stations[name]) == 1 and name not in self.points and name not in occupied
+                if not alone or measured is None:
+                    continue
+                known = seen.setdefault(name, [])
+                same = [
+                    other
+                    for other, length, rise in known
+                    if abs(length - measured[0]) <= APART and abs(rise - measured[1]) <= APART_IN_HEIGHT
+                ]
+                own = same[0] if same else f"{name} ({len(known) + 1})" if known else name
+                if not same:
+                    known.append((own, *measured))
+                    if own != name:
+                        parted.setdefault(name, sight.line)
+                set_up.sights[k] = sight._replace(target=own)
+        if parted:
+            names = ", ".join(list(parted)[:_NAMED]) + (", …" if len(parted) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(parted), 'name')} used again for points elsewhere, which are called NAME (2) and so on: "
+                f"{names}",
+                next(iter(parted.values())),
+            )
+
+    def _polar(self, sight: Sight) -> tuple[float, float] | None:
+        """Distance in plan and height above the instrument of a target; ``None`` if they were not measured."""
+        if sight.slope is None or sight.zenith is None:
+            return None
+        zenith = sight.zenith * (pi / 180.0 if self.angle == "deg" else pi / 200.0)
+        return sight.slope * abs(sin(zenith)), sight.slope * cos(zenith) - sight.height
+
+    def _place_waiting(self) -> None:
+        """Give sights that no station record follows a station without a name."""
+        if self.waiting:
+            waiting, self.waiting = self.waiting, []
+            self._unnamed(waiting[0].line)
+            self.set_ups[-1].sights, self.set_ups[-1].used = waiting, True
+
+    def _join_circles(self, set_up: SetUp) -> None:
+        """Put the sights before and after a station record into one set where the readings allow it.
+
+        An instrument turns its circle to grid north when it takes over the station it computed. Readings before that
+        are azimuths already if the circle was not turned; otherwise they are turned by what they lack, if the later
+        sights cannot find their orientation themselves.
+        """
+        early = [sight for sight in set_up.sights if sight.before and sight.horizontal is not None]
+        later = [s for s in set_up.sights if not s.before and s.horizontal is not None]
+        full = 360.0 if self.angle == "deg" else 400.0
+        turn = set_up.turn
+        if turn is None:
+            turn = self._turned(set_up, early, full)
+        if turn is None or not early or not later:
+            return
+        if abs((turn + full / 2) % full - full / 2) * 400.0 / full < NOT_TURNED and set_up.turn is None:
+            turn = 0.0
+        elif set_up.turn is None:
+            elsewhere = {s.target for other in self.set_ups for s in other.sights if other is not set_up}
+            elsewhere |= {sight.target for sight in early} | self.points.keys()
+            if any(sight.target in elsewhere for sight in later):
+                return
+            self.draft.note(
+                f"the circle at {set_up.station!r} was turned when its station was recorded: the readings before are "
+                f"turned by {turn:.4f} {self.angle}, as given coordinates tell",
+                set_up.line,
+            )
+        set_up.sights = [
+            s._replace(
+                before=False,
+                horizontal=(s.horizontal + turn) % full
+                if s.before and s.horizontal is not None
+                else s.horizontal,
+            )
+            for s in set_up.sights
+        ]
+
+    def _turned(self, set_up: SetUp, early: Sequence[Sight], full: float) -> float | None:
+        """What the readings before a station record lack to be azimuths; ``None`` if no coordinates tell."""
+        place = self.points.get(set_up.station) or self.computed.get(set_up.station)
+        turns = [
+            azimuth - radians(s.horizontal * 360.0 / full)
+            for s in early
+            if place is not None
+            and s.horizontal is not None
+            and (azimuth := self._azimuth(place, s.target)) is not None
+        ]
+        if not turns:
+            return None
+        return full / tau * atan2(sum(map(sin, turns)), sum(map(cos, turns)))
+
+    def _azimuth(self, station: Place, target: str) -> float | None:
+        """Azimuth (rad) between given coordinates."""
+        end = self.points.get(target)
+        if end is None or None in end[:2] or None in station[:2]:
+            return None
+        return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
+
+
+def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
+    """Lines of a file that are not empty, with their numbers, without the control characters of a serial line."""
+    for line, text in enumerate(read_lines(path, draft), start=1):
+        bare = text.strip(_CONTROL)
+        if bare.strip():
+            yield line, bare
 
 
 def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
@@ -186,6 +570,18 @@ def _put_sights(book: FieldBook, occupied: Sequence[SetUp]) -> None:
     )
 
 
+def _put_curvature(book: FieldBook, occupied: Sequence[SetUp]) -> None:
+    """Model the curvature of the earth if there are zenith angles: instruments record them as they are read."""
+    sights = [sight for set_up in occupied for sight in set_up.sights if sight.zenith is not None]
+    if sights:
+        book.draft.put("curvature", "true")
+        words = (
+            "zenith angles of a field book are not corrected for the curvature of the earth: curvature: true; "
+            "refraction is left out, instruments: {ts: {refraction: 0.13}} models it"
+        )
+        book.draft.note(words, sights[0].line)
+
+
 def _readings(
     set_up: SetUp, station: str, sight: Sight, number: int, circle: float
 ) -> dict[str, tuple[float | str | int | None, ...]]:
@@ -228,15 +624,18 @@ def face_of(sight: Sight, circle: float) -> int:
 
 
 def rounds(sights: Sequence[Sight], circle: float) -> list[int]:
-    """Number of the set, from 1, of each sight: a new one begins where a target is sighted again in the same face.
+    """Number of the set, from 1, of each sight: a new one begins when a target is sighted again in the same face.
 
-    A last sight back to the first target, which closes a set, belongs to it.
+    A last sight back to the first target, which closes a set, belongs to it. The sights before a station record are
+    sets of their own.
     """
     numbers: list[int] = []
     seen: set[tuple[str, int]] = set()
     number = 1
     for k, sight in enumerate(sights):
         key = sight.target, face_of(sight, circle)
+        if k and sight.before != sights[k - 1].before:
+            number, seen = number + 1, set()
         if key in seen:
             rest = {(s.target, face_of(s, circle)) for s in sights[k:]}
             if len({target for target, _ in rest}) > 1:

@@ -1,18 +1,23 @@
-"""Leica GSI-8 and GSI-16: words of an index, information and a value; a line is a block.
+"""Leica GSI-8 and GSI-16: words of an index, information and a value; a block of words describes a point or a code.
 
-Word index: 11 point or code block, 21 horizontal circle, 22 zenith, 31 slope, 32 horizontal, 33 height difference, 41
-code, 42 … 49 and 71 … 79 information, 51 ppm and prism constant, 58 prism constant, 81 82 83 east, north, height of the
-target, 84 85 86 of the station, 87 height of the target, 88 of the instrument (Leica, "GSI ONLINE", 2002).
+Word index: 11 point, 21 horizontal circle, 22 zenith, 31 slope, 32 horizontal distance, 33 height difference, 41 code,
+42 to 49 and 71 to 79 information, 51 ppm and prism constant, 58 prism constant, 81 82 83 east, north, height of the
+target, 84 85 86 of the station, 87 height of the target, 88 of the instrument; 25 is what the circle was turned by when
+the station was recorded (Leica, "GSI ONLINE", 2002).
+
+A block begins with word 11 or 41; a line has one or several. Instruments record a station before or after its sights:
+after a resection or a backsight the station follows. Blocks of readings have 81 to 83 if the station was known.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.formats.draft import Draft
-from mor.formats.fieldbook.book import FieldBook, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, Place, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -25,83 +30,211 @@ _NAMES = {
     "51": "ppm and prism constant",
     "58": "prism constant",
 }
-
-
-def read_gsi(path: Path) -> Document:
-    """The project of a GSI file. Raises :class:`InputError` with every mistake found."""
-    draft = Draft(str(path))
-    book = FieldBook(draft)
-    for line, text in enumerate(read_lines(path, draft), start=1):
-        words = _words(text, line, draft)
-        if words:
-            _block(words, line, book)
-    book.finish(path.stem)
-    return draft.finish()
-
+_LEVEL = "level readings: books of levels are not read"
+_STATION_CODES = ("2", "21")
+"""Codes of set-ups that programs of many offices share: 42 point, 43 instrument height (mm), 44 target height."""
+_TARGET_CODE = "3"
+"""Code of a new target height: 42 height (mm)."""
+_TALLEST = 3.0
+"""Metres: a value beyond is no instrument height."""
 
 Words = dict[str, tuple[str, str]]
 """Information and signed value by word index."""
 
 
-def _words(text: str, line: int, draft: Draft) -> Words:
+class _Block(NamedTuple):
+    words: Words
+    line: int
+
+    @property
+    def code(self) -> str:
+        return _plain(self.words["41"][1]) if "41" in self.words else ""
+
+    @property
+    def level(self) -> bool:
+        return self.words.get("33", ("....", ""))[0][0] in "1256"
+
+    @property
+    def readings(self) -> bool:
+        return not self.level and bool({"21", "22", "31"} & set(self.words))
+
+
+def read_gsi(path: Path) -> Document:
+    """The project of a GSI file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    book = FieldBook(draft, stations_follow=True)
+    blocks = [block for line, text in records(path, draft) for block in _blocks(text, line, draft)]
+    reader = _Reader(book, blocks)
+    for block in blocks:
+        try:
+            reader.block(block)
+        except ValueError as error:
+            draft.problem(str(error), block.line)
+    book.finish(path.stem)
+    return draft.finish()
+
+
+def _blocks(text: str, line: int, draft: Draft) -> Iterator[_Block]:
+    """The blocks of a line; lines that begin with ! are comments."""
+    if text.startswith("!"):
+        return
     words: Words = {}
     for word in text.replace("*", " ").split():
         match = _WORD.match(word)
         if match is None:
             draft.problem(f"found {word!r}, expected words like 21.322+12345600", line)
-            return {}
+            return
+        if match[1] in ("11", "41") and words:
+            yield _Block(words, line)
+            words = {}
         words[match[1]] = match[2], match[3] + match[4]
-    return words
+    if words:
+        yield _Block(words, line)
 
 
-def _name(words: Words) -> str:
-    """Name of the point of a block, without leading zeros."""
-    text = words["11"][1][1:]
-    return text.lstrip("0") or "0"
+def _plain(value: str) -> str:
+    """A name or a code without its sign and leading zeros."""
+    return value[1:].lstrip("0") or "0"
 
 
-def _block(words: Words, line: int, book: FieldBook) -> None:
-    if "11" not in words:
-        book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
-        return
-    name = _name(words)
-    try:
-        _station(name, words, line, book)
-        _target(name, words, line, book)
-    except ValueError as error:
-        book.draft.problem(str(error), line)
-        return
-    for index in words:
-        if index not in _READ:
-            book.leave_out(_NAMES.get(index, f"word {index}"), line)
+def _millimetres(value: str) -> float | None:
+    """Metres of information that has no unit."""
+    return int(value) * 1e-3 if value[1:].isdecimal() and value[1:].isascii() else None
 
 
-_READ = ("11", "21", "22", "31", "81", "82", "83", "84", "85", "86", "87", "88")
+def _station_codes(blocks: list[_Block]) -> set[str]:
+    """Codes whose blocks open set-ups: all of them have a point and an instrument height."""
+    targets = {_plain(block.words["11"][1]) for block in blocks if "11" in block.words and block.readings}
+    recorded = any({"84", "88"} & set(block.words) and not block.readings for block in blocks)
+    found: dict[str, list[bool]] = {}
+    named: set[str] = set()
+    for block in blocks:
+        if not block.code or not targets:
+            continue
+        height = _millimetres(block.words["43"][1]) if "43" in block.words else None
+        fits = "42" in block.words and height is not None and 0.0 <= height < _TALLEST
+        found.setdefault(block.code, []).append(fits)
+        if fits and _plain(block.words["42"][1]) in targets:
+            named.add(block.code)
+    if recorded:
+        return set()
+    return {code for code, fits in found.items() if all(fits) and code in named | set(_STATION_CODES)}
 
 
-def _station(name: str, words: Words, line: int, book: FieldBook) -> None:
-    """A block with the coordinates of the station, or its instrument height without readings, begins a set-up."""
-    if "21" in words:
-        return
-    if {"84", "85"} <= set(words) or "88" in words:
-        book.set_up(name, line, _length(words, "88", line, book) or 0.0)
-    if {"84", "85"} <= set(words):
-        east, north, height = (_length(words, index, line, book) for index in ("84", "85", "86"))
-        book.point(name, east, north, height, line)
+class _Reader:
+    """The code blocks that open set-ups, the station that blocks of readings repeat, and the target height."""
 
+    def __init__(self, book: FieldBook, blocks: list[_Block]) -> None:
+        self.book = book
+        self.codes = _station_codes(blocks)
+        self.heights_in_codes = not any("87" in block.words for block in blocks)
+        self.levels = any(block.level for block in blocks)
+        self.target = 0.0
+        self.station: tuple[float | None, ...] = ()
+        """Coordinates of the open set-up as its last record has them."""
+        self.sighted = ""
+        if self.codes:
+            first = next(block for block in blocks if block.code in self.codes)
+            words = ", ".join(sorted(self.codes))
+            book.draft.note(
+                f"code blocks {words} open set-ups: 42 is the station, 43 the instrument height", first.line
+            )
 
-def _target(name: str, words: Words, line: int, book: FieldBook) -> None:
-    if "21" in words or "22" in words or "31" in words:
-        hz, zenith = (_angle(words, index, book) for index in ("21", "22"))
-        slope = _length(words, "31", line, book)
-        height = _length(words, "87", line, book) or 0.0
-        book.sight(Sight(name, line, hz, zenith, slope or None, height=height))
-    if {"81", "82"} <= set(words):
-        east, north, up = (_length(words, index, line, book) for index in ("81", "82", "83"))
-        if "21" in words:
-            book.leave_out("coordinates that the instrument computed from its readings", line)
+    def block(self, block: _Block) -> None:
+        """One block."""
+        words, line = block
+        if block.code:
+            self._code(block)
+        elif "11" not in words:
+            self.book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
+        elif block.level or (self.levels and not block.readings):
+            self.book.leave_out(_LEVEL, line)
         else:
-            book.point(name, east, north, up, line)
+            name = _plain(words["11"][1])
+            if block.readings:
+                self._sight(name, words, line)
+            else:
+                self._station_record(name, words, line)
+            self._coordinates(name, block)
+            for index in words:
+                if index not in _READ and not (index == "32" and "31" not in words):
+                    self.book.leave_out(_NAMES.get(index, f"word {index}"), line)
+
+    def _code(self, block: _Block) -> None:
+        words, line = block
+        if block.code in self.codes:
+            height = _millimetres(words["43"][1]) or 0.0
+            self.book.set_up(_plain(words["42"][1]), line, height)
+            self.station = ()
+            if "44" in words:
+                self.target = _millimetres(words["44"][1]) or 0.0
+        elif block.code == _TARGET_CODE and self.codes and self.heights_in_codes and "42" in words:
+            self.target = _millimetres(words["42"][1]) or 0.0
+        else:
+            self.book.leave_out(_NAMES["41"], line)
+
+    def _place(self, words: Words, line: int, first: int) -> tuple[float | None, float | None, float | None]:
+        east, north, up = (_length(words, str(index), line, self.book) for index in range(first, first + 3))
+        return east, north, up
+
+    def _station_record(self, name: str, words: Words, line: int) -> None:
+        """A block without readings that has coordinates of the station, or an instrument height, opens a set-up."""
+        located = {"84", "85"} <= set(words)
+        if not located and "88" not in words:
+            return
+        place = self._place(words, line, 84) if located else None
+        height = _length(words, "88", line, self.book) or 0.0
+        set_up = self.book.set_up(name, line, height, place, claims=True)
+        if "25" in words:
+            set_up.turn = _angle(words, "25", self.book)
+        self.station = place or ()
+
+    def _sight(self, name: str, words: Words, line: int) -> None:
+        if {"84", "85"} <= set(words):
+            self._repeated_station(self._place(words, line, 84), line)
+        height = _length(words, "88", line, self.book)
+        if height is not None:
+            self.book.instrument_height(height, line)
+        target = _length(words, "87", line, self.book)
+        slope = _length(words, "31", line, self.book)
+        self.book.sight(
+            Sight(
+                name,
+                line,
+                _angle(words, "21", self.book),
+                _angle(words, "22", self.book),
+                slope or None,
+                None if "31" in words else _length(words, "32", line, self.book) or None,
+                self.target if target is None else target,
+            )
+        )
+        self.sighted = name
+        if not {"81", "82"} & set(words):
+            self.book.unlocated.add(line)
+
+    def _repeated_station(self, place: tuple[float | None, ...], line: int) -> None:
+        """Coordinates of the station in a block of readings: others than those of the open set-up open one."""
+        if place == self.station or not any(place):
+            return
+        known = [name for name, point in self.book.points.items() if point[:3] == place]
+        if self.station or not self.book.set_ups:
+            name = known[0] if known else f"station {1 + len(self.book.set_ups)}"
+            self.book.set_up(name, line, place=(place[0], place[1], place[2]))
+        self.station = place
+
+    def _coordinates(self, name: str, block: _Block) -> None:
+        """Coordinates in a block of readings, or right after it, are computed; others are given."""
+        if not {"81", "82", "83"} & set(block.words):
+            return
+        place = Place(*self._place(block.words, block.line, 81), block.line)
+        if block.readings or self.sighted == name:
+            self.book.computed_point(name, *place)
+        else:
+            self.book.point(name, *place)
+        self.sighted = name if block.readings else ""
+
+
+_READ = ("11", "21", "22", "25", "31", "81", "82", "83", "84", "85", "86", "87", "88")
 
 
 def _digits(words: Words, index: str) -> int | None:
@@ -142,13 +275,12 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     _choose_unit(book, "gon" if unit == "2" else "deg")
     if unit == "4":
         return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")
-    value = digits / 1e5
-    degrees = value if unit in "23" else value * 360.0 / 6400.0
+    degrees = digits / 1e5 if unit in "23" else digits / 1e4 * 360.0 / 6400.0
     return degrees if book.angle == ("gon" if unit == "2" else "deg") else _other(degrees, book.angle)
 
 
 def _choose_unit(book: FieldBook, unit: str) -> None:
-    if not any(set_up.sights for set_up in book.set_ups):
+    if not book.waiting and not any(set_up.sights for set_up in book.set_ups):
         book.angle = unit
 
 

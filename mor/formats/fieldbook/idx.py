@@ -6,8 +6,7 @@ import csv
 from pathlib import Path
 
 from mor.formats.draft import Draft, number
-from mor.formats.fieldbook.book import FieldBook, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
 _SLOPE = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
@@ -25,11 +24,15 @@ _IGNORED = (
 )
 
 
+_GIVEN = ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")
+"""Classes of points whose coordinates were not computed from readings; MEAS, AVGE, EST and others were."""
+
+
 def read_idx(path: Path) -> Document:
     """The project of an IDX file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     reader = _Reader(FieldBook(draft))
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    for line, text in records(path, draft):
         try:
             reader.line(text.strip(), line)
         except ValueError as error:
@@ -79,7 +82,8 @@ class _Reader:
         elif head in ("STN_NO", "HEADER", "DATABASE", "THEODOLITE", "SETUP", *_IGNORED):
             return
         else:
-            self.book.leave_out(f"{self.section or head} records", line)
+            row = "rows before the head of their section" if head[:1].isdigit() else f"{head} records"
+            self.book.leave_out(f"{self.section} records" if self.section else row, line)
 
     def _angles(self, value: str, line: int) -> None:
         if value not in ("DMS", "GON", "DEG", "DD"):
@@ -91,11 +95,11 @@ class _Reader:
         values = dict(zip(self.columns, (cell.strip() for cell in cells), strict=False))
         if self.section == "POINTS":
             place = [values.get(name, "") for name in ("EAST", "NORTH", "ELEVATION")]
-            if values.get("CLASS") == "MEAS" and any(place):
-                self.book.leave_out("coordinates that the instrument computed from its readings", line)
-            elif any(place):
+            if any(place):
                 east, north, up = (number(text) * self.metres if text else None for text in place)
-                self.book.point(values.get("POINTID", ""), east, north, up, line)
+                given = values.get("CLASS", "") in _GIVEN
+                add = self.book.point if given else self.book.computed_point
+                add(values.get("POINTID", ""), east, north, up, line)
         elif self.section == "SLOPE":
             self._slope(values, line)
         else:

@@ -1,7 +1,9 @@
 """Trimble JobXML (``.jxl``): the field book of a job, degrees and metres whatever the job showed.
 
-Stations, targets and atmospheres are records of their own that points refer to. ``EDMDistance`` is raw: the prism
-constant of the target, and the ppm of the atmosphere where it says so, are added here. Source: Trimble, *JobXML*.
+Stations, targets and atmospheres are records of their own that points refer to; a point that names no station belongs
+to the last one before it. ``EDMDistance`` is raw: the prism constant of the target, and the ppm of the atmosphere where
+it says so, are added here. ``Circle`` and ``EDMDistance`` are readings; ``Grid`` of keyed-in points is given;
+``ComputedGrid``, ``Reductions``, mean turned angles and points by calculation are derived. Source: Trimble, *JobXML*.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ def read_jobxml(path: Path) -> Document:
     root = parse_xml(read_bytes(path, PROJECT), draft.file)
     records = next(iter(root.all("FieldBook")), None)
     if root.name != "JOBFile" or records is None:
-        words = f"found <{root.name}>, expected <JOBFile> with a <FieldBook>"
+        found = f"<{root.name}>" + (" without a <FieldBook>" if root.name == "JOBFile" else "")
+        words = f"found {found}, expected <JOBFile> with a <FieldBook>"
         raise InputError([Problem(words, draft.file, root.line)])
     reader = _Reader(FieldBook(draft))
     for record in records.children:
@@ -86,7 +89,9 @@ class _Reader:
             self.book.leave_out("GNSS points" if gnss else f"points by {method or 'no method'}", record.line)
 
     def _sight(self, record: Element, circle: Element, name: str) -> None:
-        station = self.stations.get(_text(record, "StationID"))
+        named = _text(record, "StationID")
+        last = self.book.set_ups[-1] if self.book.set_ups and not named else None
+        station = self.stations.get(named, last)
         if station is None:
             raise ValueError(
                 f"point {name!r}: found no StationRecord {_text(record, 'StationID')!r} before it"

@@ -2,6 +2,10 @@
 
 Source: the LandXML 1.2 schema. Points are named by their name; references to a point (``pntRef``) that bear another
 name give it theirs, as instruments write it. Azimuths run clockwise from north, angles are those of the circle.
+
+Angles, distances and heights of observations are readings. An azimuth beside a circle reading was computed from it, or
+is the placeholder 0 that some programs write; so are the coordinates inside the target of an observation, and those of
+points that Leica's part of the file (HeXML) calls measured or averaged.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ from pathlib import Path
 
 from mor.errors import InputError, Problem
 from mor.formats.draft import Draft, number
-from mor.formats.fieldbook.book import FieldBook, SetUp, Sight, sexagesimal
+from mor.formats.fieldbook.book import COMPUTED, FieldBook, SetUp, Sight, sexagesimal
 from mor.formats.xml import Element, parse_xml
 from mor.input_files import PROJECT, read_bytes
 from mor.project.file.nodes import Document
@@ -43,6 +47,8 @@ _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
 _LEICA = "HexagonLandXML"
 """Leica's part of a file (HeXML), beside that of LandXML."""
+_CLASSES_COMPUTED = ("measured", "averaged", "estimated", "navigated")
+"""Classes of points in Leica's part whose coordinates were computed from readings."""
 _DESCRIBING = (
     "SurveyHeader",
     "Equipment",
@@ -64,6 +70,12 @@ def read_landxml(path: Path) -> Document:
     if root.name != "LandXML":
         raise InputError([Problem(f"found <{root.name}>, expected <LandXML>", draft.file, root.line)])
     survey = _Survey(FieldBook(draft), *_units(root, draft))
+    survey.computed = {
+        point.attributes.get("uniqueID", "").strip()
+        for element in root.all(_LEICA)
+        for point in element.all("Point")
+        if point.attributes.get("class", "").lower() in _CLASSES_COMPUTED
+    }
     for collection in _descendants(root, "CgPoints"):
         survey.points(collection)
     for element in root.all("Survey"):
@@ -126,8 +138,8 @@ class _Survey:
     """What references call a point, by its name."""
     stations: dict[str, SetUp] = field(default_factory=dict)
     backsights: list[tuple[SetUp, Sight]] = field(default_factory=list)
-    spatial: bool = False
-    """True where anything tells heights."""
+    computed: set[str] = field(default_factory=set)
+    """Points whose coordinates the instrument computed, by name or identifier."""
 
     def points(self, collection: Element) -> None:
         """Points of a collection and of those inside it; references to others are left to them."""
@@ -147,6 +159,8 @@ class _Survey:
         name = (element.attributes.get("name") or element.attributes.get("oID") or "").strip()
         if not name:
             raise ValueError("found no name")
+        if element.attributes.get("oID", "").strip() in self.computed or name in self.computed:
+            self.computed.add(name)
         self._place(name, element)
 
     def _place(self, name: str, element: Element) -> None:
@@ -177,7 +191,7 @@ class _Survey:
         height = self._length(element, "instrumentHeight") or 0.0
         self.stations[key] = self.book.set_up(name, element.line, height)
 
-    def _named(self, name: str, point: Element | None) -> str:
+    def _named(self, name: str, point: Element | None, observed: bool = False) -> str:
         """Name of a point that an element stands for: its own, else that of what it refers to."""
         attributes = point.attributes if point is not None else {}
         reference = attributes.get("pntRef", "").strip()
@@ -190,7 +204,10 @@ class _Survey:
         if reference and own != reference:
             self.names.setdefault(reference, own)
         if own and point is not None and point.text.strip():
-            self._place(own, point)
+            if observed:
+                self.book.leave_out(COMPUTED, point.line)
+            else:
+                self._place(own, point)
         return own
 
     def observations_in(self, element: Element, key: str) -> None:
@@ -215,8 +232,12 @@ class _Survey:
         for name in sorted(_LEFT_OUT & element.attributes.keys()):
             self.book.leave_out(name, element.line)
         computed = {
-            value: element.attributes.get(f"{kind}Type", "").lower() in _COMPUTED
-            for value, kind in (("azimuth", "azimuth"), ("horizDistance", "distance"))
+            value: element.attributes.get(value, "").strip() != ""
+            and (element.attributes.get(f"{kind}Type", "").lower() in _COMPUTED or raw in element.attributes)
+            for value, kind, raw in (
+                ("azimuth", "azimuth", "horizAngle"),
+                ("horizDistance", "distance", "slopeDistance"),
+            )
         }
         for name in (name for name, no_measurement in computed.items() if no_measurement):
             self.book.leave_out(f"{name} that is computed", element.line)
@@ -235,7 +256,6 @@ class _Survey:
         if not any(value is not None for value in (*sight[2:6], sight.bearing)):
             self.book.leave_out(f"{element.name} without readings", element.line)
             return
-        self.spatial = self.spatial or sight.zenith is not None or sight.slope is not None
         station.sights.append(sight)
 
     def _station(self, key: str) -> SetUp:
@@ -245,7 +265,7 @@ class _Survey:
 
     def _target(self, element: Element) -> str:
         point = next(iter(element.all("TargetPoint")), None)
-        name = self._named("", point) if point is not None else ""
+        name = self._named("", point, observed=True) if point is not None else ""
         other = element.attributes.get("targetSetupID", "")
         name = name or (self._station(other).station if other else "")
         if not name:
@@ -268,18 +288,30 @@ class _Survey:
         text = element.attributes.get(name, "").strip()
         return number(text) * self.metres if text else None
 
+    def _placeholders(self) -> None:
+        """Leave out azimuths that are 0 to two or more targets of a set-up: programs write them for none."""
+        for set_up in self.stations.values():
+            zero = [k for k, sight in enumerate(set_up.sights) if sight.bearing == 0.0]
+            if len({set_up.sights[k].target for k in zero}) < 2:
+                continue
+            for k in zero:
+                self.book.leave_out("azimuths 0 to several targets of a set-up", set_up.sights[k].line)
+                set_up.sights[k] = set_up.sights[k]._replace(bearing=None)
+
     def finish(self, title: str) -> None:
         """Put everything into the book: backsights that nothing measures, points under the names sights call them."""
         for station, sight in self.backsights:
             if not any(s.target == sight.target and s.horizontal is not None for s in station.sights):
                 station.sights.insert(0, sight)
+        self._placeholders()
         for name, (place, line) in self.places.items():
             height = place[2] if len(place) == 3 else None
-            self.spatial = self.spatial or height is not None
-            self.book.point(self.names.get(name, name), place[1], place[0], height, line)
+            known = self.names.get(name, name)
+            derived = name in self.computed and self.book.sighted(known)
+            (self.book.computed_point if derived else self.book.point)(
+                known, place[1], place[0], height, line
+            )
         self.book.finish(title)
-        if not self.spatial and "settings" in self.book.draft.data:
-            self.book.draft.data["settings"]["dimensions"] = "xy"
 
 
 def _angle(element: Element, name: str, unit: str) -> float | None:

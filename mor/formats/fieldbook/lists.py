@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from mor.formats.draft import Draft, number
-from mor.formats.fieldbook.book import FieldBook, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, SetUp, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
 
@@ -21,19 +21,23 @@ def _cells(text: str, count: int) -> list[str]:
 
 
 def read_nikon(path: Path) -> Document:
-    """The project of a Nikon RAW file (version 2). Raises :class:`InputError` with every mistake found.
+    """The project of a Nikon or Ruide RAW file (version 2). Raises :class:`InputError` with every mistake found.
 
-    CO comments with the units, MC coordinates, ST station (instrument height in its 6th cell), F1 F2 a sight in either
-    face, SS side shot, SO point staked out: name, target height, slope, horizontal circle, zenith.
+    CO comments with the units; UP, MP and MC given coordinates, CC and RE computed ones; ST station, backsight,
+    instrument height, azimuth and circle reading of the backsight; CP control point, F1 F2 a sight in either face, SS
+    side shot, SO point staked out: name, target height, slope, horizontal circle, zenith. The sights of a resection,
+    which a comment begins, come before their station.
     """
     draft = Draft(str(path))
-    book = FieldBook(draft)
-    state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres"}
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    reader = _Nikon(FieldBook(draft))
+    book = reader.book
+    for line, text in records(path, draft):
         try:
-            _nikon(text, line, book, state)
+            reader.record(text, line)
         except ValueError as error:
             draft.problem(str(error), line)
+    for set_up, sight in reader.backsights:
+        book.backsight(set_up, sight, turned=True)
     if _NO_ANGLES in book.skipped:
         for set_up in book.set_ups:
             for sight in set_up.sights:
@@ -44,50 +48,101 @@ def read_nikon(path: Path) -> Document:
 
 
 _NO_ANGLES = "all sights: angles of some of them are none in the unit that the head says"
+_INSTRUMENT_HEIGHT = re.compile(r"\bih\s+([\d.]+)\s*m\b")
+_BEFORE_HEIGHT = {"F1": 0, "F2": 0, "SS": 0, "SO": 1, "CP": 1}
+"""Cells between the name and the target height, by record."""
 
 
-def _nikon(text: str, line: int, book: FieldBook, state: dict[str, str]) -> None:
-    kind, *rest = _cells(text, 8)
-    metres = 1.0 if state["dist units"].lower().startswith("met") else 0.3048
-    if kind == "CO":
-        key, sign, value = text[3:].partition(":")
+class _Nikon:
+    """The units of the head, and the stationing that is under way."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book = book
+        self.state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres"}
+        self.resection = 0
+        """Line where a resection began that no station record ended yet."""
+        self.backsights: list[tuple[SetUp, Sight]] = []
+
+    def record(self, text: str, line: int) -> None:
+        """One record."""
+        kind, *rest = _cells(text, 9)
+        if kind == "CO":
+            self._comment(text[3:], line)
+        elif kind in ("UP", "MP", "MC", "CC", "RE"):
+            first, second, up = map(self._length, rest[2:5])
+            north_first = not self.state["coord order"].upper().startswith("E")
+            place = (second, first) if north_first else (first, second)
+            add = self.book.point if kind in ("UP", "MP", "MC") else self.book.computed_point
+            add(rest[0], *place, up, line)
+        elif kind == "ST":
+            self._station(rest, line)
+        elif kind in _BEFORE_HEIGHT:
+            self._sight(kind, rest, line)
+        elif text.strip():
+            self.book.leave_out(f"records {kind}", line)
+
+    def _length(self, text: str) -> float | None:
+        unit = self.state["dist units"].lower()
+        metres = 1.0 if unit.startswith("met") else 1200.0 / 3937.0 if "us" in unit else 0.3048
+        value = _optional(text)
+        return None if value is None else value * metres
+
+    def _angle(self, text: str) -> float | None:
+        if not text:
+            return None
+        return number(text) if self._decimal() else sexagesimal(text)
+
+    def _decimal(self) -> bool:
+        return self.book.angle == "gon" or "dec" in self.state["angle units"].lower()
+
+    def _comment(self, text: str, line: int) -> None:
+        key, sign, value = text.partition(":")
         known = key.strip().lower()
-        if sign and known in state:
-            state[known] = value.strip()
-            book.angle = "gon" if "gon" in state["angle units"].lower() else "deg"
-        else:
-            book.leave_out("comments", line)
-    elif kind == "MC":
-        first, second, up = (None if v is None else v * metres for v in map(_optional, rest[2:5]))
-        place = (first, second) if state["coord order"].upper().startswith("E") else (second, first)
-        book.point(rest[0], *place, up, line)
-    elif kind == "ST":
-        book.set_up(rest[0], line, (_optional(rest[4]) or 0.0) * metres)
-    elif kind in ("F1", "F2", "SS", "SO"):
-        shift = 1 if kind == "SO" else 0
+        height = _INSTRUMENT_HEIGHT.search(text)
+        if sign and known in self.state:
+            self.state[known] = value.strip()
+            self.book.angle = "gon" if "gon" in self.state["angle units"].lower() else "deg"
+            return
+        if height and not self.book.set_ups:
+            self.book.unnamed_height = number(height[1])
+        if "resection" in text.lower():
+            self.book.forget_waiting("sights of a resection that was begun anew")
+            self.resection = line
+        self.book.leave_out("comments", line)
+
+    def _station(self, rest: list[str], line: int) -> None:
+        set_up = self.book.set_up(rest[0], line, self._length(rest[4]) or 0.0, resection=self.resection)
+        try:
+            circle = self._angle(rest[6]) if rest[2] else None
+        except ValueError:
+            circle = None
+        if circle is not None and not self.resection:
+            self.backsights.append((set_up, Sight(rest[2], line, circle, face=1)))
+        self.resection = 0
+
+    def _sight(self, kind: str, rest: list[str], line: int) -> None:
+        shift = _BEFORE_HEIGHT[kind]
         name, height, slope, circle, zenith = (rest[0], *rest[1 + shift : 5 + shift])
         if not name:
-            book.leave_out("sights without a point", line)
+            self.book.leave_out("sights without a point", line)
             return
-        read = number if book.angle == "gon" else sexagesimal
         try:
-            angles = [read(cell) if cell else None for cell in (circle, zenith)]
+            angles = self._angle(circle), self._angle(zenith)
         except ValueError:
-            book.leave_out(_NO_ANGLES, line)
+            self.book.leave_out(_NO_ANGLES, line)
             return
-        book.sight(
-            Sight(
-                name,
-                line,
-                angles[0],
-                angles[1],
-                (_optional(slope) or 0.0) * metres or None,
-                height=(_optional(height) or 0.0) * metres,
-                face=2 if kind == "F2" else 0,
-            )
+        sight = Sight(
+            name,
+            line,
+            *angles,
+            self._length(slope) or None,
+            height=self._length(height) or 0.0,
+            face=2 if kind == "F2" else 0,
         )
-    elif text.strip():
-        book.leave_out(f"records {kind}", line)
+        if self.resection and kind in ("F1", "F2", "CP"):
+            self.book.wait(sight)
+        else:
+            self.book.sight(sight)
 
 
 def read_topcon(path: Path) -> Document:
@@ -100,7 +155,7 @@ def read_topcon(path: Path) -> Document:
     book = FieldBook(draft)
     target: list[str] = []
     metres, read = 1.0, sexagesimal
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    for line, text in records(path, draft):
         kind = text[:8].strip()
         cells = _cells(text[8:], 3)
         try:
@@ -110,6 +165,7 @@ def read_topcon(path: Path) -> Document:
                 read = number if book.angle == "gon" else sexagesimal
             elif kind == "STN":
                 book.set_up(cells[0], line, (_optional(cells[1]) or 0.0) * metres)
+                target = []
             elif kind in ("BS", "SS", "FS", "OBS"):
                 target = cells
             elif kind in ("HV", "SD") and target:
@@ -136,7 +192,7 @@ def read_sokkia_scr(path: Path) -> Document:
     """
     draft = Draft(str(path))
     book = FieldBook(draft)
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    for line, text in records(path, draft):
         cells = _cells(text, 9)
         try:
             if cells[0] == "M":

@@ -2,6 +2,10 @@
 
 SD slope distance, HD horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height, th and ih heights of
 target and instrument (Trimble, "M5 data format").
+
+A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the circle (Om) and
+the instrument height; the sights that follow read the turned circle. Coordinates of a point that was sighted are
+computed.
 """
 
 from __future__ import annotations
@@ -10,8 +14,7 @@ import re
 from pathlib import Path
 
 from mor.formats.draft import Draft, number
-from mor.formats.fieldbook.book import FieldBook, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
@@ -21,10 +24,12 @@ _KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih")
 def read_m5(path: Path) -> Document:
     """The project of an M5 file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    reader = _Reader(FieldBook(draft))
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    reader = _Reader(FieldBook(draft, stations_follow=True))
+    for line, text in records(path, draft):
         cells = text.split("|")
         if not text.strip():
+            continue
+        if text.split()[0].upper() == "END" and len(cells) == 1:
             continue
         if len(cells) < 4 or not cells[0].startswith("For"):
             draft.problem(f"found {text[:20]!r}, expected For M5|Adr …|…", line)
@@ -33,26 +38,18 @@ def read_m5(path: Path) -> Document:
             reader.record(cells[2], cells[3:6], line)
         except ValueError as error:
             draft.problem(str(error), line)
-    reader.finish(path.stem)
+    reader.book.finish(path.stem)
     return draft.finish()
 
 
 class _Reader:
-    """The set-up that is being described, and the height of the target."""
+    """The heights of target and instrument, and whether a stationing is under way."""
 
     def __init__(self, book: FieldBook) -> None:
         self.book = book
         self.target, self.instrument = 0.0, 0.0
-        self.waiting: list[Sight] = []
-        """Sights before the station is named."""
-        self.named = False
+        self.stationing = False
         self.sighted: set[str] = set()
-
-    def finish(self, title: str) -> None:
-        """Put everything into the draft; sights whose station is never named have a made-up one."""
-        for sight in self.waiting:
-            self.book.sight(sight)
-        self.book.finish(title)
 
     def record(self, what: str, cells: list[str], line: int) -> None:
         """One line."""
@@ -86,12 +83,13 @@ class _Reader:
 
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
-            self.named, self.waiting = False, []
+            self.book.forget_waiting("sights of a stationing that was begun anew")
+            self.stationing = True
         self.target = values.get("th", (self.target, ""))[0]
         if "ih" in values:
             self.instrument = values["ih"][0]
-            if self.named and not self.book.set_ups[-1].sights:
-                self.book.set_ups[-1].height = self.instrument
+            if not self.stationing:
+                self.book.instrument_height(self.instrument, line)
         if not {"th", "ih"} & set(values):
             self.book.leave_out("texts of the program", line)
 
@@ -103,7 +101,7 @@ class _Reader:
             if "S" in words[:-1]:
                 self._station(name, values, line)
             elif name in self.sighted:
-                self.book.leave_out("coordinates that the instrument computed from its readings", line)
+                self.book.computed_point(name, *_place(values), line)
             else:
                 self.book.point(name, *_place(values), line)
         elif {"Hz", "V1", "SD", "HD"} & set(values):
@@ -112,10 +110,8 @@ class _Reader:
             self.book.leave_out("points without readings or coordinates", line)
 
     def _station(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
-        self.book.set_up(name, line, self.instrument)
-        self.book.point(name, *_place(values), line)
-        self.book.set_ups[-1].sights += self.waiting
-        self.named, self.waiting = True, []
+        self.book.set_up(name, line, self.instrument, _place(values))
+        self.stationing = False
 
     def _sight(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
         for key in ("Hz", "V1"):
@@ -132,10 +128,10 @@ class _Reader:
             height=self.target,
         )
         self.sighted.add(name)
-        if self.named:
-            self.book.sight(sight)
+        if self.stationing:
+            self.book.wait(sight)
         else:
-            self.waiting.append(sight)
+            self.book.sight(sight)
 
 
 def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | None, float | None]:

@@ -1,7 +1,9 @@
 """Carlson RW5 and TDS raw data: set-ups, sights, sets in both faces, coordinates.
 
 ``AR`` is the reading of the circle, whose reading at the backsight is ``BC``: a backsight that no record measures is a
-sight with that reading. Source: Carlson, *SurvCE RW5 Format*.
+sight with that reading. SP and OC coordinates are given unless an earlier set-up sighted the point; those of GNSS
+points stand in the comment --GS that follows a GPS record. Lines that begin with -- are comments, also those that
+repeat other records: means, checks and computed coordinates. Source: Carlson, *SurvCE RW5 Format*.
 """
 
 from __future__ import annotations
@@ -10,15 +12,17 @@ import re
 from pathlib import Path
 
 from mor.formats.draft import Draft, number
-from mor.formats.fieldbook.book import FieldBook, Sight, sexagesimal
-from mor.formats.text import read_lines
+from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
 from mor.project.file.nodes import Document
 
-_SIGHTS = {"SS": 0, "TR": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
+_SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 _KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
 _MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
 _CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
+_GNSS = (
+    "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
+)
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
 
@@ -27,7 +31,7 @@ def read_rw5(path: Path) -> Document:
     """The project of an RW5 file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     reader = _Reader(FieldBook(draft))
-    for line, text in enumerate(read_lines(path, draft), start=1):
+    for line, text in records(path, draft):
         kind, _, rest = text.partition(",")
         try:
             reader.record(kind.strip(), rest, line)
@@ -59,11 +63,15 @@ class _Reader:
         self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
         self.begun = False
+        self.gnss = False
+        """True in the comments of a GPS record."""
 
     def record(self, kind: str, text: str, line: int) -> None:
         """One record."""
         cells = _cells(text)
-        if kind == "JB":
+        if kind == "--GS" and self.gnss:
+            self._gnss_point(cells, line)
+        elif kind == "JB":
             self.title = cells.get("NM", "")
         elif kind == "MO":
             self._mode(cells, line)
@@ -82,25 +90,28 @@ class _Reader:
         elif kind in _SIGHTS:
             self._sight(kind, cells, line)
         elif kind.strip():
-            what = (
-                "comments"
-                if kind.startswith("--")
-                else "GNSS points"
-                if kind in ("GPS", "BP")
-                else f"records {kind[:4]}"
-            )
+            gnss = kind in ("GPS", "BP")
+            self.gnss = kind == "GPS" or (self.gnss and kind.startswith("--"))
+            what = "comments" if kind.startswith("--") else _GNSS if gnss else f"records {kind[:4]}"
             self.book.leave_out(what, line)
 
     def close(self) -> None:
         """End a set-up: where its backsight was not measured, it was read when the circle was set."""
         point, circle, line = self.backsight
-        if self.begun and point and point != self.station and not self._sighted(point):
-            sight = Sight(point, line, circle, face=1)
-            self.book.set_ups[-1].sights.insert(0, sight)
+        if self.begun and point and point != self.station:
+            self.book.backsight(self.book.set_ups[-1], Sight(point, line, circle, face=1))
         self.begun = False
 
-    def _sighted(self, point: str) -> bool:
-        return any(s.target == point and s.horizontal is not None for s in self.book.set_ups[-1].sights)
+    def _gnss_point(self, cells: dict[str, str], line: int) -> None:
+        """Coordinates of a GNSS point in the system of the job."""
+        self.gnss = False
+        try:
+            east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
+        except ValueError:
+            self.book.leave_out("comments", line)
+            return
+        if cells.get("PN"):
+            self.book.point(cells["PN"], east, north, height, line)
 
     def _mode(self, cells: dict[str, str], line: int) -> None:
         unit = number(cells.get("UN") or "1")
@@ -121,14 +132,8 @@ class _Reader:
         if kind == "OC":
             self.close()
             self.station, self.backsight = name, ("", 0.0, 0)
-        seen = any(s.target == name for set_up in self.book.set_ups for s in set_up.sights)
-        if seen:
-            self.book.leave_out(
-                "coordinates of points that were sighted before: the book computed them", line
-            )
-            return
         east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
-        self.book.point(name, east, north, height, line)
+        self.book.station_point(name, east, north, height, line)
 
     def _length(self, cells: dict[str, str], key: str, default: float | None = None) -> float | None:
         text = cells.get(key, "")

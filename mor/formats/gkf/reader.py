@@ -65,8 +65,15 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     x_axis = _X_AXIS[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
     y_sign = 1.0 if left == (axes in LEFT_HANDED) else -1.0
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
-    clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, draft)
+    clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)
     clusters = without_lonely_directions(clusters, draft)
+    if given := [key for key in ("ellipsoid", "latitude") if key in parameters]:
+        words = (
+            f"{' and '.join(given)}: gama-local reduces directions and zenith angles to the vertical of a central "
+            "point with it; here verticals are parallel, and curvature: true in the project models the curvature of "
+            "the earth"
+        )
+        draft.note(words, network.line)
     draft.put("title", _title(network))
     draft.put("units", {"length": "m", "angle": "gon"})
     draft.put(

@@ -28,6 +28,8 @@ from mor.units import ANGLE_UNITS
 _GON = ANGLE_UNITS["gon"]
 _TYPES = (*OBSERVATIONS.values(), "zenith_directions")
 _KINDS = {type_: kind for kind, type_ in OBSERVATIONS.items()}
+_LEAST = 2
+"""Files: one of points, one of observations."""
 Files = dict[str, list[str]]
 
 
@@ -48,6 +50,9 @@ def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     for group in tables:
         _observations(group, known, content, files, sets)
     files |= {f"directions_{number}.txt": lines for number, lines in enumerate(sets.values(), start=1)}
+    if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < _LEAST:
+        words = "JAG3D's text has points and terrestrial observations: this project has none that it can hold"
+        raise InputError([Problem(words, content.document.file)])
     notes = not_carried(content, _TYPES, ("stations",), "JAG3D's text")
     if any(e.instrument or e.centring or e.ppm for e in content.project.observations):
         words = (

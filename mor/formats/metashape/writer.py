@@ -10,13 +10,13 @@ import numpy as np
 from mor.errors import InputError, Problem
 from mor.formats.colmap.cameras import MODELS, camera_from
 from mor.formats.content import (
+    Block,
     Content,
+    block,
     content_of,
-    image_points,
-    images,
+    frames,
     interior_values,
     not_carried,
-    points,
 )
 from mor.formats.metashape.sensors import NAMES
 from mor.formats.written import Written
@@ -39,7 +39,7 @@ def write_metashape(document: Document, folder: Path, target: Path) -> Written:
             sensors.append(_sensor(number, name, camera, content))
         except ValueError as error:
             problems.append(content.place("cameras", name).problem(f"camera {name}: {error}"))
-    found = images(content)
+    found = frames(content, "Metashape's XML")
     if np.isnan(found.values).any():
         words = "there are images without a pose of their own; convert an adjusted project (adjusted.yaml)"
         problems.append(Problem(words, document.file))
@@ -57,7 +57,7 @@ def write_metashape(document: Document, folder: Path, target: Path) -> Written:
         f'<chunk label={quoteattr(content.project.title or "mor")} enabled="true">',
         "<sensors>", *sensors, "</sensors>",
         "<cameras>", *cameras, "</cameras>",
-        *_markers(content, dict(zip(found.ids, found.texts["camera"], strict=True)), found.ids),
+        *_markers(block(content, "Metashape's XML", found)),
         "</chunk>", "</document>",
     ]  # fmt: skip
     notes = not_carried(content, ("image",), (), "Metashape's XML")
@@ -99,7 +99,7 @@ def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], lis
         given = interior_values(camera, content.edge, scale)
         values = {name: value / (pixel if name in NAMES[:5] else 1.0) for name, value in given.items()}
         return values, free
-    theirs = camera_from(1, camera, content.edge)
+    theirs = camera_from(1, camera, content.edge, "Metashape")
     given = dict(zip(MODELS[theirs.model].parameters, theirs.parameters, strict=True))
     if theirs.model == "OPENCV_FISHEYE" or any(given.get(f"k{k}") for k in (4, 5, 6)):
         raise ValueError("Metashape's frame camera cannot say the same")
@@ -112,9 +112,8 @@ def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], lis
     return values, [] if held else [k for k in values if k not in ("cx", "cy", "b1") or values[k]]
 
 
-def _markers(content: Content, cameras: dict[str, str], ids: list[str]) -> list[str]:
-    found = points(content)
-    rays = image_points(content, cameras)
+def _markers(whole: Block) -> list[str]:
+    found, rays, ids = whole.points, whole.rays, whole.images.ids
     lines = ["<markers>"]
     for k, name in enumerate(found.ids):
         known = (~found.statuses.free[k] | np.isfinite(found.statuses.sigma[k])).all()

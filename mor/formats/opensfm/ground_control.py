@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,20 @@ from typing import Any
 import numpy as np
 
 from mor.arrays import FloatArray
-from mor.formats.draft import Draft, number
+from mor.counting import counted
+from mor.formats.draft import Draft, Row, number
 from mor.formats.json_text import JsonFile, Wrong, mapping
 from mor.formats.json_text import number as json_number
 from mor.formats.text import read_lines
 from mor.formats.wgs84 import east_north_up
+from mor.project.file.nodes import Document
 
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
 
 _POLE = 90.0
+SYSTEM = re.compile(r"EPSG:\s*\d+|WGS\s*84\b|\+proj=|\+init=|PROJCS|GEOGCS|PROJCRS|GEOGCRS", re.IGNORECASE)
+"""The coordinate system in the first line of a gcp_list.txt."""
 
 
 @dataclass
@@ -69,12 +74,71 @@ def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], dra
     return control
 
 
+def read_gcp_list(path: Path) -> Document:
+    """The control points of a ``gcp_list.txt``; its image points need the cameras of a block.
+
+    Longitude and latitude become east, north, up of the first point. Raises :class:`InputError` with every mistake
+    found.
+    """
+    draft = Draft(str(path))
+    control = _read_alone(path, draft)
+    images = {image for image, *_ in control.rays}
+    draft.note(
+        f"{counted(len(control.rays), 'image point')} of {counted(len(images), 'image')} not read: the file has no "
+        "cameras; convert it together with the block that has the images"
+    )
+    return draft.finish()
+
+
+def read_gcp_list_of_block(path: Path) -> Document:
+    """The control points of a ``gcp_list.txt`` and their image points, in images without cameras.
+
+    Raises :class:`InputError` with every mistake found.
+    """
+    draft = Draft(str(path))
+    control = _read_alone(path, draft)
+    names = dict.fromkeys(image for image, *_ in control.rays)
+    if names:
+        draft.table("images", ("id",), [Row([name], 1) for name in names])
+        rows = [Row([image, point, repr(u), repr(v)], 1) for image, point, u, v in control.rays]
+        columns = ("image", "point", "x", "y")
+        draft.table("observations", columns, rows, type="image", units="px", values={"sigma": "1"})
+        draft.note("image points of control are observed with σ = 1 px: the file says none")
+    return draft.finish()
+
+
+def _read_alone(path: Path, draft: Draft) -> Control:
+    """The control of a list that is not part of a block of OpenSfM, with its points in the draft."""
+    control = Control()
+    whole: dict[str, Any] = {}
+    _read_list(path, whole, None, draft, control)
+    draft.put("title", path.stem)
+    draft.put("units", {"length": "m", "angle": "rad"})
+    draft.put("axes", {"xy": "en"})
+    if "reference_lla" in whole:
+        words = ", ".join(f"{key} {value}" for key, value in whole["reference_lla"].items())
+        draft.note(f"coordinates are east, north, up of the reference point: {words}")
+    if control.ids:
+        draft.data["points"] = [control.table]
+        draft.note(f"control points are observed with σ = {SIGMA} m: the files say none")
+    elif not draft.problems:
+        draft.problem("there are no control points")
+    return control
+
+
 def _read_list(
-    path: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft, control: Control
+    path: Path, whole: dict[str, Any], shots: dict[str, Any] | None, draft: Draft, control: Control
 ) -> None:
-    """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one."""
+    """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one.
+
+    Without ``shots`` image points of all images are read, and ``whole`` gets the first point as its reference.
+    """
     lines = read_lines(path, draft)
     system = lines[0].strip() if lines else ""
+    if shots is None and not SYSTEM.match(system):
+        said = f"found {system[:60]!r}, expected the coordinate system, as EPSG:32632 or WGS84 UTM 32N"
+        draft.problem(said, 1, str(path))
+        return
     geographic = system.upper() in ("WGS84", "EPSG:4326") or any(
         word in system.lower() for word in ("longlat", "latlong")
     )
@@ -98,13 +162,17 @@ def _read_list(
         if geographic and abs(y) > _POLE:
             draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
             continue
+        if geographic and shots is None:
+            first = {"latitude": y, "longitude": x, "altitude": 0.0 if z_or_none is None else z}
+            whole.setdefault("reference_lla", first)
         place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
         if place is None:
             draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
             continue
         control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
-        lost += words[5] not in shots
-        if words[5] in shots:
+        known = shots is None or words[5] in shots
+        lost += not known
+        if known:
             control.rays.append((words[5], name, u + 0.5, v + 0.5))
     if lost:
         draft.note(
@@ -113,7 +181,8 @@ def _read_list(
     if control.ids and not geographic:
         control.own_system = True
         said = f"coordinates are those of {system!r}, taken as plane"
-        draft.note(f"{said}; the poses of the block, in another system, are not read", 1, str(path))
+        more = "" if shots is None else "; the poses of the block, in another system, are not read"
+        draft.note(f"{said}{more}", 1, str(path))
 
 
 def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.counting import counted
 from mor.errors import InputError, Problem
-from mor.formats.content import content_of, image_points, images, not_carried, points
+from mor.formats.content import content_of, frames, image_points, not_carried, points
 from mor.formats.written import Written
 from mor.project.file.nodes import Document
 
@@ -22,7 +22,7 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
     Raises :class:`InputError` for names with blanks, and where there is no control in an image.
     """
     content = content_of(document, folder)
-    found, places = images(content), points(content)
+    found, places = frames(content, "a gcp_list.txt"), points(content)
     rays = image_points(content, dict(zip(found.ids, found.texts["camera"], strict=True)))
     known = places.fixed | np.isfinite(places.statuses.sigma)
     flip, metres = content.edge.matrix, content.edge.metres

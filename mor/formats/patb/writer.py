@@ -8,7 +8,7 @@ import numpy as np
 
 from mor.errors import InputError, Problem
 from mor.formats.bingo.writer import known_points, told
-from mor.formats.content import Things, content_of, images, not_carried, points
+from mor.formats.content import Things, content_of, frames, not_carried, points, with_undeclared
 from mor.formats.patb.reader import CONTROL
 from mor.formats.refined import RefinedCamera, RefinedPoints, refined
 from mor.formats.written import Written
@@ -21,7 +21,7 @@ _LONGEST = 15
 def write_patb(document: Document, folder: Path, target: Path) -> Written:
     """``.im`` and ``.con``. Raises :class:`InputError` for what they cannot say."""
     content = content_of(document, folder)
-    found, places = images(content), points(content)
+    found, places = frames(content, "PAT-B"), points(content)
     problems = [
         Problem(
             f"{name!r}: names in PAT-B's files have no blanks, and do not begin with #, *, ! or -99",
@@ -40,6 +40,7 @@ def write_patb(document: Document, folder: Path, target: Path) -> Written:
         raise InputError(problems)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
     cameras, rays = refined(content, used, "PAT-B")
+    places = with_undeclared(content, places, rays.points)
     stem = target.with_suffix("") if target.suffix.lower() in (".im", CONTROL) else target
     files = {".im": _photos(found, cameras, rays), CONTROL: _control(places, content.edge.metres)}
     notes = not_carried(content, ("image",), (), "PAT-B")

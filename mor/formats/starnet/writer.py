@@ -65,6 +65,11 @@ def write_starnet(document: Document, folder: Path, target: Path) -> Written:
     for group in tables:
         lines += _set_lines(group, known, content, separator)
         lines += _single_lines(group, known, content, separator)
+    if not written and not any(group.rows.count for group in tables):
+        words = (
+            "STAR*NET has networks: this project has no point with coordinates and no terrestrial observation"
+        )
+        raise InputError([Problem(words, document.file)])
     return Written({target: ("\n".join(lines) + "\n").encode()}, _notes(content, target, guessed))
 
 

@@ -67,4 +67,5 @@ def moving(type_: ObservationType) -> ObservationType:
         constants=(*type_.constants, *BASIS),
         equation=equation,
         still=type_,
+        flat=moving(type_.flat) if type_.flat is not None else None,
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry.earth import EARTH_RADIUS
 from mor.observations._between import (
     BETWEEN_SLOTS,
     FROM_TO,
@@ -17,9 +18,6 @@ from mor.observations._between import (
 )
 from mor.observations._contract import Computed, ObservationType, Slot
 from mor.units import ANGLE, LENGTH, NUMBER, Component
-
-EARTH_RADIUS = 6_371_000.0
-"""Metres; the project's length unit converts it on the way in (constant ``earth radius``)."""
 
 FACE = Component("face", NUMBER, default=1.0)
 RADIUS = Component("earth radius", LENGTH, default=EARTH_RADIUS)

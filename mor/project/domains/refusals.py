@@ -23,6 +23,8 @@ def refuse_unsupported(project: Project, document: Document) -> None:
     found: list[tuple[str, tuple[str | int, ...]]] = []
     if project.world is not None:
         found.append(("a network on the earth", ("world",)))
+    if project.curvature:
+        found.append(("the curvature of the earth", ("curvature",)))
     if project.motions:
         found.append(("points that move", ("motions",)))
     if project.trajectories:

@@ -25,6 +25,9 @@ _SIGMA = {
     "vector": "{sigma: 5 mm}",
     "height_difference": "{sigma: 1 mm}",
 }
+_VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
+"""Types with a vertical circle, where a table has its readings."""
+_VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
 _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
@@ -66,6 +69,7 @@ def begin(
         "title": yaml.safe_dump(title, allow_unicode=True, width=1000).split("\n")[0],
         "length": units[0],
         "angle": units[1],
+        "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(

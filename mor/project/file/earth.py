@@ -1,4 +1,4 @@
-"""The section ``world`` of the project file: where on the earth the network is."""
+"""The sections ``world`` and ``curvature`` of the project file: where on the earth the network is, or on a sphere."""
 
 from __future__ import annotations
 
@@ -47,4 +47,28 @@ class World(Strict):
     origin: Origin | None = Field(
         default=None,
         description="Origin of the object system; by itself it is the middle of the points, rounded to 0.0001°",
+    )
+
+
+class SphereOrigin(Strict):
+    """Where the sphere is: plan coordinates of a point, and the height at which distances are those of the plan."""
+
+    x: Measure = Field(description="x in the axes of the project")
+    y: Measure = Field(description="y in the axes of the project")
+    z: Measure = Field(
+        description="Height of the sphere: distances at this height are those between coordinates"
+    )
+
+
+class Curvature(Strict):
+    """The sphere under a local network; true alone is the mean radius of the earth, 6371 km."""
+
+    radius: Measure | None = Field(default=None, description="Radius, e.g. 6381 km; default 6371 km")
+    latitude: Measure | None = Field(
+        default=None,
+        description="In place of the radius: latitude, whose Gaussian mean radius on GRS80 is taken (48 deg)",
+    )
+    origin: SphereOrigin | None = Field(
+        default=None,
+        description="Origin of the sphere; by itself the median of the given coordinates, rounded to a metre",
     )

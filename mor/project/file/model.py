@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from mor.project.file.earth import World
+from mor.project.file.earth import Curvature, World
 from mor.project.file.model_instruments import Centring, Instrument, Setting
 from mor.project.file.model_trajectories import LineTimes, Trajectory
 from mor.project.file.motions import Epochs, Motion
@@ -254,7 +254,7 @@ class Datum(Strict):
 class Settings(Strict):
     """How to solve and to test."""
 
-    max_iterations: int = Field(default=50, ge=1, description="Most iterations of one adjustment")
+    max_iterations: int = Field(default=50, ge=1, description="Most iterations without progress")
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
@@ -329,6 +329,11 @@ class Project(Strict):
     world: World | None = Field(
         default=None,
         description="Where on the earth the network is; without it its system is a plane of its own",
+    )
+    curvature: bool | Curvature = Field(
+        default=False,
+        description="true: heights are above a sphere with the radius of the earth, and verticals differ from place to "
+        "place; false: verticals are parallel. Not with world, where they are those of the ellipsoid",
     )
     cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
     trajectories: list[Trajectory] = Field(

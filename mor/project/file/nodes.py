@@ -25,6 +25,10 @@ _DEEPEST = 20
 """Levels of nesting; no project needs half of them."""
 _TOO_DEEP = "this is nested too deeply, or refers to itself"
 _VALUES = "MOR_MAX_VALUES"
+_REPEATED = 10
+"""Share of the values that aliases may repeat, as its denominator."""
+_LETTERS = 100
+"""Letters that a repeated value may have, on average at that limit."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,8 @@ class _Reader:
         self.anchored: dict[str, list[yaml.Event]] = {}
         """Events behind each anchor; none as long as its node is not complete."""
         self.values, self.most = 0, limit(_VALUES)
+        self.repeated, self.letters = 0, 0
+        """Keys and values that aliases repeat, and their letters."""
         self.unfolding = 0
         """Line of the alias that is being unfolded, 0 for none."""
 
@@ -164,10 +170,24 @@ class _Reader:
     def _unfolded(self, alias: yaml.AliasEvent, path: Path) -> Any:
         outer = self.unfolding
         self.unfolding = outer or _line(alias)
-        again = iter(self._behind(alias))
+        found = self._behind(alias)
+        self._count(found)
+        again = iter(found)
         content = self._node(next(again), again, path)
         self.unfolding = outer
         return content
+
+    def _count(self, events: list[yaml.Event]) -> None:
+        """Count what an alias repeats; what takes microseconds to read may take hours to make a network of."""
+        self.repeated += len(events)
+        self.letters += sum(len(event.value) for event in events if isinstance(event, yaml.ScalarEvent))
+        most = self.most // _REPEATED
+        if self.repeated > 2 * most or self.letters > _LETTERS * most:
+            words = (
+                f"aliases (*name) repeat more than {most} values, or {_LETTERS * most} letters; "
+                f"put long tables into files of their own, or {raise_it(_VALUES)}"
+            )
+            raise self._error(words, self.unfolding)
 
     def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
         found = self.anchored.get(str(alias.anchor))

@@ -12,6 +12,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.counting import counted
 from mor.errors import InputError, Problem, Undeterminable
+from mor.geometry.earth import LocalSphere
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import ObservationGroup
 from mor.parameters.index import Blocks
@@ -27,6 +28,7 @@ from mor.project.network.checks import check_groups
 from mor.project.network.entities import Entities, entities, unknown_name, workshop
 from mor.project.network.feasibility import check_feasible
 from mor.project.network.features import feature_groups
+from mor.project.network.files_named_twice import refuse_files_named_twice
 from mor.project.network.images import read_images
 from mor.project.network.instruments import read_instruments, read_pairs
 from mor.project.network.points import read_points
@@ -61,7 +63,19 @@ class DatumChoice(NamedTuple):
     minimal: bool = False
     """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
     reference: FloatArray | None = None
-    """(points, 3) coordinates it refers to, internal axes; ``None``: the start values."""
+    """(points, 3) coordinates it refers to, internal axes; ``None``: the given ones."""
+    given: FloatArray | None = None
+    """(points, 3) coordinates that the project gives, internal axes, NaN where it gives none."""
+
+    def reference_from(self, start: FloatArray) -> FloatArray:
+        """Return the coordinates (points, 3) that inner constraints refer to.
+
+        These are the given coordinates, even if the adjustment starts elsewhere because a start value was replaced.
+        Only points without given coordinates refer to their start values ``start`` (points, 3).
+        """
+        if self.reference is not None:
+            return self.reference
+        return start if self.given is None else np.where(np.isfinite(self.given), self.given, start)
 
 
 @dataclass(frozen=True)
@@ -102,6 +116,8 @@ class Network:
     """The project file, for mistakes that belong to no single place in it."""
     world: World | None = None
     """The earth under the network: its points are in the horizon of its middle."""
+    sphere: LocalSphere | None = None
+    """The sphere under a local network: its points are plan coordinates and heights."""
     unmeasured: tuple[str, ...] = ()
     """Tables of observations in which values are missing: they are planned."""
     candidates: tuple[ObservationGroup, ...] = ()
@@ -160,6 +176,10 @@ def read_things(
         reader(reading)
         if len(reading.problems) > before:
             reading.broken.add(space)
+    if project.curvature:
+        from mor.project.world.sphere import read_sphere  # most projects need nothing of it
+
+        read_sphere(reading)
     return reading
 
 
@@ -179,6 +199,7 @@ def build_network(
     """
     reading = read_things(project, document, folder, read, planned)
     problems = reading.problems
+    refuse_files_named_twice(reading)
     read_in = read_groups(reading)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
@@ -223,22 +244,23 @@ def _network(
     project, document = reading.project, reading.document
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
+    start = {
+        key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
+        for key, store in stores.items()
+    }
     return Network(
         project=project,
         edge=reading.edge,
         scales=reading.scales,
         things={space: entities(things.ids, things.parts) for space, things in reading.shop.things.items()},
         blocks={key: store.blocks() for key, store in stores.items()},
-        start={
-            key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
-            for key, store in stores.items()
-        },
+        start=start,
         observed=observed,
         sigma={key: store.all_sigma() for key, store in stores.items()},
         groups=groups,
         checks=checks,
         correlations=correlated,
-        datum=datum,
+        datum=datum._replace(given=start.get("point")),
         point_groups={block: name for name, blocks in reading.groups.items() for block in blocks},
         sets=reading.sets,
         unoriented=frozenset(reading.unoriented),
@@ -252,6 +274,7 @@ def _network(
         file=document.file,
         motion=reading.motion,
         world=reading.world,
+        sphere=reading.sphere,
         unmeasured=tuple(dict.fromkeys(reading.unmeasured)),
         candidates=candidates,
         station_levels={

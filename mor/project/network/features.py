@@ -7,7 +7,7 @@ import numpy as np
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import Problem
 from mor.geometry.rotations import angles_from_rotation, rotate
-from mor.observations import PLAIN_TYPES, ObservationGroup
+from mor.observations import ObservationGroup
 from mor.observations.names import names_of, one_name
 from mor.project.edge import UnitError
 from mor.project.file.model import Feature
@@ -102,7 +102,7 @@ def _observed_zero(
     count = len(members)
     return ObservationGroup(
         name=label,
-        type=PLAIN_TYPES["local"],
+        type=reading.types["local"],
         blocks=(*(np.full(count, block) for block in system), members),
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),

@@ -77,7 +77,7 @@ def _read_images_table(
     leaders: list[tuple[int, str, str, str, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
-    rows = read_table(table, _columns(reading), place, reading.problems)
+    rows = read_table(table, image_columns(reading), place, reading.problems)
     if rows is None:
         return
     names = rows.text("id")
@@ -123,7 +123,8 @@ def _read_images_table(
     reading.end("image", len(names))
 
 
-def _columns(reading: Reading) -> list[Column]:
+def image_columns(reading: Reading) -> list[Column]:
+    """Return the columns that a table of images may have."""
     edge = reading.edge
     return [
         Column("id", required=True),

@@ -49,12 +49,16 @@ def _read_on_earth(reading: Reading) -> None:
     read_world(reading)
 
 
+def point_columns(reading: Reading) -> list[Column]:
+    """Return the columns that a table of points may have; not on the earth, where the reference system says them."""
+    columns = [Column("id", required=True), *component_columns(POINT.components, reading.edge)]
+    return [*columns, number_column("sigma", LENGTH, reading.edge)]
+
+
 def _read_points_table(
     reading: Reading, table: Points, place: Place, seen: list[Seen]
 ) -> tuple[list[str], IntArray] | None:
-    columns = [Column("id", required=True), *component_columns(POINT.components, reading.edge)]
-    columns.append(number_column("sigma", LENGTH, reading.edge))
-    rows = read_table(table, columns, place, reading.problems)
+    rows = read_table(table, point_columns(reading), place, reading.problems)
     if rows is None:
         return None
     names = rows.text("id")

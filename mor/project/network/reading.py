@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from mor.arrays import FloatArray
 from mor.errors import Problem
+from mor.geometry.earth import LocalSphere
 from mor.observations import PLAIN_TYPES, ObservationGroup, ObservationType
 from mor.project.edge import Edge, ImageScale
 from mor.project.file.model import Project
@@ -74,6 +75,8 @@ class Reading:
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
     world: World | None = None
     """The earth under the network, where the project has one."""
+    sphere: LocalSphere | None = None
+    """The sphere under a local network, where the project models the curvature of the earth."""
     types: Mapping[str, ObservationType] = field(default_factory=lambda: PLAIN_TYPES)
     """Observation types of the project, besides image coordinates."""
     control: list[ObservationGroup] = field(default_factory=list)

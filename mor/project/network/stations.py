@@ -34,6 +34,20 @@ def read_stations(reading: Reading) -> None:
     )
 
 
+def station_columns(reading: Reading) -> list[Column]:
+    """Return the columns that a table of stations may have."""
+    return [
+        Column("id", required=True),
+        Column("set"),
+        Column("point"),
+        EPOCH,
+        *component_columns((*POINT.components, *ROTATION.components), reading.edge),
+        *position_columns(reading),
+        *set_up_columns(reading, HEIGHT),
+        number_column("orientation", ANGLE, reading.edge),
+    ]
+
+
 def _read_stations_table(
     reading: Reading,
     table: Stations,
@@ -43,17 +57,7 @@ def _read_stations_table(
     seen: list[Seen],
 ) -> None:
     edge = reading.edge
-    columns = [
-        Column("id", required=True),
-        Column("set"),
-        Column("point"),
-        EPOCH,
-        *component_columns((*POINT.components, *ROTATION.components), edge),
-        *position_columns(reading),
-        *set_up_columns(reading, HEIGHT),
-        number_column("orientation", ANGLE, edge),
-    ]
-    rows = read_table(table, columns, place, reading.problems)
+    rows = read_table(table, station_columns(reading), place, reading.problems)
     if rows is None:
         return
     names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]

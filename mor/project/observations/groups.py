@@ -87,7 +87,7 @@ def read_groups(reading: Reading) -> list[Group]:
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
-        columns = _columns(type_, reading)
+        columns = observation_columns(type_, reading)
         if reading.planned:
             columns = without_required(columns, measured)
         rows = read_table(entry, columns, place, reading.problems)
@@ -139,8 +139,8 @@ def _unknown_type(reading: Reading, name: str) -> str:
     return f"unknown observation type {name!r}{nearest(name, known)} (known: {', '.join(known)})"
 
 
-def _columns(type_: ObservationType, reading: Reading) -> list[Column]:
-    """Columns of a type: its references, its components with their σ, heights, face, covariances."""
+def observation_columns(type_: ObservationType, reading: Reading) -> list[Column]:
+    """Return the columns of a type: its references, its components with their σ, heights, face, covariances."""
     edge = reading.edge
     columns = [Column(reference.name, required=True) for reference in type_.references]
     raw = raw_image if type_.components[0].quantity == IMAGE else None
@@ -217,7 +217,11 @@ def _plain_group(
     if type_.through_air:
         given = corrected(reading, entry, rows, given, place)
     if any(found.at_centre.any() for found in named.values()):
-        type_ = to_projection_centres(type_) if reading.world else PROJECTION_CENTRE_TYPES[type_.key]
+        type_ = (
+            to_projection_centres(type_)
+            if reading.world or reading.sphere
+            else PROJECTION_CENTRE_TYPES[type_.key]
+        )
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
     transform, offset = edge_transform(type_, reading.edge)
     for k, component in enumerate(type_.components):

@@ -18,6 +18,7 @@ from mor.observations import (
     ObservationType,
     Slot,
 )
+from mor.observations.curvature import on_sphere
 from mor.observations.names import Names
 from mor.observations.time.line_scanner import line_scanner
 from mor.observations.time.rolling_shutter import PHASE, phases
@@ -137,6 +138,8 @@ def _image_group(
         if found is None:
             return None
         type_, knots, constants = _along(type_, camera, scanner, observed, constants, found)
+    if reading.sphere is not None:
+        type_ = on_sphere(type_, reading.sphere)
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,

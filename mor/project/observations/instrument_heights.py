@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.arrays import IntArray
+from mor.arrays import FloatArray, IntArray
 from mor.errors import Problem
 from mor.observations import ObservationType
 from mor.project.network.reading import Reading
@@ -25,7 +25,29 @@ def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, nu
         names, values[:, None], np.zeros((len(values), 1), dtype=bool), np.full((len(values), 1), np.nan)
     )
     result[known] = blocks[inverse]
+    _note_other_heights(reading, rows, of, heights, given)
     return result
+
+
+def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray, given: FloatArray) -> None:
+    """Note rows whose own height replaces another one of the station that they name."""
+    of_station = reading.shop.store("height").all_values()[heights, 0]
+    with np.errstate(invalid="ignore"):
+        other = np.flatnonzero((heights != 0) & np.isfinite(given) & (np.abs(given - of_station) > _SAME))
+    if not len(other):
+        return
+    row = int(other[0])
+    name, unit = rows.text(of)[row], reading.edge.units.length
+    own = "another one" if np.isnan(of_station[row]) else f"{of_station[row]:.6g} {unit}"
+    words = (
+        f"{of}_height {given[row]:.6g} {unit} of this row counts, and not the height of station {name!r}, which is "
+        f"{own}; both are heights above the point and are not added. Rows of this kind: {len(other)}"
+    )
+    reading.notes.append(Problem(words, rows.file, int(rows.lines[row])))
+
+
+_SAME = 1e-9
+"""Heights that differ by less, in units of length, are the same."""
 
 
 def note_points_under_instruments(

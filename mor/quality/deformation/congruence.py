@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import chdtri, fdtri
 
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors
 from mor.quality.tests.p_values import log_p_chi2, log_p_f
@@ -60,7 +61,7 @@ def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int
     """Test of a movement d (k,) with cofactors q (k, k); directions without any variance are left out."""
     size = np.sqrt(np.maximum(np.diagonal(q), 0.0))
     scale = np.where(size > 0.0, size, 1.0)
-    eigenvalues, axes = np.linalg.eigh(q / np.outer(scale, scale))
+    eigenvalues, axes = tolerant.eigh(q / np.outer(scale, scale))
     used = eigenvalues > _RANK * max(float(eigenvalues[-1]), 1e-300)
     along = axes[:, used].T @ (d / scale)
     freedom = int(np.count_nonzero(used))
@@ -135,7 +136,7 @@ def _in_datum(
     if generators.shape[1] == 0:
         return d, q
     B = generators * np.repeat(stable, 3)[:, None]
-    S = np.eye(len(q)) - generators @ np.linalg.pinv(B.T @ generators, rcond=1e-12) @ B.T
+    S = np.eye(len(q)) - generators @ tolerant.pinv(B.T @ generators, rcond=1e-12) @ B.T
     return (S @ d.ravel()).reshape(d.shape), S @ q @ S.T
 
 
@@ -146,12 +147,12 @@ def _most_moved(d: FloatArray, q: FloatArray, stable: BoolArray) -> int:
     """
     where = np.flatnonzero(stable)
     here = np.repeat(stable, 3)
-    P = np.linalg.pinv(q[np.ix_(here, here)], rcond=_RANK, hermitian=True)
+    P = tolerant.pinv(q[np.ix_(here, here)], rcond=_RANK, hermitian=True)
     pulled = P @ d.ravel()[here]
     parts = []
     for k in range(len(where)):
         own = slice(3 * k, 3 * k + 3)
         parts.append(
-            float(pulled[own] @ np.linalg.pinv(P[own, own], rcond=1e-9, hermitian=True) @ pulled[own])
+            float(pulled[own] @ tolerant.pinv(P[own, own], rcond=1e-9, hermitian=True) @ pulled[own])
         )
     return int(where[int(np.argmax(parts))])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.deformation.congruence import Congruence, congruence
@@ -99,6 +100,6 @@ def _movements(quality: Quality, columns: IntArray) -> FloatArray:
 def _basis(generators: FloatArray) -> FloatArray:
     if generators.shape[1] == 0:
         return generators
-    vectors, sizes, _ = np.linalg.svd(generators, full_matrices=False)
+    vectors, sizes, _ = tolerant.svd(generators, full_matrices=False)
     basis: FloatArray = vectors[:, sizes > max(1e-6 * sizes[0], 1e-9)]
     return basis

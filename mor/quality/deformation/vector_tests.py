@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import chdtri, chndtr, chndtrinc, fdtri, ncfdtr, ncfdtrinc
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.tests.p_values import log_p_chi2, log_p_f
 
 _RANK = 1e-10
@@ -47,12 +48,12 @@ def vector_tests(d: FloatArray, q: FloatArray) -> VectorTests:
     """Tests of vectors d (n, k) with cofactors q (n, k, k); directions without any variance are left out."""
     size = np.sqrt(np.maximum(np.diagonal(q, axis1=1, axis2=2), 0.0))
     scale = np.where(size > 0.0, size, 1.0)
-    eigenvalues, axes = np.linalg.eigh(q / (scale[:, :, None] * scale[:, None, :]))
+    eigenvalues, axes = tolerant.eigh(q / (scale[:, :, None] * scale[:, None, :]))
     used = eigenvalues > _RANK * np.maximum(eigenvalues[:, -1:], 1e-300)
     along = np.einsum("nki,nk->ni", axes, d / scale)
     total = np.sum(np.where(used, along**2 / np.where(used, eigenvalues, 1.0), 0.0), axis=1)
     freedom = np.count_nonzero(used, axis=1)
-    longest = np.sqrt(np.maximum(np.linalg.eigvalsh(q)[:, -1], 0.0))
+    longest = np.sqrt(np.maximum(tolerant.eigvalsh(q)[:, -1], 0.0))
     return VectorTests(d, q, total / np.maximum(freedom, 1), freedom, longest)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 
 _RAYS = 20_000
 """At a time: larger arrays than these make are had from the system anew each time, which clears them first."""
@@ -84,7 +85,7 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
             key = number[rows, None] * size + plan.reduced[np.maximum(others, 0)]
             keys.append(key[free])
             values.append(coupling[free])
-    inverse = np.asarray(np.linalg.inv(normals), dtype=np.float64)
+    inverse = np.asarray(tolerant.inv(normals), dtype=np.float64)
     return Eliminated(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
 
 

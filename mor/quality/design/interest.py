@@ -23,6 +23,7 @@ from mor.adjustment.problem import Problem
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup
 from mor.observations.sigma import with_sigma_model
 from mor.quality.assess import Quality
@@ -189,10 +190,10 @@ def _whiten_clusters(problem: Problem, entry: IntArray, rows: Rows) -> list[tupl
     sigma = np.concatenate([group.sigma.ravel() for group in problem.groups])
     for cluster in problem.clusters:
         where = entry[cluster.entries]
-        triangle = np.asarray(np.linalg.cholesky(cluster.covariance), dtype=np.float64)
+        triangle = np.asarray(tolerant.cholesky(cluster.covariance), dtype=np.float64)
         part = np.searchsorted(offsets, where, side="right") - 1
         plain = np.stack([rows.parts[p][w - offsets[p]] for p, w in zip(part, where, strict=True)])
-        white = np.linalg.solve(triangle, plain * sigma[cluster.entries][:, None])
+        white = tolerant.solve(triangle, plain * sigma[cluster.entries][:, None])
         for p, w, row in zip(part, where, white, strict=True):
             rows.parts[p][w - offsets[p]] = row
         found.append((where, triangle))

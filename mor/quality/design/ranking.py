@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import IntArray
+from mor.geometry import tolerant
 from mor.quality.design.interest import Interest, Unit
 from mor.quality.design.shortfall import REACHED, Outcome, Wanted, outcomes, present
 
@@ -170,7 +171,7 @@ def added(interest: Interest, unit: Unit) -> Interest:
     K = interest.cofactors
     column = K[:, unit.rows]
     R = np.eye(unit.cost) + K[np.ix_(unit.rows, unit.rows)]
-    half = np.linalg.solve(np.linalg.cholesky(R), column.T)
+    half = tolerant.solve(tolerant.cholesky(R), column.T)
     active = interest.active.copy()
     active[unit.rows] = True
     return interest._replace(cofactors=K - half.T @ half, active=active)
@@ -180,7 +181,7 @@ def spared(interest: Interest, unit: Unit) -> Interest:
     """The cofactors without observations that take part."""
     K = interest.cofactors
     R = np.eye(unit.cost) - K[np.ix_(unit.rows, unit.rows)]
-    half = np.linalg.solve(np.linalg.cholesky(R), K[:, unit.rows].T)
+    half = tolerant.solve(tolerant.cholesky(R), K[:, unit.rows].T)
     active = interest.active.copy()
     active[unit.rows] = False
     return interest._replace(cofactors=K + half.T @ half, active=active)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import InputError, Problem, nearest
+from mor.geometry import tolerant
 from mor.project.edge import UnitError
 from mor.project.file.plans import RequiredReliability, RequiredSigma
 from mor.project.network.build import Network
@@ -164,7 +165,7 @@ def sigmas(requirement: RequiredPrecision, covariance: FloatArray) -> FloatArray
     if requirement.components:
         variance = np.diagonal(covariance, axis1=1, axis2=2)[:, list(requirement.components)].max(axis=1)
     else:
-        variance = np.linalg.eigvalsh(covariance)[:, -1] if len(covariance) else np.zeros(0)
+        variance = tolerant.eigvalsh(covariance)[:, -1] if len(covariance) else np.zeros(0)
     found: FloatArray = np.sqrt(np.maximum(variance, 0.0))
     return found
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.design.interest import Interest, Unit
 from mor.quality.design.requirements import RequiredControl, RequiredPrecision, Requirement
@@ -115,7 +116,7 @@ def redundancies(interest: Interest, diagonal: FloatArray, K: FloatArray) -> Flo
     """(m,) redundancy numbers of the observations, correlated ones in their own sense."""
     r = 1.0 - diagonal
     for rows, triangle in interest.correlated:
-        r[rows] = 1.0 - np.diagonal(triangle @ K[np.ix_(rows, rows)] @ np.linalg.inv(triangle))
+        r[rows] = 1.0 - np.diagonal(triangle @ K[np.ix_(rows, rows)] @ tolerant.inv(triangle))
     return r
 
 
@@ -126,7 +127,7 @@ def solvable(R: FloatArray) -> BoolArray:
     of what its equation holds for that its derivatives are beyond all measure.
     """
     finite = np.asarray(np.isfinite(R).all(axis=(1, 2)))
-    values = np.linalg.eigvalsh(np.where(finite[:, None, None], R, np.eye(R.shape[1])))
+    values = tolerant.eigvalsh(np.where(finite[:, None, None], R, np.eye(R.shape[1])))
     return np.asarray(finite & (values[:, 0] > _SPARED) & (values[:, -1] < _BEYOND))
 
 
@@ -138,13 +139,13 @@ def outcomes(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: fl
     R = np.eye(k) + sign * K[index[:, :, None], index[:, None, :]]
     possible = solvable(R)
     R[~possible] = np.eye(k)
-    L = np.linalg.inv(np.linalg.cholesky(R))  # R⁻¹ = LᵀL
+    L = tolerant.inv(tolerant.cholesky(R))  # R⁻¹ = LᵀL
     W = np.einsum("cjk,cmk->cmj", L, K[:, index].transpose(1, 0, 2))  # (c, m, k): K_·j Lᵀ
     diagonal = np.diagonal(K)[None] - sign * np.einsum("cmj,cmj->cm", W, W)
     r = 1.0 - diagonal
     for rows, triangle in interest.correlated:
         own = K[np.ix_(rows, rows)][None] - sign * W[:, rows] @ W[:, rows].transpose(0, 2, 1)
-        r[:, rows] = 1.0 - np.diagonal(triangle @ own @ np.linalg.inv(triangle), axis1=1, axis2=2)
+        r[:, rows] = 1.0 - np.diagonal(triangle @ own @ tolerant.inv(triangle), axis1=1, axis2=2)
     taking = np.broadcast_to(interest.active, (count, len(K))).copy()
     taking[np.arange(count)[:, None], index] = sign > 0.0
     return judged_outcome(interest, wanted, diagonal, r, taking, K, W, possible, sign)
@@ -175,7 +176,7 @@ def _largest_axes(K: FloatArray, W: FloatArray, points: IntArray, sign: float) -
     block = np.where(both, K[points[:, :, None], points[:, None, :]], 0.0)
     moved = np.where(known[None, :, :, None], W[:, points], 0.0)  # (c, e, 3, k)
     after = block[None] - sign * moved @ moved.transpose(0, 1, 3, 2)
-    return np.asarray(np.linalg.eigvalsh(after)[..., -1])
+    return np.asarray(tolerant.eigvalsh(after)[..., -1])
 
 
 def _judged(

@@ -21,6 +21,7 @@ from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup, some_rows
 from mor.observations.sigma import with_sigma_model
 from mor.quality.assess import Quality
@@ -221,7 +222,7 @@ def _outcomes(
     R = np.eye(size) + own
     possible = solvable(R)
     R[~possible], G[~possible] = np.eye(size), 0.0
-    L = np.linalg.inv(np.linalg.cholesky(R))
+    L = tolerant.inv(tolerant.cholesky(R))
     W = np.einsum("cjk,cmk->cmj", L, G)
     K = wide.interest.cofactors
     after = np.diagonal(K)[None] - np.einsum("cmj,cmj->cm", W, W)

@@ -6,6 +6,7 @@ import numpy as np
 
 from mor.adjustment.datum.defect import similarities
 from mor.adjustment.state import Adjustment
+from mor.geometry import tolerant
 from mor.quality.diagnosis.sentences import Say, english, enumerated
 
 _SMALL = 1e-5
@@ -25,7 +26,7 @@ def tilt(adjustment: Adjustment, say: Say = english) -> str | None:
     points = adjustment.values["point"]
     centre = points[free.any(axis=1)].mean(axis=0)
     generators = similarities(points, centre)
-    movement = np.linalg.lstsq(generators[free], null[columns[free], 0], rcond=1e-12)[0]
+    movement = tolerant.lstsq(generators[free], null[columns[free], 0], rcond=1e-12)
     t, turn, scale = movement[:3], movement[3:6], movement[6]
     size = float(np.linalg.norm(turn))
     extent = float(np.ptp(points, axis=0).max())

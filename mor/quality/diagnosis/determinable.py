@@ -18,6 +18,7 @@ from mor.adjustment.state import Adjustment, Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import NoStartValuesError, Undeterminable
+from mor.geometry import tolerant
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
@@ -176,9 +177,10 @@ def _with_far_points(
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
-    """The network whose datum refers to the start values that were given, wherever another adjustment of it begins.
+    """The network whose datum stays the same wherever another adjustment of it begins.
 
-    Where none were, it refers to where that adjustment begins. Points ``doubted``, which were at infinity, do not
+    It refers to the given coordinates, for points without to their start values, and for points without these to where
+    that adjustment begins. Points ``doubted``, which were at infinity, do not
     carry it as long as others do: a distance that nobody knew, on the wrong side perhaps, would outweigh all others.
     """
     datum = network.datum
@@ -187,9 +189,8 @@ def _with_reference(network: Network, start: Values, values: Values, doubted: In
     if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
         datum = datum._replace(mask=mask)
     if datum.reference is None:
-        known = np.isfinite(network.start["point"]) | np.isnan(values["point"])
-        reference = np.where(known, start["point"], values["point"])
-        datum = datum._replace(reference=reference)
+        begun = np.where(np.isfinite(start["point"]), start["point"], values["point"])
+        datum = datum._replace(reference=datum.reference_from(begun))
     return replace(network, datum=datum)
 
 
@@ -272,7 +273,7 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
 
 def _rotations(directions: FloatArray) -> FloatArray:
     """(k, 3, 3) rotations whose third rows are the directions (k, 3)."""
-    across = np.linalg.svd(directions[:, None, :])[2][:, 1:, :]
+    across = tolerant.svd(directions[:, None, :])[2][:, 1:, :]
     D = np.concatenate([across, directions[:, None, :]], axis=1)
     D[:, 0] *= np.linalg.det(D)[:, None]
     return D

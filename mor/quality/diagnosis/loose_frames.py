@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.arrays import IntArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import moves_by_angles
 from mor.parameters.kinds import KINDS
@@ -69,9 +70,8 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> 
                 place=listed,
             )
         ]
-    spread = np.linalg.svd(
+    spread = tolerant.singular_values(
         solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0),
-        compute_uv=False,
     )
     if spread[1] <= _ON_LINE * spread[0]:
         return [
@@ -116,7 +116,7 @@ def _across_a_line(solved: Solved, points: IntArray) -> float:
     """Largest distance of points from the line that fits them best."""
     places = solved.adjustment.values["point"][points]
     beside = places - places.mean(axis=0)
-    along = np.linalg.svd(beside)[2][0]
+    along = tolerant.svd(beside)[2][0]
     return float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
 
 

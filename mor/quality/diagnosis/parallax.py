@@ -25,6 +25,7 @@ from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.approximate.points_at_infinity import RayPoints
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.observations import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
 from mor.parameters.index import Values
 from mor.project.network.build import Network
@@ -72,7 +73,7 @@ def with_free_poses(
         if len(some):
             size, product, through = _equations(network, reduced, adjustment, places, far, some)
             left = np.diag(size) - through.T @ adjustment.inverse.solve(through)
-            together = np.linalg.lstsq(left, product, rcond=None)[0]
+            together = tolerant.lstsq(left, product, rcond=None)
             inverse[some] = together + 2.0 * max(0.0, -float(together.min()))
     return far._replace(inverse=inverse, sigma=sigma)
 

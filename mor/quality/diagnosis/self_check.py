@@ -16,8 +16,11 @@ import numpy as np
 
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
+from mor.adjustment.normals import image_of, objective
 from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray
+from mor.geometry import tolerant
+from mor.parameters.index import move
 from mor.quality.assess import Quality
 
 REDUNDANCY_LOST = "the sum of the redundancy numbers is not the redundancy: round-off has eaten the solution"
@@ -27,6 +30,8 @@ _SUM = 1e-3
 """Σ r − (n − u + d) that is no longer round-off of exact cofactors, and 10⁻⁶ of it in large systems."""
 _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
+_SEEN, _BENT = 9.0, 100.0
+"""Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
 _LENGTHS = ("point", "base")
 _TOLD = 1000
 
@@ -49,7 +54,10 @@ def is_complete(redundancy_sum: float, redundancy: int) -> bool:
 
 
 def beyond_use(quality: Quality) -> list[Undetermined]:
-    """Blocks with unknowns whose σ (σ0 = 1) is larger than the scale they live on; those first that are worst."""
+    """Blocks with unknowns whose σ is larger than the scale they live on; those first that are worst.
+
+    σ are those of :func:`sigma_of_geometry`.
+    """
     problem, found = quality.adjustment.problem, []
     size = network_size(quality.adjustment)
     for kind, columns in problem.index.columns.items():
@@ -57,10 +65,12 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
         if not np.isfinite(limit) or limit <= 0.0:
             continue
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
-        sigma = np.sqrt(np.maximum(variance, 0.0))
-        beyond = (columns >= 0) & ~(sigma <= limit) & ~_told_by_user(quality, kind)[:, None]
+        sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
+        beyond = (columns >= 0) & ~(sigma <= limit) & ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
+            if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
+                continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
             found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
@@ -71,16 +81,56 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     ]
 
 
+def sigma_of_geometry(quality: Quality) -> float:
+    """Return the factor on √Q with which determinability is judged.
+
+    It is 1, the σ a priori: residuals that are too large say nothing about the geometry. If they are smaller than the
+    stated σ say, as with weights that only mean ratios, it is σ0 a posteriori.
+    """
+    return min(1.0, quality.sigma0)
+
+
+def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
+    """Return True if the equations bind a point whose σ exceeds the size of the network only because they are bent.
+
+    A distance to a line that is as long as the perpendicular, or shorter, does not change to first order as the point
+    moves along the line. The linear equations then let it move by the size of the network; the distance does not.
+    """
+    adjustment = quality.adjustment
+    problem, values = adjustment.problem, adjustment.values
+    columns = problem.index.columns[kind][block]
+    free = columns >= 0
+    direction = np.zeros(problem.index.count)
+    axes = tolerant.eigh(np.nan_to_num(quality.cofactors[kind][block])[np.ix_(free, free)])[1]
+    direction[columns[free]] = size * axes[:, -1]
+    linear = float(image_of(adjustment.plan, values, direction[:, None])[0, 0])
+    before = objective(adjustment.plan, values)
+    moved = [
+        objective(adjustment.plan, move(problem.index, values, sign * direction)) for sign in (1.0, -1.0)
+    ]
+    return min(moved) - before > max(_SEEN, _BENT * linear)
+
+
 def network_size(adjustment: Adjustment) -> float:
     """Size of the network, length unit, which points that have run away do not change; 0 where there are no points."""
+    return _BEYOND_MEDIAN * median_distance(adjustment)
+
+
+def median_distance(adjustment: Adjustment) -> float:
+    """Return the median distance of points from their median; 0 if it says nothing about the size of the network.
+
+    Heights of points without plan coordinates are such a case: their differences may be smaller than their σ.
+    """
     if "point" not in adjustment.values:
         return 0.0
     points = adjustment.values["point"]
-    middle: FloatArray = np.median(points, axis=0)
-    return _BEYOND_MEDIAN * float(np.median(np.linalg.norm(points - middle, axis=1)))
+    apart = points - np.median(points, axis=0)
+    if np.count_nonzero(np.ptp(points, axis=0) > 0.0) < 2:
+        return 0.0
+    return float(np.median(np.linalg.norm(apart, axis=1)))
 
 
-def _told_by_user(quality: Quality, kind: str) -> BoolArray:
+def told_by_user(quality: Quality, kind: str) -> BoolArray:
     """(n,) blocks whose values were observed themselves: how badly they are known is what the user said."""
     problem = quality.adjustment.problem
     told = np.zeros(len(problem.index.columns[kind]), dtype=bool)

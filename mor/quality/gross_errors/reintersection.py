@@ -16,6 +16,7 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.allowance import spend
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.observations import Computed, ObservationGroup, wrap
 from mor.parameters.index import Values
 from mor.quality.gross_errors.description_length import (
@@ -246,7 +247,7 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
             break
         rows = np.pad(jacobians, ((0, 0), (0, 1), (0, 0)))[at, few[goes_on]]
         off = np.pad(residuals, ((0, 0), (0, 1)))[at, few[goes_on]]
-        places[goes_on] += np.einsum("pij,pj->pi", np.linalg.pinv(rows, rcond=_SINGULAR), off)
+        places[goes_on] += np.einsum("pij,pj->pi", tolerant.pinv(rows, rcond=_SINGULAR), off)
     return places
 
 

@@ -8,12 +8,14 @@ from mor.quality.plausibility.full_circle import beyond_a_circle
 from mor.quality.plausibility.images import measured_twice, outside_the_format
 from mor.quality.plausibility.known_points import contradicting_known_points
 from mor.quality.plausibility.levelling_loops import open_loops
+from mor.quality.plausibility.repeated_rows import repeated_rows
 from mor.quality.plausibility.standard_deviations import implausible_sigmas
 from mor.quality.plausibility.start_poses import unsupported_poses
 
 _LOOKS = (
     outside_the_format,
     measured_twice,
+    repeated_rows,
     implausible_sigmas,
     beyond_a_circle,
     contradicting_known_points,

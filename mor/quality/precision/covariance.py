@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 
 _AT_A_TIME = 200
@@ -51,7 +52,7 @@ def relative_ellipsoid(quality: Quality, first: int, second: int) -> RelativeEll
     columns = quality.adjustment.problem.index.columns["point"][[first, second]].ravel()
     q = joint_cofactors(quality, columns) * quality.sigma_factor**2
     covariance = q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
-    eigenvalues, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    eigenvalues, vectors = tolerant.eigh(0.5 * (covariance + covariance.T))
     points = quality.adjustment.values["point"]
     return RelativeEllipsoid(
         points[second] - points[first],

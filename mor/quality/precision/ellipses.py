@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 
 LEVEL = 1e-9
 """Sine of the elevation up to which an axis counts as level."""
@@ -45,7 +46,7 @@ def error_ellipses(covariance: FloatArray) -> Ellipses:
 
 def error_ellipsoids(covariance: FloatArray) -> Ellipsoids:
     """Ellipsoids of covariances (n, 3, 3) in east, north, up."""
-    eigenvalues, vectors = np.linalg.eigh(0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
+    eigenvalues, vectors = tolerant.eigh(0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
     directions = np.swapaxes(vectors, 1, 2)[:, ::-1]
     east, north, up = np.moveaxis(directions, -1, 0)
     # Of a level axis both ends are as good: the one in the eastern half, whatever the round-off in its height.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, movements
 
@@ -58,7 +59,7 @@ def _below_eigenvalues(Q: FloatArray) -> FloatArray:
 
 def _inverse_roots(Q: FloatArray) -> FloatArray:
     """(p, 3, 3) roots of the pseudo-inverses of cofactor matrices."""
-    eigenvalues, axes = np.linalg.eigh(Q)
+    eigenvalues, axes = tolerant.eigh(Q)
     used = eigenvalues > _FLAT * np.maximum(eigenvalues[:, -1:], 1e-300)
     scale = np.where(used, 1.0 / np.sqrt(np.where(used, eigenvalues, 1.0)), 0.0)
     roots: FloatArray = scale[:, :, None] * np.swapaxes(axes, 1, 2)

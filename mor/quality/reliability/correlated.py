@@ -12,6 +12,7 @@ from mor.adjustment.linearise import linearise
 from mor.adjustment.plan import RowClusters, reduced_columns
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.reliability.influence_on_position import Directions, counted_columns, lengths_of_rows
 from mor.quality.reliability.observation_quality import Correlated, ObservationQuality
 from mor.quality.tests.joint_test import joint_statistic
@@ -45,7 +46,7 @@ def cluster_quality(
     of_entries = {
         "r": 1.0 - _diagonal(adjusted @ precision),
         "q_adjusted": _diagonal(adjusted),
-        "q_residual": np.maximum(_diagonal(np.linalg.inv(precision) - adjusted), 0.0),
+        "q_residual": np.maximum(_diagonal(tolerant.inv(precision) - adjusted), 0.0),
         "weighted": weighted,
         "precision": diagonal,
         "q_weighted": np.clip(_diagonal(weighted_cofactors), 0.0, diagonal),
@@ -96,7 +97,7 @@ def row_cluster_quality(
     weighted_cofactors = precision - precision @ adjusted @ precision
     # Of what is not observed the variance is 1, apart from all else, so that the others have theirs.
     apart = precision + np.eye(m) * ~here[:, None, :]
-    covariance = np.linalg.inv(apart)
+    covariance = tolerant.inv(apart)
     scale = np.sqrt(np.diagonal(apart, axis1=1, axis2=2))
     joint, freedom = joint_statistic(
         weighted / scale, weighted_cofactors / (scale[:, :, None] * scale[:, None, :]), here

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.reliability.candidate_places import CandidatePlaces, Candidates, candidate_places
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
@@ -160,7 +161,7 @@ def _gain(own: FloatArray, q: FloatArray) -> float:
     """
     if not np.isfinite(q).all():
         return 0.0
-    large, axes = np.linalg.eigh(q)
+    large, axes = tolerant.eigh(q)
     return float(np.sum((axes.T @ own) ** 2 / (1.0 + np.maximum(large, 0.0))))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.reliability.influence_on_unknowns import Entry, gradient
 
@@ -73,7 +74,7 @@ def _movements(
             if point in eliminated:
                 rays = eliminated[point]
                 own = _at(columns, values, rays.columns)
-                back = rays.coupling @ np.linalg.solve(rays.normals, own)
+                back = rays.coupling @ tolerant.solve(rays.normals, own)
                 np.subtract.at(right[:, k], plan.reduced[rays.others], back)
     inverse = adjustment.inverse
     reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * right)
@@ -104,7 +105,7 @@ def _solution(
     """(3,) x of a point in the minimal datum."""
     if rays is not None:
         back = rays.coupling.T @ reduced[numbers[rays.others]]
-        return np.asarray(np.linalg.solve(rays.normals, _at(columns, values, rays.columns) - back))
+        return np.asarray(tolerant.solve(rays.normals, _at(columns, values, rays.columns) - back))
     return np.where(own >= 0, reduced[numbers[np.maximum(own, 0)]], 0.0)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.reliability.local_influence import EliminatedPoint, eliminated_points
 
 _FEW = 2_000
@@ -38,7 +39,7 @@ class LocalSystem(NamedTuple):
         reduced[plan.reduced[columns[kept]]] = right[kept]
         alone = []
         for point in self.points:
-            own = np.linalg.solve(point.normals, right[self._at(point)])
+            own = tolerant.solve(point.normals, right[self._at(point)])
             reduced[plan.reduced[point.others]] -= point.coupling @ own
             alone.append(own)
         reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * reduced)
@@ -46,7 +47,7 @@ class LocalSystem(NamedTuple):
         x[kept] = reduced[plan.reduced[columns[kept]]]
         for point, own in zip(self.points, alone, strict=True):
             back = point.coupling.T @ reduced[plan.reduced[point.others]]
-            x[self._at(point)] = own - np.linalg.solve(point.normals, back)
+            x[self._at(point)] = own - tolerant.solve(point.normals, back)
         weak = inverse.weak[columns]
         return np.asarray(x + weak @ (weak.T @ right))
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray, across
+from mor.geometry import tolerant
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
 from mor.quality.in_chunks import ROWS_AT_A_TIME, in_pieces
@@ -84,7 +85,7 @@ def uncontrolled_count(quality: Quality) -> int:
 def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
     """Points first, then images, stations and sets."""
     problem = quality.adjustment.problem
-    axes = np.sqrt(np.maximum(np.linalg.eigvalsh(np.nan_to_num(quality.cofactors["point"]))[:, -1], 0.0))
+    axes = np.sqrt(np.maximum(tolerant.eigvalsh(np.nan_to_num(quality.cofactors["point"]))[:, -1], 0.0))
     points = network.things["point"]
     blocks = points.parts["position"]
     place = np.full(len(axes), -1)

@@ -20,6 +20,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup
 from mor.observations.parameter import OBSERVED_PARAMETERS
 from mor.observations.time.steadiness import STEADINESS
@@ -77,7 +78,7 @@ def place_with_errors(
         A = np.concatenate(jacobians)
         used = _used(A)
         step = np.zeros(problem.index.count)
-        step[used] = np.linalg.lstsq(A[:, used] / sigma[:, None], wanted / sigma, rcond=1e-12)[0]
+        step[used] = tolerant.lstsq(A[:, used] / sigma[:, None], wanted / sigma, rcond=1e-12)
         place = move(problem.index, place, step)
     return place
 

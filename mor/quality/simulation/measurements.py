@@ -15,6 +15,7 @@ import numpy as np
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray
+from mor.geometry import tolerant
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import angles_from_rotation
 from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
@@ -62,7 +63,7 @@ def errors(problem: Problem, generator: np.random.Generator) -> tuple[FloatArray
     ]
     flat, unit = np.concatenate([e.ravel() for e in found]), np.concatenate([u.ravel() for u in drawn])
     for cluster in problem.clusters:
-        flat[cluster.entries] = np.linalg.cholesky(cluster.covariance) @ unit[cluster.entries]
+        flat[cluster.entries] = tolerant.cholesky(cluster.covariance) @ unit[cluster.entries]
     offsets = problem.offsets
     return tuple(
         flat[first : first + group.observed.size].reshape(group.observed.shape)
@@ -92,7 +93,13 @@ def measured_at(network: Network, place: Values) -> Network:
         for kind in network.observed
     }
     return replace(
-        network, start=place, observed=observed, groups=groups, checks=checks, candidates=candidates
+        network,
+        start=place,
+        observed=observed,
+        groups=groups,
+        checks=checks,
+        candidates=candidates,
+        datum=network.datum._replace(given=place["point"]),
     )
 
 

@@ -19,6 +19,7 @@ from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import angles_from_rotation
 from mor.parameters.index import Values, moves_by_angles
 from mor.quality.assess import Quality
@@ -62,7 +63,7 @@ class Truth:
         q = np.nan_to_num(self.quality.cofactors["point"][self.points])
         if not len(q):
             return np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64)
-        values, vectors = np.linalg.eigh(q)
+        values, vectors = tolerant.eigh(q)
         kept = values > 1e-10 * np.maximum(values[:, -1:], 1e-300)
         inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
         return np.einsum("pij,pj,pkj->pik", vectors, inverse, vectors), kept.sum(axis=1)
@@ -86,7 +87,7 @@ class Truth:
         flat = np.concatenate([part.ravel() for part in weighted])
         for cluster in problem.clusters:
             v = np.concatenate([np.nan_to_num(-misclosures(g, values)).ravel() for g in problem.groups])
-            flat[cluster.entries] = np.linalg.solve(cluster.covariance, v[cluster.entries])
+            flat[cluster.entries] = tolerant.solve(cluster.covariance, v[cluster.entries])
         q = np.concatenate([one.q_weighted.ravel() for one in self.quality.groups])
         chosen = np.concatenate([mask.ravel() for mask in self.testable])
         return np.asarray(flat[chosen] / np.sqrt(q[chosen]))

@@ -17,6 +17,7 @@ from mor.adjustment.datum.defect import network_components
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.plan import Plan
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup
 from mor.parameters.index import Index, Values, index_unknowns
 from mor.quality.assess import Quality
@@ -169,7 +170,7 @@ def movement_test(
     here = np.flatnonzero(places >= 0)
     chosen = places[here]
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(own)[chosen], 1e-300))
-    eigenvalues, axes = np.linalg.eigh(S[np.ix_(chosen, chosen)] * np.outer(scale, scale))
+    eigenvalues, axes = tolerant.eigh(S[np.ix_(chosen, chosen)] * np.outer(scale, scale))
     used = eigenvalues > CONTROLLED
     along = axes[:, used].T @ (right[chosen] * scale)
     movement = np.zeros(3)

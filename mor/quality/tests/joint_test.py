@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.quality.tests.test_statistics import CONTROLLED
 
 
@@ -25,7 +26,7 @@ def joint_statistic(
     u = np.where(here, np.nan_to_num(weighted), 0.0)
     if weighted.shape[1] == 2:
         return _of_two(u, S)
-    eigenvalues, axes = np.linalg.eigh(S)
+    eigenvalues, axes = tolerant.eigh(S)
     return _along_axes(np.einsum("nmk,nm->nk", axes, u), eigenvalues)
 
 

@@ -23,6 +23,7 @@ from mor.adjustment.correlated_rows import ClusterRows, cluster_rows
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.rays.chunks import ray_chunks
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.quality.assess import Quality
 from mor.quality.precision.covariance import joint_cofactors
 
@@ -123,7 +124,7 @@ def _correlated(quality: Quality, cluster: ClusterRows, jacobian: FloatArray, un
             for g, i, c in zip(cluster.groups, cluster.rows, cluster.components, strict=True)
         ]
     )
-    back = np.linalg.inv(W)
+    back = tolerant.inv(W)
     parts = []
     for g in range(len(groups)):
         half = W @ (((cluster.groups == g) & ~left_out)[:, None] * back)

@@ -21,6 +21,7 @@ from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Adjustment
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.observations import ObservationGroup
 from mor.quality.assess import Levels, Quality, assess
 from mor.quality.gross_errors.exclusion import reweighted
@@ -145,9 +146,9 @@ def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estima
     if system is not None:
         own, rest = system[np.ix_(estimated, estimated)], system[np.ix_(estimated, ~estimated)]
         size = np.sqrt(np.diagonal(own))
-        if np.linalg.eigvalsh(own / np.outer(size, size))[0] > _SEPARABLE:
+        if tolerant.eigvalsh(own / np.outer(size, size))[0] > _SEPARABLE:
             variances, spread = np.ones(len(omega)), np.full(len(omega), np.nan)
-            inverse = np.linalg.inv(own)
+            inverse = tolerant.inv(own)
             variances[estimated] = inverse @ (omega[estimated] - rest.sum(axis=1))
             spread[estimated] = np.sqrt(0.5 * np.diagonal(inverse))
             return _Estimate(variances, spread, "helmert")

@@ -3,35 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
+from mor.output_files import Content
 from mor.quality.design.requirements import Judged
 from mor.quality.solved import Solved
 from mor.report.design.content import planned_table
-from mor.report.results.folder import Writer, write_folder
+from mor.report.results.folder import write_folder
 from mor.report.results.reservation import Reservation
 from mor.report.tables.estimates import image_table, point_table
 from mor.report.tables.files import table_writer
 
-DESIGN_FILES = (
-    "design.json",
-    "design.txt",
-    "design.html",
-    "points.csv",
-    "images.csv",
-    "planned.csv",
-    "ranking.csv",
-)
-"""Names of all files that a plan may write."""
-
-
-def text_writer(text: str) -> Writer:
-    """Writer of a text."""
-
-    def write(path: Path) -> None:
-        path.write_text(text, encoding="utf-8", newline="\n")
-
-    return write
+USUAL_FILES = ("design.json", "design.txt", "design.html")
+"""Files that every plan has."""
 
 
 def write_design(
@@ -39,11 +22,11 @@ def write_design(
     judged: Sequence[Judged],
     text: str,
     data: str,
-    more: dict[str, Writer],
+    more: dict[str, Content],
     place: Reservation,
 ) -> None:
     """Write report, data and tables of a plan; where it has no solution report and data alone."""
-    writers = {"design.txt": text_writer(text), "design.json": text_writer(data), **more}
+    writers: dict[str, Content] = {"design.txt": text, "design.json": data, **more}
     if solved.quality is not None:
         writers["points.csv"] = table_writer(point_table(solved))
         writers["planned.csv"] = table_writer(planned_table(solved))

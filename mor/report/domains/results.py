@@ -59,7 +59,7 @@ def results_of_domains(
     undetermined = [{"unknowns": [name], "amounts": [1.0]} for name in loose]
     if whole is None:
         head = summary_of(project, ended, undetermined, [], NO_STATISTICS)
-        return _ordered({**head, **said, **_NOTHING, "tables": dict(tables)})
+        return _ordered({**head, **said, **_NOTHING, "tables": dict(tables), "files": []})
     flagged, uncontrolled = (
         sum(part.statistics[key] for part in parts) for key in ("flagged", "uncontrolled")
     )
@@ -98,6 +98,7 @@ def results_of_domains(
         "fixed_points": [*(row for part in parts for row in part.fixed_points), *fixed],
         "checks": check_rows(parts),
         "tables": dict(tables),
+        "files": [],
         "residuals": inlined.residuals.to_dicts() if inlined.residuals is not None else None,
     }
     return _ordered(found)
@@ -123,7 +124,7 @@ _KEYS = (
         "relative",
         "checks",
     ),
-    *("failure", "tables", "residuals"),
+    *("failure", "tables", "files", "residuals"),
 )
 
 

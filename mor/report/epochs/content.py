@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from mor.input_files import note_input
 from mor.quality.deformation.epochs import Epochs, blocks_of
 from mor.quality.solved import Solved
 from mor.report.epochs.drawing import Moved
@@ -22,6 +23,7 @@ def epoch(place: Path, solved: Solved) -> Epoch:
     file = place / "results.json" if place.is_dir() else place
     identity = identity_of(solved.network.project, Identity())
     if file.name == "results.json" and file.is_file():
+        note_input(file)
         identity |= json.loads(file.read_text(encoding="utf-8")).get("identity", {})
     return Epoch(str(place), summary(solved), identity)
 

@@ -69,7 +69,7 @@ def _facts(epochs: tuple[Epoch, Epoch], words: Words) -> list[tuple[str, str, st
             "results": of.place,
             "title": data["title"] or "–",
             "operator": of.identity.get("operator") or "–",
-            "date of the data": of.identity.get("date") or "–",
+            "input as of": of.identity.get("date") or "–",
             "program": of.identity.get("program", "–"),
             "observations n": str(data["observations"]),
             "unknowns u": str(data["unknowns"]),

@@ -70,13 +70,13 @@ def browser() -> str | None:
     return next((found for name in (*BROWSERS, *_APPLICATIONS) if (found := shutil.which(name))), None)
 
 
-def print_page(program: str, page: Path, target: Path, paper: str) -> None:
+def print_page(program: str, page: str, target: Path, paper: str) -> None:
     """Print a page as PDF by a browser. Raises :class:`InputError` where the browser does not."""
     with tempfile.TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
         sheet = Path(folder) / "report.html"
         size = PAPERS[paper]
         style = f"<style>@page {{ size: {size}; }} @page wide {{ size: {size} landscape; }}</style></head>"
-        sheet.write_text(page.read_text(encoding="utf-8").replace("</head>", style, 1), encoding="utf-8")
+        sheet.write_text(page.replace("</head>", style, 1), encoding="utf-8")
         made = Path(folder) / "report.pdf"
         done = _run(program, sheet, made, Path(folder) / "profile")
         if not made.is_file():

@@ -18,7 +18,7 @@ from mor.report.text.gross_errors.hypotheses import decrease, sentence
 from mor.report.text.gross_errors.suspects import sentences
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.undetermined import sentences_of_things
-from mor.report.verdict.sentences import contradictions, said_conventions
+from mor.report.verdict.sentences import contradictions, ill_determined, said_conventions
 from mor.report.verdict.words_of_reliability import uncontrolled_in_words, uncontrolled_sentence
 from mor.report.words.language import Words
 
@@ -76,6 +76,9 @@ def headline(data: PageData) -> Statement:
     emptied += sentences_of_things(things, say)
     flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
     contradicted = contradictions(data.view.verdict, say)
+    open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
+    whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
+    flagged = " ".join([*open_, flagged])
     if not test["accepted"]:
         larger = test["statistic"] > test["upper"]
         words = say(
@@ -93,6 +96,10 @@ def headline(data: PageData) -> Statement:
     )
     if contradicted:
         return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
+    if not whole:
+        return Statement(BAD, say("Not determined"), f"{words} {flagged}")
+    if open_:
+        return Statement(DOUBT, say("Accepted, but partly ill-determined"), f"{words} {flagged}")
     loose = summary.get("uncontrolled") or 0
     if loose:
         title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from mor.errors import InputError, Problem
 from mor.escapes import escaped, shortened
+from mor.output_files import write_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,13 +70,22 @@ def scale_bar(axes: Axes, length: float, words: str) -> None:
     )
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure; its suffix says how. Raises :class:`InputError` for a suffix that is not known."""
-    suffix = path.suffix.lower().removeprefix(".")
-    if suffix not in FORMATS:
+def check_picture(path: Path) -> None:
+    """Raise :class:`InputError` for a file whose suffix is that of no picture."""
+    if path.suffix.lower().removeprefix(".") not in FORMATS:
         words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
         raise InputError([Problem(words, str(path))])
+
+
+def save(figure: Figure, path: Path, force: bool) -> None:
+    """Write a figure; its suffix says how. Raises :class:`InputError` for a suffix that is not known."""
+    check_picture(path)
     spell_out(figure)
+    write_file(path, lambda place: _draw(figure, place), force)
+
+
+def _draw(figure: Figure, path: Path) -> None:
+    suffix = path.suffix.lower().removeprefix(".")
     with warnings.catch_warnings():
         # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
         warnings.filterwarnings("ignore", message="Glyph")

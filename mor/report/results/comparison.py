@@ -12,6 +12,7 @@ IGNORED = {
     "iterations",
     "iteration_log",
     "tables",
+    "files",
     "snooping",
     "suspicious",
     "robust",

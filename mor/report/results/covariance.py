@@ -203,8 +203,15 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
         )
 
 
+def check_covariance(path: Path) -> None:
+    """Raise :class:`InputError` for a file whose suffix names no format of covariances."""
+    if path.suffix not in FORMATS:
+        raise InputError([Problem(f"expected one of {', '.join(FORMATS)}", str(path))])
+
+
 def write_covariance(path: Path, found: Labelled) -> None:
     """Write a matrix in the format its suffix names. Raises :class:`InputError` for any other."""
+    check_covariance(path)
     if path.suffix == ".npz":
         np.savez(
             path,
@@ -224,10 +231,8 @@ def write_covariance(path: Path, found: Labelled) -> None:
             )
         ]
         write_rows(path, header, rows)
-    elif path.suffix == ".mtx":
-        path.write_text(_matrix_market(found), encoding="utf-8")
     else:
-        raise InputError([Problem(f"expected one of {', '.join(FORMATS)}", str(path))])
+        path.write_text(_matrix_market(found), encoding="utf-8")
 
 
 def _matrix_market(found: Labelled) -> str:

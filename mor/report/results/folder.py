@@ -1,49 +1,28 @@
-"""Results on disk: which files they are, written together, never over a file that the project is read from."""
+"""A folder of results on disk: all its files complete, or none of them; never over a file that mor may not touch."""
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Collection, Iterable, Mapping
-from fnmatch import fnmatch
+from collections.abc import Mapping
 from pathlib import Path
 
-from mor.errors import InputError, Problem
-from mor.report.results.reservation import Reservation, check_free, put_in_place
-
-Writer = Callable[[Path], None]
-
-RESULT_FILES = (
-    "results.json",
-    "report.txt",
-    "report.html",
-    "movements.html",
-    *(
-        f"{name}.{kind}"
-        for name in (
-            "residuals",
-            "residuals_worst",
-            "points",
-            "images",
-            "motions",
-            "movements",
-            "trajectories",
-            "places",
-        )
-        for kind in ("csv", "parquet")
-    ),
-    "domains.json",
-    "points",
-    "images",
-    "residuals",
-    "undetermined.csv",
-    "reference.csv",
-    "external_reliability.csv",
-    "adjusted.yaml",
-    "start_*.csv",
-    "given_*.csv",
+from mor.input_files import holds_input
+from mor.output_files import (
+    MANIFEST,
+    MANIFESTS,
+    Content,
+    Writer,
+    check_folder,
+    check_names,
+    listed_files,
+    manifest,
+    named,
+    write_content,
 )
-"""Names (patterns) of all files an adjustment may write."""
+from mor.report.results.reservation import Reservation, move_into_place, put_in_place
+
+__all__ = ["Writer", "folder_beside", "write_folder"]
 
 
 def folder_beside(project: Path, suffix: str) -> Path:
@@ -51,46 +30,60 @@ def folder_beside(project: Path, suffix: str) -> Path:
     return project.with_suffix(suffix) if project.name else project / f"project{suffix}"
 
 
-def check_inputs(folder: Path, inputs: Iterable[Path], names: Collection[str] = ()) -> None:
-    """Raise :class:`InputError` where results would overwrite a file that the project is read from, forced or not.
+def write_folder(place: Reservation, writers: Mapping[str, Content]) -> None:
+    """Write all files into a folder. Files of an earlier run that are not written again are deleted; all others stay.
 
-    ``names`` are written besides the results of an adjustment.
+    Everything is written into a folder beside it first. Interrupted, it leaves the old results untouched. Without a
+    ``results.json`` among the files, ``files.json`` lists them. Raises :class:`InputError` for a file in the way that
+    no earlier results list, and for errors of the disk.
     """
-    problems = [
-        Problem(
-            "results would overwrite this file, which the project is read from; choose another folder",
-            str(path),
-        )
-        for path in dict.fromkeys(inputs)
-        if path.resolve().parent == folder.resolve() and (_is_result(path.name) or path.name in names)
-    ]
-    if problems:
-        raise InputError(problems)
+    with named(place.folder):
+        shutil.rmtree(place.new, ignore_errors=True)
+        place.new.mkdir()
+    if not MANIFESTS.keys() & writers.keys():
+        writers = {**writers, MANIFEST: manifest(writers)}
+    for name, content in writers.items():
+        with named(place.folder / name):
+            (place.new / name).parent.mkdir(parents=True, exist_ok=True)
+            write_content(place.new / name, content)
+    check_folder(place.folder, place.force)
+    new = [path.relative_to(place.new).as_posix() for path in place.new.rglob("*") if not path.is_dir()]
+    check_names(place.folder, new)
+    with named(place.folder):
+        old = listed_files(place.folder)
+        if not place.folder.exists() or (old and not _is_of_user(place.folder)):
+            if place.folder.exists():
+                _keep(place.folder, place.new, old)
+            put_in_place(place)
+        else:
+            move_into_place(place, new, old - set(new))
 
 
-def write_folder(place: Reservation, writers: Mapping[str, Writer]) -> None:
-    """Write all files into a folder; results of an earlier run that are not written again go, other files stay.
-
-    Everything is written into a folder beside it first. Interrupted, it leaves the old results untouched.
-    """
-    shutil.rmtree(place.new, ignore_errors=True)
-    place.new.mkdir()
-    for name, write in writers.items():
-        write(place.new / name)
-    check_free(place.folder, place.force)
-    if place.folder.is_dir():
-        for path in place.folder.iterdir():
-            if path.name not in writers and not _is_result(path.name):
-                _keep(path, place.new / path.name)
-    put_in_place(place)
+def _is_of_user(folder: Path) -> bool:
+    """True for a folder that is not made for results: the inputs stand in it, or the command runs in it."""
+    here = Path.cwd().resolve()
+    return holds_input(folder) or folder == here or folder in here.parents
 
 
-def _keep(path: Path, beside: Path) -> None:
-    """Let a file, or all files of a folder, stand in a second place, too."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.copytree(path, beside, symlinks=True, copy_function=_link)
-    else:
-        _link(str(path), str(beside))
+def _keep(folder: Path, beside: Path, listed: frozenset[str]) -> None:
+    """Let every file of a folder that is not ``listed`` stand in the folder beside it as well."""
+    for above, folders, files in os.walk(folder):
+        there = beside / os.path.relpath(above, folder)
+        links = [name for name in folders if os.path.islink(os.path.join(above, name))]
+        for name in folders:
+            path, new = Path(above, name), there / name
+            if name not in links and not _is_emptied(path, folder, listed):
+                new.mkdir(exist_ok=True)
+                shutil.copystat(path, new)
+        for name in (*files, *links):
+            if Path(above, name).relative_to(folder).as_posix() not in listed:
+                _link(os.path.join(above, name), str(there / name))
+
+
+def _is_emptied(path: Path, folder: Path, listed: frozenset[str]) -> bool:
+    """True for a folder below that holds nothing but files that earlier results list."""
+    files = [file for file in path.rglob("*") if file.is_symlink() or not file.is_dir()]
+    return bool(files) and all(file.relative_to(folder).as_posix() in listed for file in files)
 
 
 def _link(path: str, beside: str) -> None:
@@ -98,7 +91,3 @@ def _link(path: str, beside: str) -> None:
         os.link(path, beside, follow_symlinks=False)
     except OSError:  # a file system without links
         shutil.copy2(path, beside, follow_symlinks=False)
-
-
-def _is_result(name: str) -> bool:
-    return any(fnmatch(name, pattern) for pattern in RESULT_FILES)

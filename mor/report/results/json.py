@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,11 +41,16 @@ INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
 
 
-def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool = True) -> dict[str, Any]:
-    """Content of ``results.json``, ``of`` what was read; ``tables`` names the files beside it.
+def results(
+    solved: Solved, tables: dict[str, str], of: Identity, files: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Content of ``results.json``, ``of`` what was read.
 
-    Long tables of points and images are only there; where nothing stands ``beside`` it, they are in it all the same.
+    ``files`` are the names of all files of the run in its folder, ``tables`` those of the tables among them. Long
+    tables of points and images stand only there, or in the content itself if ``files`` is ``None``: then nothing is
+    written.
     """
+    beside = files is not None
     points, images = point_table(solved), image_table(solved)
     return {
         **summary(solved),
@@ -75,6 +80,7 @@ def results(solved: Solved, tables: dict[str, str], of: Identity, beside: bool =
         "checks": check_rows(solved),
         "failure": failure(solved),
         "tables": tables,
+        "files": list(files or ()),
         "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,9 @@ def _identity(path: Path) -> dict[str, Any]:
 
 def _is_of(files: Sequence[dict[str, Any]], project: Path) -> bool:
     """True where the project, a file or a folder of a foreign format, is what was read."""
-    return project.is_dir() or (project.parent / files[0]["file"]).resolve() == project.resolve()
+    return project.is_dir() or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(
+        project
+    )
 
 
 def _unchanged(file: dict[str, Any], project: Path) -> bool:

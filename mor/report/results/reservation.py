@@ -13,12 +13,13 @@ import os
 import shutil
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mor.errors import InputError, Problem
+from mor.output_files import MANIFESTS, check_folder, named
 
 try:
     import fcntl
@@ -52,35 +53,27 @@ class Reservation(NamedTuple):
         return self.work / "old"
 
 
-def check_free(folder: Path, force: bool) -> None:
-    """Raise :class:`InputError` where results would overwrite something and ``force`` was not asked for."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError([Problem("this is a file, expected a folder for the results", str(folder))])
-    if folder.is_dir() and any(folder.iterdir()) and not force:
-        raise InputError(
-            [Problem("the folder exists and is not empty; --force replaces results in it", str(folder))]
-        )
-
-
 @contextmanager
-def reserve(folder: Path, force: bool) -> Iterator[Reservation]:
+def reserve(folder: Path, force: bool, names: Iterable[str] = ()) -> Iterator[Reservation]:
     """Reserve a folder for results; folders above it are made, and go again where nothing was written.
 
-    Raises :class:`InputError` where another run has it reserved, or where something would be overwritten unasked.
+    ``names`` are files that will be written into it, as far as they are known. Raises :class:`InputError` where another
+    run has it reserved, or where :func:`mor.output_files.check_folder` does.
     """
-    check_free(folder, force)
-    target = folder.resolve()
-    if not target.name:
-        raise InputError([Problem("results need a folder of their own", str(folder))])
-    missing = [path for path in target.parents if not path.exists()]
-    target.parent.mkdir(parents=True, exist_ok=True)
+    check_folder(folder, force, names)
+    with named(folder):
+        target = folder.resolve()
+        if not target.name:
+            raise InputError([Problem("results need a folder of their own", str(folder))])
+        missing = [path for path in target.parents if not path.exists()]
+        target.parent.mkdir(parents=True, exist_ok=True)
     place = Reservation(target, force, target.with_name(f".{target.name}.mor"))
     try:
         with _uninterrupted() as interruptions:
             lock = _locked(place, folder)
             try:
                 _tidy(place)
-                check_free(folder, force)
+                check_folder(folder, force, names)
                 with interruptions.heeded():
                     yield place
             finally:
@@ -153,6 +146,23 @@ def put_in_place(place: Reservation) -> None:
         place.new.rename(place.folder)
 
 
+def move_into_place(place: Reservation, names: Sequence[str], stale: Collection[str]) -> None:
+    """Move the new files into a folder that belongs to the user, one after the other, and delete the stale ones.
+
+    The manifest comes first: a run that is killed in between leaves no file that the next one does not know as its own.
+    """
+    with _uninterrupted():
+        for name in sorted(stale):
+            with suppress(FileNotFoundError):
+                (place.folder / name).unlink()
+            with suppress(OSError):  # not empty
+                if (above := (place.folder / name).parent) != place.folder:
+                    above.rmdir()
+        for name in sorted(names, key=lambda name: (name not in MANIFESTS, name)):
+            (place.folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (place.new / name).replace(place.folder / name)
+
+
 def _exchanged(one: Path, other: Path) -> bool:
     """Whether the system has let two folders change places."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
@@ -174,7 +184,7 @@ def _locked(place: Reservation, said: Path) -> int:
     """Descriptor of the lock of a folder. Raises :class:`InputError` where another process holds it."""
     path = place.work / "lock"
     while True:
-        with suppress(FileExistsError):
+        with named(said), suppress(FileExistsError):
             place.work.mkdir()
         try:
             lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)

@@ -10,6 +10,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mor.errors import Undeterminable
+from mor.input_files import inputs_of_run
+from mor.output_files import Content, listed_files, write_content
 from mor.parameters.index import Values
 from mor.project.file.nodes import Document
 from mor.quality.solved import Solved
@@ -62,6 +64,12 @@ class Choice(NamedTuple):
     """Told how many more rows of the table of residuals are written."""
 
 
+def usual_files(tables: str | None, kind: Format) -> list[str]:
+    """Names of the files that every adjustment with a solution writes."""
+    shown = [] if tables == "none" else [f"points.{kind}", f"images.{kind}"]
+    return ["results.json", "report.txt", "adjusted.yaml", "reference.csv", *shown]
+
+
 def is_large(solved: Solved) -> bool:
     """True where a table of all residuals, and a page of them, is more than anybody looks at."""
     return entries(solved) > MOST_LISTED
@@ -87,15 +95,19 @@ def write_results(
     choice = choice or Choice()
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
-    with ThreadPoolExecutor(1) as beside:
-        made = {name: beside.submit(make) for name, make in _reports(solved, of, names, choice).items()}
-        reports: dict[str, Writer] = {name: _made(text) for name, text in made.items()}
-        long = dict(tables.values())
-        writers = {**reports, **long} if _is_alone(solved, choice) else {**long, **reports}
+    starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
+    starts |= _undeterminable(solved) | _external(solved, choice)
+    long = dict(tables.values())
+    # The list is completed below, before anything of the reports is made.
+    files: list[str] = []
+    reports = _reports(solved, of, names, files, choice)
+    about = _readme([*starts, *long, *reports], place, choice)
+    files += sorted([*about, *starts, *long, *reports])
+    with inputs_of_run(file.path for file in of.files), ThreadPoolExecutor(1) as beside:
+        made = {name: _made(beside.submit(make)) for name, make in reports.items()}
+        writers = {**made, **long} if _is_alone(solved, choice) else {**long, **made}
         try:
-            starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-            starts |= _undeterminable(solved) | _external(solved, choice)
-            write_folder(place, {**_readme([*starts, *writers], place, choice), **starts, **writers})
+            write_folder(place, {**about, **starts, **writers})
         finally:
             beside.shutdown(wait=False, cancel_futures=True)
 
@@ -119,11 +131,14 @@ def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
 
 
 def _reports(
-    solved: Solved, of: Identity, names: dict[str, str], choice: Choice
+    solved: Solved, of: Identity, names: dict[str, str], files: Sequence[str], choice: Choice
 ) -> dict[str, Callable[[], str]]:
-    """The reports by their names, each as what makes its text; ``names`` are those of the tables beside them."""
+    """The reports by their names, each as what makes its text.
+
+    ``names`` are those of the tables beside them, ``files`` all files of the run.
+    """
     reports: dict[str, Callable[[], str]] = {
-        "results.json": lambda: to_json(results(solved, names, of)),
+        "results.json": lambda: to_json(results(solved, names, of, files)),
         "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
     }
     if solved.quality is None and choice.html:
@@ -136,11 +151,14 @@ def _reports(
     return reports
 
 
-def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Writer]:
-    """The readme of the folder; where somebody put one of their own there, that one stays."""
-    if not may_write(place.folder, [words_of(language) for language in LANGUAGES]):
+def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Content]:
+    """The readme of the folder; one that the user has put there stays."""
+    path = place.folder / README
+    if path.exists() and README not in listed_files(place.folder):
         return {}
-    return {README: _text(readme(names, words_of(choice.language)))}
+    if not may_write(place.folder, [words_of(language) for language in LANGUAGES]):
+        return {README: path.read_bytes()}
+    return {README: readme(names, words_of(choice.language))}
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
@@ -157,7 +175,10 @@ def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> d
     def writer(name: str) -> Writer:
         return lambda path: table_writer(frames.pop(name))(path)
 
-    return {"adjusted.yaml": _text(text), **{name: writer(name) for name in frames}}
+    return {
+        "adjusted.yaml": lambda path: write_content(path, text),
+        **{name: writer(name) for name in frames},
+    }
 
 
 def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
@@ -219,12 +240,12 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
     """Write a project with the placed values as start values, and its tables, into a folder."""
     text, starts = adjusted_project(placed, document, source.resolve(), place.folder)
     writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
-    write_folder(place, {**writers, PROJECT: _text(text)})
+    write_folder(place, {**writers, PROJECT: text})
 
 
 def results_text(solved: Solved, of: Identity) -> str:
     """``results.json`` as text, for programs that read standard output."""
-    return to_json(results(solved, {}, of, beside=False))
+    return to_json(results(solved, {}, of))
 
 
 def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
@@ -248,11 +269,4 @@ def _failure_page(solved: Solved, of: Identity, language: str) -> str:
 
 
 def _made(text: Future[str]) -> Writer:
-    return lambda path: _text(text.result())(path)
-
-
-def _text(text: str) -> Writer:
-    def write(path: Path) -> None:
-        path.write_text(text, encoding="utf-8")
-
-    return write
+    return lambda path: write_content(path, text.result())

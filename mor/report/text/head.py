@@ -17,7 +17,7 @@ from mor.report.text.gross_errors.suspects import sentences as sentences_on_susp
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
-from mor.report.verdict.sentences import contradictions
+from mor.report.verdict.sentences import contradictions, ill_determined
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -91,6 +91,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
                 ratio=fixed(quality.sigma0, 3),
             )
         )
+    lines += ill_determined(verdict_rows(solved), solved.network.project.units.length, words)
     lines += contradictions(verdict_rows(solved), words)
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(

@@ -11,12 +11,15 @@ from mor.quality.reliability.reliability_map import uncontrolled_count
 from mor.quality.solved import Solved
 from mor.quality.tests.common_effects import CommonEffect
 from mor.quality.tests.group_tests import GroupTest
-from mor.quality.verdict import Explained, Verdict
+from mor.quality.verdict import LARGEST_SIGMA, Determined, Explained, Verdict
 from mor.report.edge import said, said_differences
 from mor.report.tables.shared import once
+from mor.units import LENGTH_UNITS
 
 MOST = 10_000
 """Tests that are listed; of more only those that reject."""
+NAMED = 5
+"""Ill-determined points that are named."""
 
 
 @once
@@ -27,9 +30,22 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         return None
     accepted = solved.accepted if solved.quality.redundancy > 0 else None
     explanations = [_explanation(solved, one) for one in judged.explained]
+    if solved.found.offered and solved.found.offered[0].hypothesis.cause == "curvature":
+        explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     return rows_of_verdict(
-        judged, accepted, uncontrolled_count(solved.quality), explanations, solved.adjustment.defect.movements
+        judged,
+        accepted,
+        uncontrolled_count(solved.quality),
+        explanations,
+        solved.adjustment.defect.movements,
+        LENGTH_UNITS[solved.network.project.units.length],
     )
+
+
+def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
+    """True for an offset of vertical angles, which the curvature of the earth looks like over similar distances."""
+    vertical = ("zenith", "zenith_angle", "vertical", "vertical_direction")
+    return effect is not None and effect["kind"] == "offset" and effect["component"] in vertical
 
 
 def rows_of_verdict(
@@ -38,13 +54,15 @@ def rows_of_verdict(
     uncontrolled: int,
     explanations: list[dict[str, Any]],
     movements: Sequence[str],
+    length: float = 1.0,
 ) -> dict[str, Any]:
-    """A verdict with its explanations; ``accepted`` is nothing without redundancy."""
+    """A verdict with its explanations; ``accepted`` is nothing without redundancy, ``length`` the unit of lengths."""
     tests = judged.tests
     listed = tests.tests if len(tests.tests) <= MOST else tuple(tests.rejected)
+    found = judged.determined
     return {
         "accepted": accepted,
-        "says": _says(accepted, uncontrolled),
+        "says": _says(accepted, uncontrolled, found),
         "uncontrolled": uncontrolled,
         "level_of_groups": tests.level,
         "level_of_each_group": tests.level_of_each,
@@ -58,14 +76,37 @@ def rows_of_verdict(
             "scale": "scale" in movements,
             "fixed_coordinates_uncontrolled": judged.chosen_only,
         },
+        "determined": _determined(found, length) if found is not None else None,
     }
 
 
-def _says(accepted: bool | None, uncontrolled: int) -> str:
+def _determined(found: Determined, length: float) -> dict[str, Any]:
+    """How well the result is determined, lengths in units of the project."""
+    return {
+        "as_a_whole": found.as_a_whole,
+        "everywhere": found.everywhere,
+        "size": found.size / length,
+        "limit": LARGEST_SIGMA,
+        "points": found.points,
+        "largest_sigma": found.largest / length,
+        "median_sigma": found.median / length,
+        "beyond": len(found.beyond),
+        "worst": [
+            {"kind": kind, "id": name, "sigma": sigma / length} for kind, name, sigma in found.beyond[:NAMED]
+        ],
+        "directions": found.directions,
+    }
+
+
+def _says(accepted: bool | None, uncontrolled: int, found: Determined | None) -> str:
+    if found is not None and not found.as_a_whole:
+        return "not determined"
     if accepted is None:
         return "not tested"
     if not accepted:
         return "not accepted"
+    if found is not None and not found.everywhere:
+        return "accepted, partly ill-determined"
     return "accepted, observations uncontrolled" if uncontrolled else "accepted"
 
 

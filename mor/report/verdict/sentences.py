@@ -92,6 +92,50 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
     return lines + [_explained(row, words) for row in explained]
 
 
+def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
+    """Return a sentence that names what is ill-determined and says what to do; nothing if all is determined."""
+    found = data["determined"] if data is not None else None
+    if found is None or found["everywhere"]:
+        return []
+    if not found["beyond"]:
+        return [
+            words(
+                "ILL-DETERMINED: {count:direction is|directions are} hardly determined; the report lists what moves "
+                "together, and what would help.",
+                count=found["directions"],
+            )
+        ]
+    numbers = {
+        "count": found["beyond"],
+        "all": found["points"],
+        "percent": f"{100.0 * found['limit']:g}",
+        "size": short(found["size"], 3),
+        "unit": unit,
+        "sigma": short(found["largest_sigma"], 3),
+        "names": ", ".join(
+            row["id"] if row["kind"] == "point" else f"{words(row['kind'])} {row['id']}"
+            for row in found["worst"]
+        ),
+    }
+    if found["as_a_whole"]:
+        return [
+            words(
+                "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
+                "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
+                "further places, or fix or observe their coordinates.",
+                **numbers,
+            )
+        ]
+    return [
+        words(
+            "NOT DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of the "
+            "size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Fix or observe coordinates, or "
+            "measure what ties the points to known ones.",
+            **numbers,
+        )
+    ]
+
+
 def _thing(row: dict[str, Any], words: Words) -> str:
     """A group by the name of its table, all else by what it is and its name."""
     return row["name"] if row["of"] == "group" else f"{words(row['of'])} {row['name']}"

@@ -7,7 +7,8 @@ The catalogue has the sentence as it stands in the source, with places for the v
 
 A finished sentence is recognised by its fixed words, its values are taken out of it and put into that of the other
 language. Values that are clauses of their own (a suggestion, a counted thing) are recognised in turn. Names in
-quotes stay as they are, and a single word only changes where the other language marks its place: ``{:w}``.
+quotes stay as they are, and so do the values of places that the other language marks with ``{:n}``: names of columns,
+keys and formats. A single word only changes where it marks its place with ``{:w}``.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ _VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
 """A name in quotes, whatever is in it, or as little as can be."""
 WORD = "w"
 """Marks a place whose single word is looked up, too: {:w}."""
+NAMES = "n"
+"""Marks a place whose value stays as it is: {:n}."""
 _CONJUNCTION = 3
 """Letters of *and*, *or*, *of*, which alone are no sentence."""
 _DEEPEST = 6
@@ -144,7 +147,9 @@ class Sentences:
             if part.place is None:
                 continue
             value = values[part.place]
-            if "|" in part.words:
+            if part.words == NAMES:
+                written.append(value)
+            elif "|" in part.words:
                 written.append(format(Place(value.split(" ", 1)[0]), part.words))
             elif part.words == WORD or " " in value:
                 written.append(self._said(value, depth))

@@ -218,10 +218,10 @@ def test_constraints_that_bind_too_little_are_recognised():
     scene, points, problem = noisy("plane, distances", datum=slice(0, 1))
     adjustment = adjust(problem, scene.start(1e-3))
     null = adjustment.defect.datum
-    assert not binds(null, constraint(null, problem, scene.values()))
+    assert not binds(null, constraint(null, problem, scene.values()), problem.index)
     everything = scene.problem(None, points)
-    assert binds(null, constraint(null, everything, scene.values()))
-    assert binds(null[:, :0], constraint(null[:, :0], everything, scene.values()))
+    assert binds(null, constraint(null, everything, scene.values()), problem.index)
+    assert binds(null[:, :0], constraint(null[:, :0], everything, scene.values()), problem.index)
 
 
 def test_a_step_beyond_all_size_is_moved_all_the_same():

@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from reference_data import NETWORKS, network_name
 
 from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
-from mor.formats import read_foreign
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
 
 SAMPLES = Path(__file__).parents[3] / "sample_projects"
-GAMA = (
-    "acord2__input__a2diff__traverse-01-es-left",
-    "azimuth-distance",
-    "bug__2019-08-13-traverse-knin_male",
-    "bug__tst-tetrahedron-3-deg",
-    "ctu__2020-barta-phase_0-1TK",
-    "fixed-constrained",
-    "jezerka-ang",
-    "krumm__1D__Krumm_Height_dyn",
-    "krumm__1D__Niemeier_Height_free",
-    "krumm__2D__Ghilani16_2_DistanceAngleAzimuth_fix",
-    "krumm__2D__LotherStrehle_Direction3",
-    "krumm__3D__Baumann23_3_4_fix",
-    "krumm__3D__Ghilani_GNSS_Baselines",
-    "local_3d",
-    "scale-cov-gon",
-    "seq-dsuloha-d",
-    "sim__from-to-dh",
-    "stroner-levelling-a",
-    "tetrahedron",
-)
+TRAVERSES = ("traverse-01-nw", "traverse-01-se", "traverse-01-wn", "traverse-01-ws")
+GAMA = [
+    path
+    for path in NETWORKS
+    if path.parent.name == "gama" and not path.stem.startswith((*TRAVERSES, "scale-cov-dms"))
+]
+"""One of the traverses that differ in their axes only, and of the same network in other units."""
 
 
 def without_start(network: Network) -> Network:
@@ -90,12 +75,9 @@ def test_a_network_from_nothing_but_plan_coordinates_has_heights_of_its_own() ->
     assert_same_solution(solve_network(in_plan), solve_network(network))
 
 
-@pytest.mark.parametrize("name", GAMA)
-def test_geodetic_networks_without_coordinates_of_new_points(
-    name: str, shared_data: Callable[[str], Path]
-) -> None:
-    path = shared_data("gama") / f"{name}.gkf"
-    network = read_network(read_foreign(path), path.parent)
+@pytest.mark.parametrize("path", GAMA, ids=network_name)
+def test_geodetic_networks_without_coordinates_of_new_points(path: Path) -> None:
+    network = of_project(path)
     assert_same_solution(solve_network(without_start(network)), solve_network(network))
 
 

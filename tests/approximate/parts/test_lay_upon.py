@@ -3,6 +3,7 @@
 import numpy as np
 
 from mor.approximate.parts.joining import lay_upon
+from mor.approximate.parts.movement import Turn
 from mor.approximate.parts.part import empty_part
 from mor.geometry.rotations import exponential
 
@@ -15,7 +16,7 @@ def test_shape_and_size_stay_and_the_place_is_that_of_the_rough_ones():
     rough[5] = np.nan
     part = empty_part(len(true))
     part.points[:] = true @ exponential(np.array([[0.3, 1.0, -0.4]]))[0].T + [100.0, -20.0, 3.0]
-    lay_upon(part, rough)
+    lay_upon(part, rough, Turn.ANY, True)
     assert np.abs(part.points - true).max() < 0.15
     lengths, expected = (np.linalg.norm(X[:, None] - X[None], axis=2) for X in (part.points, true))
     np.testing.assert_allclose(lengths, expected, atol=1e-9)
@@ -25,9 +26,8 @@ def test_a_levelled_part_turns_about_the_vertical_only():
     draw = np.random.default_rng(4)
     true = draw.uniform(-5.0, 5.0, (8, 3))
     part = empty_part(len(true))
-    part.levelled = True
     part.points[:] = true @ exponential(np.array([[0.0, 0.0, 2.0]]))[0].T
-    lay_upon(part, true @ exponential(np.array([[0.05, 0.0, 0.0]]))[0].T)
+    lay_upon(part, true @ exponential(np.array([[0.05, 0.0, 0.0]]))[0].T, Turn.VERTICAL, True)
     np.testing.assert_allclose(np.ptp(part.points[:, 2] - true[:, 2]), 0.0, atol=1e-9)
 
 
@@ -35,5 +35,14 @@ def test_two_points_are_too_few_and_nothing_moves():
     part = empty_part(2)
     part.points[:] = [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
     before = part.points.copy()
-    lay_upon(part, before + 5.0)
+    lay_upon(part, before + 5.0, Turn.ANY, True)
     np.testing.assert_array_equal(part.points, before)
+
+
+def test_size_is_taken_from_the_given_places_if_nothing_was_measured_of_it():
+    draw = np.random.default_rng(4)
+    true = draw.uniform(-5.0, 5.0, (8, 3))
+    part = empty_part(len(true))
+    part.points[:] = 0.01 * true @ exponential(np.array([[0.5, 0.1, 2.0]]))[0].T
+    lay_upon(part, true, Turn.ANY, False)
+    np.testing.assert_allclose(part.points, true, atol=1e-6)

@@ -1,10 +1,8 @@
-"""What the camera tests share: differences to test Jacobians against, and the place of the reference data."""
+"""What the camera tests share: differences to test Jacobians against."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -66,13 +64,3 @@ def assert_derivatives() -> AssertDerivatives:
             compare(projection.by_interior[:, :, column], numeric, rounding / step, component.name)
 
     return check
-
-
-@pytest.fixture(scope="session")
-def shared_data() -> Path:
-    """Folder of the reference data, from ``MOR_SHARED_DATA`` or beside the repository."""
-    beside = Path(__file__).resolve().parents[4] / "shared" / "data"
-    folder = Path(os.environ.get("MOR_SHARED_DATA", beside))
-    if not folder.is_dir():
-        pytest.skip(f"reference data not found at {folder}; set MOR_SHARED_DATA")
-    return folder

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +52,8 @@ AICON_ORDER = (
 )
 
 
-def test_mor_reproduces_the_residuals_of_9972_image_points(shared_data: Path) -> None:
-    folder = shared_data / "aicon-115"
+def test_mor_reproduces_the_residuals_of_9972_image_points(shared_data: Callable[[str], Path]) -> None:
+    folder = shared_data("aicon-115")
     solution: dict[str, dict[tuple[str, str], float]] = {}
     for row in rows(folder / "expected" / "A_report_free_all.csv"):
         solution.setdefault(row["id"], {})[row["param"], row["order"]] = float(row["value"])
@@ -95,8 +96,10 @@ def camcal_residuals(folder: Path, key: str, expected: dict[str, Any]) -> FloatA
 @pytest.mark.parametrize(
     ("key", "block"), [("brown", "reference_model3"), ("brown-forward", "reference_model_forward")]
 )
-def test_brown_reproduces_the_camera_calibration(key: str, block: str, shared_data: Path) -> None:
-    folder = shared_data / "camcal"
+def test_brown_reproduces_the_camera_calibration(
+    key: str, block: str, shared_data: Callable[[str], Path]
+) -> None:
+    folder = shared_data("camcal")
     expected = json.loads((folder / "expected.json").read_text())[block]
     v = camcal_residuals(folder, key, expected)
     assert len(v) == 2074

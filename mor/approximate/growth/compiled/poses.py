@@ -133,6 +133,8 @@ def _solution(normal: FloatArray, side: FloatArray, damping: float) -> FloatArra
         for k in range(j):
             pivot -= factor[j, k] ** 2
         if not pivot > 1e-12:
+            if not (np.isfinite(scaled).all() and np.isfinite(x).all()):
+                return np.full(6, np.nan)
             solution: FloatArray = np.linalg.lstsq(scaled, x, 1e-15)[0] / scale
             return solution
         factor[j, j] = np.sqrt(pivot)

@@ -28,6 +28,7 @@ from mor.approximate.resection.three_points import nearly_resect_three_points
 from mor.approximate.vectors import unit
 from mor.approximate.work import CONDITIONS
 from mor.arrays import BoolArray, FloatArray
+from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
 
 POSE = 6
@@ -176,7 +177,7 @@ def _found(part: Part, scene: Scene, number: int, redundant: int, ambiguous: boo
 
 def _that_fit(conditions: Conditions, found: Minima, redundant: int) -> list[Poses]:
     """Poses that all conditions agree with, the best first; none where the best one does not, or is open."""
-    values = np.linalg.svd(found.derivatives, compute_uv=False)
+    values = tolerant.singular_values(found.derivatives)
     if not np.isfinite(values).all() or values[-1] * OPEN < 1.0 or conditions.equations < POSE + redundant:
         return []
     poses: list[Poses] = []
@@ -213,7 +214,7 @@ def _conditions(part: Part, scene: Scene, number: int, slack: float) -> Conditio
     return Conditions(
         targets,
         rays,
-        np.linalg.svd(rays[:, None, :])[2][:, 1:] if len(rays) else np.zeros((0, 2, 3)),
+        tolerant.svd(rays[:, None, :])[2][:, 1:] if len(rays) else np.zeros((0, 2, 3)),
         loosened(frame.sigma[known], slack),
         np.array(at).reshape(-1, 3),
         np.array(along).reshape(-1, 3),
@@ -243,7 +244,7 @@ def _over_two(targets: FloatArray, rays: FloatArray) -> Poses:
         return Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))
     line = targets[1] - targets[0]
     length = float(np.linalg.norm(line))
-    u, (v, w) = line / length, np.linalg.svd(line[None])[2][1:]
+    u, (v, w) = line / length, tolerant.svd(line[None])[2][1:]
     at_first = (np.pi - apart) * (np.arange(_ALONG) + 0.5) / _ALONG
     about = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
     a, phi = (grid.ravel() for grid in np.meshgrid(at_first, about, indexing="ij"))

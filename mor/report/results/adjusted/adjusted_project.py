@@ -24,6 +24,7 @@ from mor.parameters.kinds import ECCENTRICITY, GNSS_FRAME, INTERIORS, READOUT, R
 from mor.project.file.nodes import Document
 from mor.project.file.writing import LONGEST, matrix_text
 from mor.project.file.yaml_text import yaml_text
+from mor.project.network.build import Network
 from mor.report.results.adjusted.start_columns import Placed, angle_unit
 from mor.report.results.adjusted.start_motions import motions
 from mor.report.results.adjusted.start_tables import start_tables
@@ -66,6 +67,8 @@ def adjusted_project(
             horizon = placed.network.world.horizon
             place = {"latitude": horizon.latitude, "longitude": horizon.longitude}
             data["world"]["origin"] = {name: f"{_degrees(angle)!r} deg" for name, angle in place.items()}
+    if placed.network.sphere is not None:
+        data["curvature"] = with_sphere_origin(data["curvature"], placed.network)
     for section in ("observations", "checks", "candidates", "line_times"):
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
@@ -135,6 +138,16 @@ def grids_moved(world: dict[str, Any], source: Path, target: Path) -> dict[str, 
         elif given:
             moved[key] = {axis: _from(target, source / file) for axis, file in given.items()}
     return moved
+
+
+def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
+    """Return the section ``curvature`` with the origin that the network has, whatever its coordinates are now."""
+    assert network.sphere is not None
+    given = np.array(network.sphere.origin) @ network.edge.matrix
+    kept = dict(section) if isinstance(section, Mapping) else {}
+    if "origin" not in kept:
+        kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
+    return kept
 
 
 def _surroundings_moved(visibility: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:

@@ -126,6 +126,10 @@ class Results(Part):
         default=None, description="Where there is no solution: what does not come to rest, what fits worst"
     )
     tables: dict[str, str] = Field(description="Names of the tables beside results.json")
+    files: list[str] = Field(
+        default=[],
+        description="Names of all files of this run in its folder; nothing else there is ever replaced",
+    )
     residuals: list[Residual] | None = Field(description="null beyond 10 000: read the table")
 
 

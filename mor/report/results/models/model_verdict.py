@@ -71,15 +71,46 @@ class Conventions(Part):
     )
 
 
+class IllDetermined(Part):
+    """A point or the place of a frame with a σ beyond the limit."""
+
+    kind: str = Field(description="point, image, station, …")
+    id: str = Field(description="Its name")
+    sigma: float = Field(description="Largest semi-axis of its error ellipsoid, length unit of the project")
+
+
+class Determined(Part):
+    """How well the result is determined, with σ a priori, or a posteriori if these are smaller."""
+
+    as_a_whole: bool = Field(description="False where σ of more than half of the points are beyond the limit")
+    everywhere: bool = Field(description="True where no point is beyond the limit and no direction is weak")
+    size: float = Field(
+        description="Twice the median distance of the points from their median; 0: no size to judge by"
+    )
+    limit: float = Field(description="Largest σ as a part of this size")
+    points: int = Field(description="Number of points and places of frames that were judged")
+    largest_sigma: float = Field(description="The largest σ of these, length unit of the project")
+    median_sigma: float = Field(description="The median of these σ")
+    beyond: int = Field(description="Number of those beyond the limit")
+    worst: list[IllDetermined] = Field(description="The worst of them")
+    directions: int = Field(description="Number of weak directions, see hardly_determined")
+
+
 class Verdict(Part):
-    """The tests of the whole and of all groups together."""
+    """The tests of the whole and of all groups together, and whether the result is determined."""
 
     accepted: bool | None = Field(
-        description="True where the global test and all tests of groups accept; null without redundancy"
+        description="True where the global test and all tests of groups accept and the result as a whole is "
+        "determined; null without redundancy"
     )
-    says: Literal["accepted", "accepted, observations uncontrolled", "not accepted", "not tested"] = Field(
-        description="In words; not tested: without redundancy"
-    )
+    says: Literal[
+        "accepted",
+        "accepted, observations uncontrolled",
+        "accepted, partly ill-determined",
+        "not accepted",
+        "not determined",
+        "not tested",
+    ] = Field(description="In words; not tested: without redundancy")
     uncontrolled: int = Field(description="Number of observations with r below least_redundancy")
     level_of_groups: float = Field(description="Level of all tests of groups together")
     level_of_each_group: float = Field(description="Level of each of them (Šidák)")
@@ -93,6 +124,9 @@ class Verdict(Part):
         description="The worst groups; those first whose effect explains most"
     )
     conventions: Conventions = Field(description="What was chosen and not measured")
+    determined: Determined | None = Field(
+        default=None, description="Whether the result is determined; null for projects in domains"
+    )
 
 
 class Further(Part):

@@ -37,6 +37,7 @@ SENTENCES = {
     "control moved": "a control point may have wrong coordinates, or have moved ({names})",
     "pixel origin": "the principal point, or the origin of the pixels, may be wrong ({names})",
     "camera of images": "images may be of another camera or focal length ({names})",
+    "curvature": "the curvature of the earth is not modelled",
     "sigma unit": "standard deviations may be in another unit ({names})",
 }
 """What each cause says."""

@@ -1,0 +1,443 @@
+"""Field books: which sights belong to which station, and which records are raw, computed or given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reference_data import network_of
+
+from mor.formats import format_of, read_foreign
+from mor.pipeline import solve_network
+from mor.project.file.nodes import Document
+
+CONTROL = {
+    "K1": (0.0, 0.0, 10.0),
+    "K2": (120.0, 15.0, 12.0),
+    "K3": (70.0, 130.0, 9.0),
+    "K4": (-40.0, 90.0, 14.0),
+}
+
+
+def _read(tmp_path: Path, name: str, text: str) -> Document:
+    path = tmp_path / name
+    path.write_text(text)
+    return read_foreign(path)
+
+
+def _tables(document: Document, type_: str) -> list[dict[str, Any]]:
+    return [table for table in document.data.get("observations", []) if table["type"] == type_]
+
+
+def _rows(document: Document, type_: str) -> list[dict[str, str]]:
+    return [
+        dict(zip(table["columns"], row, strict=True))
+        for table in _tables(document, type_)
+        for row in table["rows"]
+    ]
+
+
+def _points(document: Document) -> dict[str, list[float]]:
+    """Points with coordinates."""
+    return {
+        row[0]: [float(cell) for cell in row[1:4] if cell is not None]
+        for table in document.data["points"]
+        if "x" in table["columns"]
+        for row in table["rows"]
+    }
+
+
+def _notes(document: Document) -> str:
+    return " ".join(map(str, document.notes))
+
+
+def _station_of_lines(document: Document) -> dict[int, str]:
+    """The point of the station that each sight was read at, by the line of the sight."""
+    points = {row[0]: row[1] for table in document.data["stations"] for row in table["rows"]}
+    found = {}
+    for k, table in enumerate(document.data["observations"]):
+        if "station" in table["columns"]:
+            at = table["columns"].index("station")
+            for i, row in enumerate(table["rows"]):
+                found[document.lines["observations", k, "rows", i]] = points[row[at]]
+    return found
+
+
+class _Gsi:
+    """A GSI-16 book of our own making with the station that each line was read at."""
+
+    def __init__(self, seed: int, located: bool) -> None:
+        self.random = np.random.default_rng(seed)
+        self.located = located
+        self.lines: list[str] = []
+        self.truth: dict[int, str] = {}
+
+    def word(self, index: str, value: float, digits: int = 3, unit: str = "0") -> str:
+        number = round(value * 10**digits)
+        return f"{index}..1{unit}{'-' if number < 0 else '+'}{abs(number):016d}"
+
+    def line(self, name: str, *words: str) -> int:
+        self.lines.append(f"*11{len(self.lines) + 1:04d}+{name:0>16} {' '.join(words)}")
+        return len(self.lines)
+
+    def place(self, name: str, place: tuple[float, float, float], first: int) -> list[str]:
+        return [self.word(str(first + k), value) for k, value in enumerate(place)]
+
+    def sight(self, at: str, station: Any, name: str, target: Any, turn: float, computed: bool) -> None:
+        dx, dy, dz = np.subtract(target, station)
+        plan = float(np.hypot(dx, dy))
+        words = [
+            self.word("21", (np.degrees(np.arctan2(dx, dy)) / 0.9 + turn) % 400, 5, "2"),
+            self.word("22", np.degrees(np.arctan2(plan, dz)) / 0.9, 5, "2"),
+            self.word("31", float(np.hypot(plan, dz)), 4, "6"),
+            self.word("87", 0.0),
+        ]
+        words += self.place(name, tuple(target), 81) if computed and self.located else []
+        self.truth[self.line(name, *words)] = at
+
+
+def _book(seed: int, located: bool) -> _Gsi:
+    """Stations that are known, or resected after their sights, with details; the circle turned or not."""
+    book = _Gsi(seed, located)
+    random = book.random
+    for name, place in CONTROL.items():
+        book.line(name, *book.place(name, place, 81))
+    for k in range(int(random.integers(2, 5))):
+        name = f"S{k + 1}"
+        station = np.array([*random.uniform(-100, 200, 2), random.uniform(8, 14)])
+        seen = random.permutation(list(CONTROL))[: random.integers(2, 5)]
+        turn = float(random.uniform(50, 350)) if random.random() < 0.5 else 0.0
+        resected = bool(random.random() < 0.6)
+        record = [*book.place(name, tuple(station), 84), book.word("88", 0.0)]
+        record += [book.word("25", -turn % 400, 5, "2")] if resected and random.random() < 0.5 else []
+        if resected:
+            for target in seen:
+                book.sight(name, station, target, CONTROL[target], turn, computed=False)
+        book.line(name, *record)
+        if not resected:
+            for target in seen:
+                book.sight(name, station, target, CONTROL[target], 0.0, computed=True)
+        for n in range(int(random.integers(1, 4))):
+            detail = station + random.uniform(-30, 30, 3) * [1, 1, 0.1]
+            book.sight(name, station, f"D{k}{n}", detail, 0.0, computed=True)
+    return book
+
+
+@pytest.mark.parametrize("located", [True, False])
+def test_sights_belong_to_the_station_that_the_instrument_means(tmp_path: Path, located: bool) -> None:
+    """150 books: by blocks without coordinates if others have them, by distances between given coordinates if not."""
+    wrong = 0
+    for seed in range(150):
+        book = _book(seed, located)
+        document = _read(tmp_path, "book.gsi", "\n".join(book.lines))
+        wrong += _station_of_lines(document) != book.truth
+    assert wrong == 0
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_resected_stations_come_out_right(tmp_path: Path, seed: int) -> None:
+    """Coordinates of stations and details: the circle readings before and after a station record fit together."""
+    book = _book(seed, located=False)
+    document = _read(tmp_path, "book.gsi", "\n".join(book.lines))
+    solved = solve_network(network_of(document, tmp_path))
+    assert solved.quality.sigma0 < 0.5
+    assert not set(_points(document)) - set(CONTROL) - {f"S{k}" for k in range(9)}
+
+
+def test_a_code_block_opens_a_set_up(tmp_path: Path) -> None:
+    def block(number: int, code: int, station: str, height: int) -> str:
+        return f"*41{number:04d}+{code:016d} 42....+{station:0>16} 43....+{height:016d}"
+
+    def sight(number: int, target: str, hz: int) -> str:
+        return (
+            f"*11{number:04d}+{target:0>16} 21.322+{hz:016d} 22.322+{10000000:016d} "
+            f"31..00+{100000:016d} 87..10+{1500:016d}"
+        )
+
+    lines = [
+        block(1, 21, "P1", 1550),
+        sight(2, "P2", 0),
+        sight(3, "P3", 10000000),
+        block(4, 21, "P2", 1600),
+        sight(5, "P1", 0),
+        "*410006+0000000000000007 42....+00000000000TREE 43....+0000000000012000",
+        sight(7, "P3", 35000000),
+    ]
+    document = _read(tmp_path, "b.gsi", "\n".join(lines))
+    assert [row[:3] for row in document.data["stations"][0]["rows"]] == [
+        ["P1", "P1", "1.55"],
+        ["P2", "P2", "1.6"],
+    ]
+    assert _station_of_lines(document) == {2: "P1", 3: "P1", 5: "P2", 7: "P2"}
+    assert "not read: code block (1 record, lines 6)" in _notes(document)
+
+
+def test_gsi_blocks_in_one_line_heights_and_repeated_stations(tmp_path: Path) -> None:
+    text = (
+        "110001+0000000A 21.102+00000000 22.102+10000000 31..00+00010000 84..10+00001000 85..10+00002000 "
+        "110002+0000000B 21.102+10000000 22.102+10000000 31..00+00020000 84..10+00001000 85..10+00002000 "
+        "88..10+00001500 110003+0000000A 21.102+00000000 22.102+10000000 31..00+00010000 84..10+00005000 "
+        "85..10+00006000 88..10+00001600"
+    )
+    document = _read(tmp_path, "b.gsi", text)
+    assert len(_rows(document, "zenith_directions")) == 3
+    assert [row[2] for row in document.data["stations"][0]["rows"]] == ["0.0", "1.5", "1.6"]
+
+
+SDR = "00NMSDR33V04-01     000001-Jan-20 14:20:113111\n"
+
+
+def _sdr(kind: str, *cells: str) -> str:
+    return kind + "".join(
+        f"{cell:<16}" if k or kind[:2] == "03" else f"{cell:>16}" for k, cell in enumerate(cells)
+    )
+
+
+def _sdr_sight(station: str, target: str, slope: float, zenith: float, hz: float, kind: str = "09F1") -> str:
+    return f"{kind}{station:>16}{target:>16}{slope:<16}{zenith:<16}{hz:<16}"
+
+
+def test_computed_coordinates_of_sdr_are_no_observations(tmp_path: Path) -> None:
+    lines = [
+        _sdr("08KI", "A", "100.0", "200.0", "10.0"),
+        _sdr("02TP", "S1", "150.0", "200.0", "10.0", "1.5"),
+        "03NM1.5",
+        _sdr_sight("S1", "A", 50.0, 90.0, 180.0),
+        _sdr_sight("S1", "S2", 30.0, 90.0, 90.0),
+        _sdr("08TP", "S2", "150.0", "230.0", "10.0"),
+        _sdr("02TP", "S2", "150.0", "230.0", "10.0", "1.6"),
+        _sdr_sight("S2", "S1", 30.0, 90.0, 270.0),
+        _sdr_sight("S2", "A", 58.31, 90.0, 211.0, kind="09MC"),
+        "0000",
+        "\x03",
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert _points(document) == {"A": [200.0, 100.0, 10.0], "S1": [200.0, 150.0, 10.0]}
+    assert "coordinates that the instrument computed from its readings (2 records, lines 7–8)" in _notes(
+        document
+    )
+    assert "observations reduced by the instrument (MC) (1 record" in _notes(document)
+
+
+def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
+    """The readings of the last attempt count; the station and its coordinates follow from them."""
+    lines = [
+        _sdr("08KI", "A", "100.0", "100.0", "10.0"),
+        _sdr("08KI", "B", "100.0", "200.0", "10.0"),
+        "13NMStart of Resection",
+        _sdr_sight("0", "A", 1.0, 90.0, 5.0, kind="13F1"),
+        "13NMStart of Resection",
+        _sdr_sight("0", "A", 50.0, 90.0, 0.0, kind="13F1"),
+        _sdr_sight("0", "B", 50.0, 90.0, 180.0, kind="13F1"),
+        _sdr("08KI", "S", "100.0", "150.0", "10.0"),
+        _sdr("02KI", "S", "100.0", "150.0", "10.0", "0.0"),
+        _sdr_sight("S", "D", 20.0, 90.0, 270.0),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert set(_points(document)) == {"A", "B"}
+    assert _station_of_lines(document) == {7: "S", 8: "S", 11: "S"}
+    circle = {row["to"]: float(row["horizontal"]) for row in _rows(document, "zenith_directions")}
+    assert circle == {"A": pytest.approx(270.0), "B": pytest.approx(90.0), "D": pytest.approx(270.0)}
+    assert "sights of a resection that was begun anew (1 record, lines 5)" in _notes(document)
+    assert "was turned when its station was recorded" in _notes(document)
+
+
+def test_m5_heights_follow_the_station_and_end_closes(tmp_path: Path) -> None:
+    def line(what: str, *values: str) -> str:
+        return f"For M5|Adr 1|{what}|" + "|".join(f"{value:<22}" for value in (*values, "", "", "")[:3]) + "|"
+
+    text = "\n".join(
+        [
+            line("TI      KN STAT"),
+            line("PI1           A      B", "", "Hz 110.0849 DMS", "V1 90.0000 DMS"),
+            line("PI1           S      S1", "Y 5.0 m", "X 6.0 m", "Z 7.0 m"),
+            line("TI", "", "Om 249.5111 DMS"),
+            line("TI      INPUT", "th 1.300 m", "ih 1.645 m"),
+            line("PI1                  P", "SD 10.0 m", "Hz 0.0000 DMS", "V1 90.0000 DMS"),
+            line("PI1                  P", "Y 5.0 m", "X 16.0 m", "Z 7.3 m"),
+            line("PI1                  Q", "SD 10.0 m", "Hz 90.0000 DMS", "V1 90.0000 DMS"),
+            "END",
+        ]
+    )
+    document = _read(tmp_path, "b.m5", text)
+    assert document.data["stations"][0]["rows"] == [["S1", "S1", "1.645"]]
+    assert set(_points(document)) == {"S1"}
+    sets = [row.get("set") for row in _rows(document, "zenith_directions")]
+    assert sets == [None, "2", "2"], "the circle was turned when the station was recorded"
+
+
+def test_nikon_stations_backsights_and_uploaded_points(tmp_path: Path) -> None:
+    """A sight that reads something else than the circle was set to was made before."""
+    text = "\n".join(
+        [
+            "CO,Ruide Raw data",
+            "CO,Angle Units: DDDMMSS",
+            "CO,Coord Order: ENZ",
+            "UP,A,,100.0,200.0,5.0,",
+            "UP,B,,100.0,300.0,5.0,",
+            "ST,A,,B,,1.5,0.0000,0.0000",
+            "F1,B,1.5,100.0,13.1726,90.0000, 09:00:28",
+            "SS,P,1.3,20.0,90.0000,90.0000, 09:01:11,",
+            "CC,P,,120.0,200.0,5.0,",
+            "CO,3pt Resection",
+            "F1,A,1.5,20.0,0.0000,90.0000, 09:02:00",
+            "F1,B,1.5,102.0,90.0000,90.0000, 09:02:30",
+            "ST,S,,,,1.4,0.0000,0.0000",
+            "SS,Q,1.3,5.0,10.0000,90.0000, 09:03:00,",
+        ]
+    )
+    path = tmp_path / "book.sdr"
+    path.write_text(text)
+    assert format_of(path) == "nikon", "by its records, whatever the suffix"
+    document = read_foreign(path)
+    assert _station_of_lines(document) == {6: "A", 7: "A", 8: "A", 11: "S", 12: "S", 14: "S"}
+    assert set(_points(document)) == {"A", "B"}
+    sets = {(r["station"], r["to"]): r.get("set") for r in _rows(document, "directions")}
+    assert sets == {("A", "B"): "2"}, (
+        "the reading of the circle at the backsight is in the set of the side shots"
+    )
+
+
+def test_geodimeter_labels(tmp_path: Path) -> None:
+    """Both faces from 24 and 17; coordinates of a point with readings are computed, those of 62 are its own."""
+    text = "2=S\n37=10.0\n38=20.0\n39=5.0\n62=R\n37=110.0\n38=20.0\n3=1.6\n23=1112\n"
+    text += (
+        "5=P\n6=1.3\n24=100.0000\n25=100.0000\n17=300.0000\n18=300.0000\n9=50.0\n37=10.0\n38=70.0\n39=5.3\n"
+    )
+    text += "5=Q\n7=50.0000\n8=100.0000\n9=0.000\nEND\n"
+    document = _read(tmp_path, "b.job", text)
+    assert _points(document)["S"][:2] == [20.0, 10.0]
+    assert set(_points(document)) == {"S", "R"}
+    assert document.data["stations"][0]["rows"] == [["S", "S", "1.6"]]
+    faces = [(r["to"], r["face"], float(r["horizontal"])) for r in _rows(document, "zenith_directions")]
+    assert faces == [("P", "1", 100.0), ("P", "2", 300.0), ("Q", "1", 50.0)]
+    assert len(_rows(document, "distance")) == 1
+    assert document.data["units"]["angle"] == "gon"
+
+
+def test_rw5_takes_the_later_coordinates_and_those_of_gnss(tmp_path: Path) -> None:
+    text = (
+        "--a book that begins with comments\nSP,PN104,N 5000.0,E 2100.0,EL0.0,--B\nGPS,PNG1,LA45.1,LN-66.0,EL23.4,--\n"
+        "--GS,PNG1,N 5000.0,E 2000.0,EL500.0,--\n--GS,PNG1,N x,E 2000.0,EL500.0,--\n"
+        "OC,OP104,N 5000.0,E 2100.0,EL510.0,--B\nLS,HI1.5,HR1.5\nBK,OP104,BPG1,BS270.0000,BC0.0000\n"
+        "BD,OP104,FPG1,AR0.0000,ZE95.4238,SD100.499,--A\nSP,PNG1,N 5000.1,E 2000.0,EL500.0,--A\n"
+    )
+    document = _read(tmp_path, "b.rw5", text)
+    assert _points(document) == {"104": [2100.0, 5000.0, 510.0], "G1": [2000.0, 5000.0, 500.0]}
+    assert (
+        "1 point with other coordinates later in the book, which replace the earlier ones: 104 (line 2"
+        in _notes(document)
+    )
+    assert "computed from its readings (1 record, lines 10)" in _notes(document)
+
+
+LANDXML = """<?xml version="1.0"?>
+<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2">
+<Units><Metric linearUnit="meter" angularUnit="grads" directionUnit="grads"/></Units>
+<CgPoints><CgPoint name="A" oID="1">100 200 5</CgPoint><CgPoint name="P" oID="2">150 200 5</CgPoint></CgPoints>
+<Survey><InstrumentSetup id="s" stationName="A" instrumentHeight="1.5"/>
+<ObservationGroup setupID="s">
+<RawObservation azimuth="0.0" horizAngle="10" zenithAngle="100" slopeDistance="50" horizDistance="50"
+ targetHeight="1.5">
+<TargetPoint name="P">150 200 5</TargetPoint></RawObservation>
+<ReducedObservation azimuth="0" horizDistance="20"><TargetPoint name="Q"/></ReducedObservation>
+<ReducedObservation azimuth="0" horizDistance="30"><TargetPoint name="R"/></ReducedObservation>
+</ObservationGroup></Survey>{leica}</LandXML>
+"""
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_derived_values_of_landxml(tmp_path: Path, measured: bool) -> None:
+    """Azimuths beside circle readings, and 0 to several targets, are none; nor are points that Leica calls measured."""
+    leica = '<HexagonLandXML><Point uniqueID="2" class="measured"/></HexagonLandXML>' if measured else ""
+    document = _read(tmp_path, "b.xml", LANDXML.format(leica=leica))
+    assert not _tables(document, "bearing")
+    assert [row["to"] for row in _rows(document, "horizontal_distance")] == ["Q", "R"]
+    assert set(_points(document)) == ({"A"} if measured else {"A", "P"})
+    notes = _notes(document)
+    for words in (
+        "azimuth that is computed (1",
+        "azimuths 0 to several targets of a set-up (2",
+        "horizDistance that",
+    ):
+        assert words in notes
+
+
+def test_idx_classes_tell_given_from_computed(tmp_path: Path) -> None:
+    text = (
+        "HEADER\n\tUNITS\n\t\tANGULAR GON\n\t\tLINEAR METRE\n\tEND UNITS\nEND HEADER\nDATABASE\n"
+        "\tPOINTS(PointNo, PointID, East, North, Elevation, Code, Date, CLASS)\n"
+        '\t\t1,\t"A", 1.0, 2.0, 3.0,"",\t,\tCTRL;\n\t\t2,\t"B", 11.0, 2.0, 3.0,"",\t,\tMEAS;\n'
+        '\t\t3,\t"C", 12.0, 2.0, 3.0,"",\t,\tAVGE;\n\tEND POINTS\n'
+        '\tSETUP\n\t\tSTN_NO 1\n\t\tSTN_ID "A"\n\t\tINST_HT 1.5;\n\tEND SETUP\n'
+        "\tSLOPE(TgtNo, TgtID, CfgNo, Hz, Vz, SDist, RefHt)\n"
+        '\t\t2,\t"B",\t1,\t0.0,\t100.0,\t10.0,\t1.5;\n\t\t3,\t"C",\t1,\t1.0,\t100.0,\t0.0,\t1.5;\n\tEND SLOPE\n'
+    )
+    document = _read(tmp_path, "b.idx", text)
+    assert set(_points(document)) == {"A"}
+    assert len(_rows(document, "distance")) == 1, "a circle reading without a distance is no distance of 0"
+    assert len(_rows(document, "zenith_directions")) == 2
+
+
+def test_a_point_of_a_job_without_a_station_belongs_to_the_last_one(tmp_path: Path) -> None:
+    circle = "<Circle><HorizontalCircle>1</HorizontalCircle><VerticalCircle>90</VerticalCircle></Circle>"
+    records = "".join(
+        f"<PointRecord><Name>{name}</Name><Method>DirectReading</Method>{circle}"
+        "<ComputedGrid><North>1</North><East>2</East><Elevation>3</Elevation></ComputedGrid></PointRecord>"
+        for name in "AB"
+    )
+    text = (
+        '<!-- a comment with <LandXML> in it -->\n<JOBFile jobName="j"><FieldBook><StationRecord ID="7">'
+        f"<StationName>S</StationName></StationRecord>{records}</FieldBook></JOBFile>"
+    )
+    document = _read(tmp_path, "b.jxl", text)
+    assert {row["station"] for row in _rows(document, "zenith_directions")} == {"S"}
+    assert not _points(document)
+
+
+@pytest.mark.parametrize(
+    "known", ["", " 84..40+0000000000500000 85..40+0000000000600000 86..40+0000000000010000"]
+)
+def test_one_set_up_solves_with_and_without_coordinates(tmp_path: Path, known: str) -> None:
+    """Knowing more never solves less; with coordinates the station keeps them."""
+    lines = [f"*110001+000000000000000A{known} 88..10+0000000000001550"]
+    lines += [
+        f"*11000{k}+000000000000000{name} 21.322+{hz:016d} 22.322+0000000010000000 31..00+{d:016d} "
+        "87..10+0000000000001550"
+        for k, (name, hz, d) in enumerate([("B", 0, 60000), ("C", 5000000, 45000), ("D", 11000000, 35000)], 2)
+    ]
+    solved = solve_network(network_of(_read(tmp_path, "b.gsi", "\n".join(lines)), tmp_path))
+    points = solved.network.things["point"]
+    values = solved.adjustment.values["point"]
+    places = {name: values[points.part(name, "position")] for name in points.ids}
+    for name, length in (("B", 60.0), ("C", 45.0), ("D", 35.0)):
+        assert np.linalg.norm(places[name] - places["A"]) == pytest.approx(length, abs=1e-4)
+    if known:
+        assert places["A"] == pytest.approx([500.0, 600.0, 10.0], abs=1e-6)
+
+
+def test_a_name_used_again_elsewhere_is_another_point(tmp_path: Path) -> None:
+    """Two sights of one set-up whose distances differ by metres are not to one point; in the other face they are."""
+    rows = [
+        ("P", 0, 10000000, 20000),
+        ("P", 20000000, 30000000, 20000),
+        ("P", 0, 10000000, 35000),
+        ("Q", 1, 9000000, 9),
+    ]
+    lines = ["*110001+000000000000000A 88..10+0000000000001550"]
+    lines += [
+        f"*11000{k}+{name:0>16} 21.322+{hz:016d} 22.322+{v:016d} 31..00+{d:016d} 87..10+0000000000001550"
+        for k, (name, hz, v, d) in enumerate(rows, 2)
+    ]
+    document = _read(tmp_path, "b.gsi", "\n".join(lines))
+    assert [row["to"] for row in _rows(document, "zenith_directions")] == ["P", "P", "P (2)", "Q"]
+    assert "1 name used again for points elsewhere" in _notes(document)
+
+
+def test_a_book_without_heights_is_in_the_plane(tmp_path: Path) -> None:
+    text = "".join(
+        f"2=S{k}\n23=1112\n5=A\n7={hz}\n11=50.0\n5=B\n7=80.0\n11=40.0\n" for k, hz in enumerate((0.5, 9.0))
+    )
+    assert _read(tmp_path, "b.job", text).data["settings"]["dimensions"] == "xy"
