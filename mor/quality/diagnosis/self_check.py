@@ -18,7 +18,7 @@ from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
 from mor.adjustment.normals import image_of, objective
 from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray, FloatArray
+from mor.arrays import BoolArray
 from mor.geometry import tolerant
 from mor.parameters.index import move
 from mor.quality.assess import Quality
