@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from selection import slow_after
 
 from .judge import Ended, faults
 from .material import all_material
@@ -17,7 +18,7 @@ OF_TIME_AND_ROOM = ("slow", "large")
 """What depends on the machine and on the tests that ran before."""
 
 
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize("part", slow_after(0, range(PARTS)))
 def test_no_mutant_breaks_the_program(tmp_path: Path, part: int) -> None:
     found = []
     for number in range(part * TOGETHER, (part + 1) * TOGETHER):

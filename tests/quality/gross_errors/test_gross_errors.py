@@ -110,6 +110,7 @@ def test_snooping_that_starts_robust_ends_with_the_planted_ones(block):
     assert any(not step.taken_out for step in found.steps), "nothing that fits was put back"
 
 
+@pytest.mark.slow
 def test_an_error_of_the_smallest_detectable_size_is_found_as_often_as_promised():
     scene, _ = mixed_network()
     start = scene.start(1e-6)
