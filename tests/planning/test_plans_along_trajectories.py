@@ -77,6 +77,7 @@ def _same_quality(one: Solved, other: Solved) -> None:
         np.testing.assert_allclose(sigma[0], sigma[1], rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_sigma_and_r_of_planned_lines_without_values(tmp_path: Path) -> None:
     _simulated(STRIP, tmp_path / "there")
     _without_values(tmp_path / "there", tmp_path / "plan")

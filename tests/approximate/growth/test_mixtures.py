@@ -27,6 +27,16 @@ from tests.mixtures.project_file import write_project
 from tests.mixtures.situations import SITUATIONS, situation
 from tests.mixtures.trial import compared_as_adjusted, tried
 
+LONG = (
+    "theodolites and a bar",
+    "rough coordinates",
+    "multilateration",
+    "strip with gnss",
+    "gross coordinates",
+)
+LONG += ("free multilateration", "free tracker multilateration")
+"""Situations that take several seconds."""
+
 
 @pytest.mark.parametrize("seed", slow_after(3, [3, 4, 15, 35, 36, 1035, 1161, 1229, 2600215]))
 def test_with_nothing_given_the_solution_is_that_of_the_truth(seed, tmp_path):
@@ -35,7 +45,7 @@ def test_with_nothing_given_the_solution_is_that_of_the_truth(seed, tmp_path):
     assert trial.reached, trial.words
 
 
-@pytest.mark.parametrize("name", SITUATIONS)
+@pytest.mark.parametrize("name", slow_after(0, LONG) + [name for name in SITUATIONS if name not in LONG])
 def test_a_situation_of_its_own_starts_from_nothing(name, tmp_path):
     trial = tried(situation(name, 1), tmp_path)
     assert trial.counts, trial.words

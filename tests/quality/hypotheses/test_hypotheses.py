@@ -53,7 +53,7 @@ def _solved(path: Path) -> Solved:
     return pipeline.solve_network(pipeline.read_network(document, path.parent))
 
 
-@pytest.mark.parametrize(("kind", "seed"), slow_after(4, CASES))
+@pytest.mark.parametrize(("kind", "seed"), slow_after(3, CASES))
 def test_a_planted_mistake_is_the_first_hypothesis(kind: str, seed: int) -> None:
     found = trial(kind, seed)
     assert found.rejected

@@ -24,6 +24,7 @@ def _assessed(scene, problem, start):
     return assess(adjust(problem, start))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["simplified", "helmert"])
 def test_planted_factors_are_recovered(method):
     # image coordinates half as noisy as said, distances three times; mean of repetitions within its own uncertainty
@@ -173,6 +174,7 @@ def test_helmerts_system_against_dense_algebra(name, excluded):
     assert (variances[~told[used]] < 0.0).all()
 
 
+@pytest.mark.slow
 def test_one_step_of_helmerts_system_is_unbiased_where_groups_mix():
     # distances three times as bad as said draw the simplified factor of the directions upwards
     scene, points = plane_network(directions=True)
