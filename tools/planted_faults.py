@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -57,7 +58,7 @@ def judged(fault: dict[str, str], folder: Path) -> tuple[str, str]:
     path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
     try:
         for who, marker in (("default", "not slow"), ("slow", "slow")):
-            found = first_failure(folder, fault["tests"].split(), marker)
+            found = first_failure(folder, shlex.split(fault["tests"]), marker)
             if found is not None:
                 return who, found
     finally:
