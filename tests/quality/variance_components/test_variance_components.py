@@ -17,7 +17,7 @@ from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.exclusion import exclude, reweighted
 from mor.quality.variance_components import helmert
 from mor.quality.variance_components.helmert import helmert_system
-from mor.quality.variance_components.simplified import components, group_sums, iterated_components
+from mor.quality.variance_components.simplified import components, components_of_sums, group_sums, iterated_components
 
 
 def _assessed(scene, problem, start):
@@ -51,6 +51,12 @@ def test_planted_factors_are_recovered(method):
         assert abs(mean[k] - factor) < 4.0 * spread[k] / np.sqrt(25)
     # and the σ that is told is the scatter there is
     np.testing.assert_allclose(np.std(found, axis=0), spread, rtol=0.5)
+
+
+def test_the_sigma_of_a_simplified_factor_is_its_scatter():
+    redundancy = np.full(40_000, 50.0)
+    found = components_of_sums(np.random.default_rng(8).chisquare(redundancy), redundancy)
+    assert np.std(found.factors) == pytest.approx(np.mean(found.sigma), rel=0.03)
 
 
 def test_the_iteration_ends_where_each_group_has_the_variance_factor_one():
