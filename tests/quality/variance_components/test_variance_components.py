@@ -17,7 +17,12 @@ from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.exclusion import exclude, reweighted
 from mor.quality.variance_components import helmert
 from mor.quality.variance_components.helmert import helmert_system
-from mor.quality.variance_components.simplified import components, components_of_sums, group_sums, iterated_components
+from mor.quality.variance_components.simplified import (
+    components,
+    components_of_sums,
+    group_sums,
+    iterated_components,
+)
 
 
 def _assessed(scene, problem, start):
