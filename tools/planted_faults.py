@@ -72,14 +72,16 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", default="", help="a word of the file or of the fault")
-    parser.add_argument("--first", type=int, default=1, help="number of the first fault to plant")
+    parser.add_argument("numbers", type=int, nargs="*", help="numbers of faults; all if there are none")
     chosen = parser.parse_args()
     faults = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
     missed = 0
     with tempfile.TemporaryDirectory() as name:
         copied(Path(name))
         for number, fault in enumerate(faults, start=1):
-            if number < chosen.first or chosen.only not in f"{fault['fault']} {fault['file']}":
+            if (
+                chosen.numbers and number not in chosen.numbers
+            ) or chosen.only not in f"{fault['fault']} {fault['file']}":
                 continue
             begun = time.monotonic()
             who, where = judged(fault, Path(name))
