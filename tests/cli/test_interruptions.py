@@ -26,6 +26,7 @@ def scene() -> Iterator[Scene]:
         yield ready
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIGNALS)
 def test_hit_at_random_moments_the_old_or_the_new_result_is_there(scene: Scene, name: str) -> None:
     draw = random.Random(f"suite {name}")

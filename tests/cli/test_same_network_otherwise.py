@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from selection import slow_after
 from small_projects import mor
 
 from mor.arrays import FloatArray
@@ -82,8 +83,10 @@ def adjusted(folder: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("mixture", 9100001), ("mixture", 9100002), ("mixture", 9100003), ("mixture", 9100005)]
-    + [("composed", seed) for seed in (9200001, 9200003, 9200004, 9200005)],
+    [
+        *slow_after(1, [("mixture", seed) for seed in (9100001, 9100002, 9100003, 9100005)]),
+        *slow_after(1, [("composed", seed) for seed in (9200001, 9200003, 9200004, 9200005)]),
+    ],
 )
 def test_results_depend_on_neither_names_nor_order(kind, seed, tmp_path):
     for name in ("one", "other"):

@@ -60,6 +60,7 @@ def _moved(place: Path) -> None:
     project.write_text(LEVELLING.replace("1.001", "1.003"), encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a shell")
 def test_the_shell_example(place):
     lines = _block("sh").splitlines()

@@ -17,6 +17,8 @@ from mor.domains import assessing, results, room, story
 from mor.errors import InputError
 from mor.report.domains import listed
 
+pytestmark = pytest.mark.slow
+
 
 def adjust(project: Path, *options: str) -> Ended:
     return command("adjust", project, *options)

@@ -71,6 +71,7 @@ def test_points_go_to_the_last_domain_where_none_is_too_large_then() -> None:
         assert len(tried) == (1 if most == 90 else 2)
 
 
+@pytest.mark.slow
 def test_rays_are_where_their_point_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "ROWS_AT_A_TIME", 100)
     project = write_block(tmp_path / "project", Kind(strips=4, images=8, points=900))

@@ -12,6 +12,8 @@ import pytest
 from domains_blocks import Kind, command, write_block
 from domains_compared import ELSEWHERE, differences, have_small_domains, results
 
+pytestmark = pytest.mark.slow
+
 Spoil = Callable[[Path, np.random.Generator], None]
 
 

@@ -10,6 +10,8 @@ import pytest
 from domains_blocks import Ended, Kind, command, write_block
 from domains_compared import ELSEWHERE, differences, have_small_domains, results
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,8 @@ from domains_compared import ELSEWHERE, differences, have_small_domains, results
 from mor.domains import robust
 from mor.quality.gross_errors import robust_estimation
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def small_domains(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from mor import cluster
 from mor.domains import reweighting, robust, room
 
 pytest.importorskip("distributed")
-pytestmark = pytest.mark.filterwarnings("default")
+pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.slow]
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
+from selection import slow_after
 from small_projects import mor, table, write
 
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
@@ -174,11 +175,14 @@ def _with_columns(rows: list[list], columns: str) -> list[list]:
 
 of_each_kind = pytest.mark.parametrize(
     ("kind", "columns"),
-    [
-        ("projected_attitude", "image,east,north,omega,phi,kappa"),
-        ("projected_attitude", "image,omega,phi,kappa"),
-        ("navigation_attitude", "image,roll,pitch,yaw"),
-    ],
+    slow_after(
+        1,
+        [
+            ("navigation_attitude", "image,roll,pitch,yaw"),
+            ("projected_attitude", "image,east,north,omega,phi,kappa"),
+            ("projected_attitude", "image,omega,phi,kappa"),
+        ],
+    ),
 )
 
 

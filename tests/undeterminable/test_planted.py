@@ -7,6 +7,7 @@ import json
 import numpy as np
 import polars as pl
 import pytest
+from selection import slow_after
 
 from tests.small_projects import mor
 from tests.undeterminable.plantings import write
@@ -14,7 +15,7 @@ from tests.undeterminable.street import street
 from tests.undeterminable.trial import trial
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", slow_after(2, range(6)))
 def test_what_was_planted_is_named_and_the_rest_is_as_without_it(seed, tmp_path):
     assert trial(seed, tmp_path).mistakes == ()
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import yaml
+from selection import slow_after
 from small_projects import mor
 
 SIGMA_ANGLE, SIGMA_DISTANCE = 3e-5, 3e-4
@@ -52,7 +53,7 @@ def surveyed(seed):
     return project, np.linalg.norm(P[1:] - P[0], axis=1)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", slow_after(0, range(3)))
 def test_it_comes_to_the_true_network(tmp_path, seed):
     project, expected = surveyed(seed)
     (tmp_path / "project.yaml").write_text(yaml.safe_dump(project), encoding="utf-8")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from selection import slow_but
 
 from mor.approximate.growth.single_points import Surfaces, meeting_places
 from mor.approximate.growth.strategy import approximate
@@ -32,9 +33,12 @@ AT_LAST, ANYWHERE = (2200044, 2200073, 2400001), (2200282, 2400041)
 and before adjustments from random places were tried."""
 """Seeds that did not start before pairs in doubt, single points, raised targets; verticals by directions, ties by rays,
 answers tried one after another, ties by any observations, rough start values left out."""
+QUICK = (4001, 7137, 1, 14, 16, 17, 22, 23, 25)
 
 
-@pytest.mark.parametrize("seed", [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *AT_LAST, *ANYWHERE, *range(1, 34)])
+@pytest.mark.parametrize(
+    "seed", slow_but(QUICK, [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *AT_LAST, *ANYWHERE, *range(1, 34)])
+)
 def test_a_survey_starts_from_nothing(seed, tmp_path):
     trial = compared(*composed(seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
@@ -54,13 +58,13 @@ def test_what_no_place_determines_is_not_begun_at_random(tmp_path):
 
 
 @pytest.mark.parametrize("kind", NEWER)
-@pytest.mark.parametrize("seed", [2, 3, 7])
+@pytest.mark.parametrize("seed", slow_but([7], [2, 3, 7]))
 def test_so_does_one_with_what_is_less_common(kind, seed, tmp_path):
     trial = compared(*NEWER[kind](seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 4, 6, 7, 8])
+@pytest.mark.parametrize("seed", slow_but([1], [0, 1, 2, 4, 6, 7, 8]))
 def test_two_blocks_start_from_one_sort_of_observation_between_them(seed, tmp_path):
     trial = compared(*tied(seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
@@ -102,17 +106,20 @@ def _off(paths, name):
     return float(np.linalg.norm(found - true))
 
 
+@pytest.mark.slow
 def test_an_image_that_wrong_points_had_posed_is_posed_again(tmp_path):
     """Of its first six known points two have each other's name, and five agree with a pose on the far side."""
     assert _off(composed(1400009, 0.03).write(tmp_path), "image i25") < 1.0
 
 
+@pytest.mark.slow
 def test_a_station_that_wrong_points_had_oriented_is_posed_again(tmp_path):
     world = mixture(1510104)
     wrong_identities(world, 0.03)
     assert _off(write_project(world, tmp_path), "N0") < 0.1
 
 
+@pytest.mark.slow
 def test_a_point_with_one_wrong_ray_does_not_begin_behind_the_image(tmp_path):
     assert _off(composed(1500234, 0.03).write(tmp_path), "T44") < 50.0
 

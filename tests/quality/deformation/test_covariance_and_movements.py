@@ -143,6 +143,7 @@ def _compare(first, second, known=False, level=0.001):
     return congruence(d, q, generators, variance, redundancy, level, known)
 
 
+@pytest.mark.slow
 def test_epochs_without_movement_are_congruent_as_often_as_the_level_says():
     rejected, repetitions = 0, 60
     for seed in range(repetitions):

@@ -87,6 +87,7 @@ def test_fixed_control_is_no_observation(tmp_path: Path) -> None:
     assert all(h.stretch == 0.0 for h in hypotheses)
 
 
+@pytest.mark.slow
 def test_the_factor_of_sights_that_all_else_follows_is_told_by_their_redundancy(tmp_path: Path) -> None:
     sound = pipeline.solve_network(_network(survey("building").write(tmp_path)))
     groups = enumerate(sound.network.groups)

@@ -74,6 +74,7 @@ def test_an_effort_is_that_of_some_adjustments_and_told_as_it_is_made() -> None:
     assert allowed(1000, lambda _: told.append, allowance.LEAST).most == 0.75 * allowance.LEAST
 
 
+@pytest.mark.slow
 def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(effort, "LEAST", 0)
     monkeypatch.setattr(allowance, "of_iteration", lambda *_: 200)
@@ -92,6 +93,7 @@ def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "nicht erprobt: das hätte länger gedauert als 3 Ausgleichungen dieser Größe." in report
 
 
+@pytest.mark.slow
 def test_the_station_with_elevations_for_zenith_angles_is_named(tmp_path: Path) -> None:
     solved = pipeline.solve_network(_network(_elevations_at("P1"), tmp_path))
     assert solved.found is not None
