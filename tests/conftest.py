@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from reference_data import MISSING, missing, reference_folder
+from tests.reference_data import MISSING, missing, reference_folder
 
 
 @pytest.fixture(scope="session")

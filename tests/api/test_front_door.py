@@ -12,9 +12,9 @@ import numpy as np
 import polars as pl
 import pytest
 import yaml
-from small_projects import block, write_block
 
 import mor
+from tests.scenarios.small_projects import block, write_block
 
 ROOT = Path(__file__).parents[2]
 FACADE = ROOT / "sample_projects" / "facade" / "project.yaml"

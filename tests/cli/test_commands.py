@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 from mor.cli import run
+from tests.scenarios.small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 HEAVY = ("numpy", "scipy", "polars", "numba", "pydantic", "yaml", "rich")
 MISFIT = LEVELLING.replace("1.001,", "1.021,")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
 
 from mor.report.results.comparison import Difference, differences
+from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
 
 FREE = {"over three": "free: [P0, P5, P9]", "by components": "free: {xy: [P0, P1], xyz: [P7, P9], z: [P3]}"}
 MINIMAL = "minimal: {xyz: [P0, P4], z: P8}"

@@ -1,4 +1,4 @@
-"""The process around the command line: signals and warnings. More trials: ``python -m tests.interruptions``."""
+"""The process around the command line: signals and warnings. More trials: ``python -m tools.interruptions``."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import cast
 
 import numpy as np
 import pytest
-from interruptions import SIGNALS, Scene, prepared, trial
-from small_projects import LEVELLING, mor, write
 
 from mor import __main__ as process
+from tests.scenarios.small_projects import LEVELLING, mor, write
+from tools.interruptions import SIGNALS, Scene, prepared, trial
 
 
 @pytest.fixture(scope="module")

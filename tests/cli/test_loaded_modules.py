@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor import compilation
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NEVER = {

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from selection import slow_after
-from small_projects import mor
 
 from mor.arrays import FloatArray
-from tests.mixtures.ingredients import mixture
-from tests.mixtures.project_file import write_project
-from tests.mixtures.surveys.composed import composed
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.mixtures.surveys.composed import composed
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 NAMED = ("id", "point", "image", "station", "at", "from", "to")
 """Columns of names."""

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from small_projects import LEVELLING
+
+from tests.scenarios.small_projects import LEVELLING
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")

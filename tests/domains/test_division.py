@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from domains_blocks import Kind, write_block
 
 from mor.pipeline import read_document
 from mor.project.domains import division_of_points, tables
 from mor.project.domains.parts import Parts, divide
 from mor.project.file.validation import validate
+from tests.scenarios.domains_blocks import Kind, write_block
 
 
 def divided(project: Path, folder: Path) -> Parts:

@@ -9,8 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 import polars as pl
 import pytest
-from domains_blocks import Kind, write_block
-from selection import slow_but
 
 from mor.adjustment.domains.store import FileStore, MemoryStore
 from mor.adjustment.domains.tree import Here
@@ -22,6 +20,8 @@ from mor.quality.solved import Solved
 from mor.report.domains.tables import completed
 from mor.report.tables.estimates import image_table, point_table
 from mor.report.tables.observations import observation_table
+from tests.scenarios.domains_blocks import Kind, write_block
+from tests.selection import slow_but
 
 BLOCKS = {
     "aerial": Kind(),

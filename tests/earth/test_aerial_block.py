@@ -12,8 +12,6 @@ import polars as pl
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from selection import slow_after
-from small_projects import mor, table, write
 
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
 from mor.geometry.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
@@ -21,6 +19,8 @@ from mor.observations.earth import projected_position
 from mor.pipeline import read_document, read_network
 from mor.project.world.reference_system import reference_system
 from mor.project.world.world import World
+from tests.scenarios.small_projects import mor, table, write
+from tests.selection import slow_after
 
 GEOID = 47.2
 """Above the ellipsoid, everywhere."""

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of
 
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.formats.starnet.lines import degrees
+from tests.reference_data import network_of
 
 PLACES = {
     "1": (1000.0, 500.0, 100.0),

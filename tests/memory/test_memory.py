@@ -11,8 +11,8 @@ import pytest
 import mor.machine
 from mor.errors import OutOfMemoryError
 from tests.memory.__main__ import measured, project_of
-from tests.small_projects import LEVELLING, write, write_block
-from tests.small_projects import mor as command
+from tests.scenarios.small_projects import LEVELLING, write, write_block
+from tests.scenarios.small_projects import mor as command
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A few hundred mutants of all projects; ``python -m tests.mutations`` runs more of them and looks at time, too."""
+"""A few hundred mutants of all projects; ``python -m tests.scenarios.mutations`` runs more and looks at time, too."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from selection import slow_after
 
-from .judge import Ended, faults
-from .material import all_material
-from .mutant import mutant
-from .worker import judged
+from tests.scenarios.mutations.judge import Ended, faults
+from tests.scenarios.mutations.material import all_material
+from tests.scenarios.mutations.mutant import mutant
+from tests.scenarios.mutations.worker import judged
+from tests.selection import slow_after
 
 PARTS, TOGETHER, SEED = 12, 25, 2026
 OF_TIME_AND_ROOM = ("slow", "large")

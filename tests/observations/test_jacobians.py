@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from selection import slow
 
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import exponential, rotate, rotation_from_angles
 from mor.observations import ALL_TYPES, wrap
 from mor.observations.time.rolling_shutter import phases
 from mor.parameters.kinds import KINDS
+from tests.selection import slow
 
 EPSILON = np.finfo(float).eps
 

@@ -6,10 +6,10 @@ import json
 from xml.etree import ElementTree
 
 import pytest
-from batch_scenes import act, write_project
 
 from mor.cli import run
 from mor.planning.workers import Task, run_tasks
+from tests.scenarios.batch_scenes import act, write_project
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import PLAN
 
 from mor.cli import run
 from mor.errors import InputError
@@ -17,6 +16,7 @@ from mor.planning.monte_carlo import CHUNK, Trial, by_processes, chunk_of, prepa
 from mor.quality.simulation.findings import Finding, findings
 from mor.quality.simulation.measurements import errors
 from mor.quality.simulation.monte_carlo import one_run
+from tests.scenarios.batch_scenes import PLAN
 
 
 @pytest.fixture

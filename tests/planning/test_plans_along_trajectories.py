@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 import yaml
-from small_projects import mor, write
 
 from mor.adjustment.solve import Settings, adjust
 from mor.errors import InputError
@@ -23,6 +22,7 @@ from mor.quality.simulation.planted import Wishes
 from mor.quality.solved import Solved
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.scenarios.small_projects import mor, write
 
 STRIP = ROOT / "three_line_strip" / "project.yaml"
 MEASURED = {

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import mor
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.planning.plan import at_its_place, read_plan, solve_plan
@@ -16,6 +15,7 @@ from mor.quality.simulation.planted import Wishes
 from mor.quality.solved import Solved
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.scenarios.small_projects import mor
 
 MEASURED = {
     "gnss_vector": ("dx", "dy", "dz"),

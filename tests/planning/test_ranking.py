@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned_networks import BRIDGE, grid, sample
 
 from mor.errors import InputError
 from mor.planning import ranks
@@ -16,6 +15,7 @@ from mor.quality.design import wide
 from mor.quality.design.interest import interest_of
 from mor.quality.design.requirements import judged, requirements
 from mor.quality.design.shortfall import REACHED
+from tests.scenarios.planned_networks import BRIDGE, grid, sample
 
 
 def with_row(network, ranked):

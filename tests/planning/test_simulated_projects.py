@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from selection import slow_after
 
 from mor.adjustment.linearise import misclosures
 from mor.errors import InputError
@@ -17,6 +16,7 @@ from mor.planning.simulation import simulated
 from mor.quality.simulation.planted import Systematic, Wishes
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.selection import slow_after
 
 SAMPLES = ("bridge", "stereo_rig", "building", "machine_part")
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from selection import slow_after
-from small_projects import mor
 
 from mor.geometry.polygons import triangulated
 from mor.geometry.triangles import face_normals, faces_of, hidden, triangles
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 GON = np.pi / 200.0
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from mistakes import mistakes
-from small_projects import BLOCK, block, table, write_block
 
 from mor.errors import InputError, nearest
 from mor.pipeline import read_document, read_network
 from mor.project.network.build import Network
 from mor.project.tables.texts import _without_comments
+from tests.mistakes import mistakes
+from tests.scenarios.small_projects import BLOCK, block, table, write_block
 
 
 def network(project: Path) -> Network:

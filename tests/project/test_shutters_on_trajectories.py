@@ -7,10 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mistakes import mistakes
-from selection import slow_after
-from shutter_flights import READOUT, Files, Moment, moments, simulated
-from small_projects import Run, mor
 
 from mor.adjustment.solve import Settings, adjust
 from mor.geometry.rotations import exponential, rotation_from_angles
@@ -22,6 +18,10 @@ from mor.planning.simulation import simulated as planned_at
 from mor.preparation import determinable_start, make_problem
 from mor.project.trajectories.model import Trajectory
 from mor.quality.simulation.planted import Wishes
+from tests.mistakes import mistakes
+from tests.scenarios.shutter_flights import READOUT, Files, Moment, moments, simulated
+from tests.scenarios.small_projects import Run, mor
+from tests.selection import slow_after
 
 NAMES = ("x", "y", "z", "omega", "phi", "kappa")
 KNOWN = ", ".join(NAMES)

@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 import yaml
-from kinds_of_projects import KINDS, known_block, write_pixels
-from published_schemas import mistakes
-from selection import slow
-from small_projects import BLOCK, mor, write_block
+
+from tests.published_schemas import mistakes
+from tests.scenarios.kinds_of_projects import KINDS, known_block, write_pixels
+from tests.scenarios.small_projects import BLOCK, mor, write_block
+from tests.selection import slow
 
 NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum", "identity", "notes"}
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 from pydantic import BaseModel, ValidationError
-from selection import slow_but
 
 from mor.cli import run
 from mor.report.results.models.model import Results
+from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NAMES = sorted(path.parent.name for path in SAMPLES.glob("*/project.yaml"))

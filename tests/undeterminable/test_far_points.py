@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.undeterminable.far_points import far_trial
+from tests.scenarios.undeterminable.far_points import far_trial
 
 
 @pytest.mark.slow

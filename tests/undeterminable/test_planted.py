@@ -7,12 +7,12 @@ import json
 import numpy as np
 import polars as pl
 import pytest
-from selection import slow_after
 
-from tests.small_projects import mor
-from tests.undeterminable.plantings import write
-from tests.undeterminable.street import street
-from tests.undeterminable.trial import trial
+from tests.scenarios.small_projects import mor
+from tests.scenarios.undeterminable.plantings import write
+from tests.scenarios.undeterminable.street import street
+from tests.scenarios.undeterminable.trial import trial
+from tests.selection import slow_after
 
 
 @pytest.mark.parametrize("seed", slow_after(2, range(6)))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.mixtures.ingredients import mixture
-from tests.mixtures.trial import tried
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.trial import tried
 
 
 @pytest.mark.slow

@@ -8,8 +8,9 @@ import math
 import numpy as np
 import pytest
 import yaml
-from selection import slow_after
-from small_projects import mor
+
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 SIGMA_ANGLE, SIGMA_DISTANCE = 3e-5, 3e-4
 

@@ -1,15 +1,12 @@
 """Random mixtures start from nothing, and rough start values are told from good ones.
 
-A few seeds; ``python -m tests.mixtures --count 1000`` runs as many as one likes, docs/start-values.md has the rates.
+A few seeds; ``python -m tests.scenarios.mixtures --count 1000`` runs more; docs/start-values.md has the rates.
 """
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from selection import slow_after
 
 from mor.approximate.assembly.joined import assembled
 from mor.approximate.choices import Choices
@@ -19,13 +16,11 @@ from mor.approximate.parts.transfer import with_observed
 from mor.approximate.similarity import similarity
 from mor.geometry.rotations import rotate
 from mor.pipeline import read_document, read_network
-
-sys.path.insert(0, str(Path(__file__).parents[3]))
-
-from tests.mixtures.ingredients import mixture, wrong_identities
-from tests.mixtures.project_file import write_project
-from tests.mixtures.situations import SITUATIONS, situation
-from tests.mixtures.trial import compared_as_adjusted, tried
+from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.mixtures.situations import SITUATIONS, situation
+from tests.scenarios.mixtures.trial import compared_as_adjusted, tried
+from tests.selection import slow_after
 
 LONG = (
     "theodolites and a bar",

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import NETWORKS, network_name
-from selection import slow_but
 
 from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
+from tests.reference_data import NETWORKS, network_name
+from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[3] / "sample_projects"
 TRAVERSES = ("traverse-01-nw", "traverse-01-se", "traverse-01-wn", "traverse-01-ws")

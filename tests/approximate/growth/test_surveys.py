@@ -1,27 +1,21 @@
-"""Surveys of the second generator start from nothing: ``python -m tests.mixtures --surveys composed --count 300``."""
-
-import sys
-from pathlib import Path
+"""Surveys start from nothing: ``python -m tests.scenarios.mixtures --surveys composed --count 300``."""
 
 import numpy as np
 import pytest
 import yaml
-from selection import slow_but
 
 from mor.approximate.growth.single_points import Surfaces, meeting_places
 from mor.approximate.growth.strategy import approximate
 from mor.errors import NoStartValuesError
 from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start
-
-sys.path.insert(0, str(Path(__file__).parents[3]))
-
-from tests.mixtures.ingredients import mixture, wrong_identities
-from tests.mixtures.project_file import write_project
-from tests.mixtures.surveys.composed import composed
-from tests.mixtures.surveys.newer import NEWER
-from tests.mixtures.surveys.tied import tied
-from tests.mixtures.trial import compared
+from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.mixtures.surveys.composed import composed
+from tests.scenarios.mixtures.surveys.newer import NEWER
+from tests.scenarios.mixtures.surveys.tied import tied
+from tests.scenarios.mixtures.trial import compared
+from tests.selection import slow_but
 
 FIRST = (4001, 4028, 4126, 6036, 6053, 7088, 7137, 7249, 7421, 7476)
 TILTED, FEW, TWICE, ROUNDS = (1400105, 1400109), (1400140, 1400166), (1500024,), (1520041,)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 from mor.adjustment.datum.s_transformation import constraint
 from mor.adjustment.solve import adjust
 from mor.quality.assess import assess
 from mor.quality.deformation.congruence import congruence, movement_test, pair_movement
 from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 NETWORKS = {
     "mixed": (mixed_network, False),

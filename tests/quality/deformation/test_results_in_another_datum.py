@@ -12,11 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from datum_scenes import free_mixed_network, local_system, theodolites
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import levelling_network, photo_block, plane_network
-from selection import slow_after
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -24,6 +19,11 @@ from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.precision.covariance import joint_cofactors
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import free_mixed_network, local_system, theodolites
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import levelling_network, photo_block, plane_network
+from tests.selection import slow_after
 
 THREE, FOUR = ["P0", "P5", "P10"], ["P1", "P2", "P3", "P7"]
 NETWORKS = {

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from datum_scenes import theodolites
-from dense_reference import dense_system
-from scenes import coordinates
-from selection import slow_after
-from small_projects import mor, table, write
 
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import A_WEAK_TURN, Outcome
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import theodolites
+from tests.scenarios.scenes import coordinates
+from tests.scenarios.small_projects import mor, table, write
+from tests.selection import slow_after
 
 SIGMA = 1e-4
 

@@ -8,9 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.stats
-from reliability_scenes import correlated_everywhere, plant, well_built_block
-from scenes import Scene, levelling_network, mixed_network, photo_block
-from selection import slow_after
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -19,6 +16,9 @@ from mor.quality.gross_errors.data_snooping import snoop
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out
 from mor.quality.gross_errors.robust_estimation import robust_estimate
+from tests.scenarios.reliability_scenes import correlated_everywhere, plant, well_built_block
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block
+from tests.selection import slow_after
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from far_start_trials import reaches
-from gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
-from gross_error_trials import can_be_named, trial
-from reliability_scenes import correlated_everywhere
-from selection import slow_after
 
 from mor.adjustment.normals import objective
 from mor.adjustment.plan import make_plan
@@ -23,6 +18,11 @@ from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import ADJUSTMENTS, left_out, may_be_absurd, without_suspects
+from tests.scenarios.gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.selection import slow_after
+from tools.far_start_trials import reaches
+from tools.gross_error_trials import can_be_named, trial
 
 GON = np.pi / 200.0
 

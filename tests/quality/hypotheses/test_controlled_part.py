@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
@@ -26,7 +25,8 @@ from mor.quality.hypotheses.search import Tried, _in_order
 from mor.quality.hypotheses.situation import Situation
 from mor.quality.hypotheses.trying import _beginnings
 from mor.quality.solved import Solved
-from tests.planted_mistakes.survey import survey
+from tests.scenarios.planted_mistakes.survey import survey
+from tests.scenarios.small_projects import LEVELLING, write
 
 
 def _network(path: Path) -> Network:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor
 
 from mor import allowance, pipeline
 from mor.adjustment.solve import adjust
@@ -27,7 +26,8 @@ from mor.quality.hypotheses.promise import promises
 from mor.quality.hypotheses.situation import Situation
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
 from mor.quality.solved import Solved
-from tests.planted_mistakes.survey import Survey, survey
+from tests.scenarios.planted_mistakes.survey import Survey, survey
+from tests.scenarios.small_projects import mor
 
 
 def _network(of: Survey, folder: Path) -> Network:

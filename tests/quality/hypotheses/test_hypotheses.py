@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from selection import slow_but
-from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import Settings, adjust
@@ -26,8 +24,10 @@ from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _s
 from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.hypotheses.situation import Situation
 from mor.quality.solved import Solved
-from tests.planted_mistakes.survey import survey
-from tests.planted_mistakes.trial import trial
+from tests.scenarios.planted_mistakes.survey import survey
+from tests.scenarios.planted_mistakes.trial import trial
+from tests.scenarios.small_projects import LEVELLING, write
+from tests.selection import slow_but
 
 CASES = [
     ("exchanged_in_image", 2),  # left alone, a point stays where the wrong ray and another one meet
@@ -45,7 +45,7 @@ CASES = [
     ("counterclockwise", 2802),  # a station whose sights then have a solution of no use
     ("sigma_unit", 2706),  # of images, a thousand times too large
 ]
-"""A few that are quick; ``python -m tests.planted_mistakes`` has all kinds."""
+"""A few that are quick; ``python -m tests.scenarios.planted_mistakes`` has all kinds."""
 
 
 def _solved(path: Path) -> Solved:

@@ -7,10 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, mixed_network, photo_block, plane_network
-from small_projects import mor
 
 from mor.adjustment.solve import adjust
 from mor.quality.assess import Levels, assess
@@ -23,6 +19,10 @@ from mor.quality.variance_components.simplified import (
     group_sums,
     iterated_components,
 )
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, mixed_network, photo_block, plane_network
+from tests.scenarios.small_projects import mor
 
 
 def _assessed(scene, problem, start):

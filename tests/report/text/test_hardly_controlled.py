@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_projects import mor, write
 
 from mor.report.text import residuals
+from tests.scenarios.small_projects import mor, write
 
 TWICE = """\
 mor: 1
