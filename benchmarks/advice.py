@@ -15,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "tests")]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from planned_networks import grid  # noqa: E402
-
-from mor.arrays import FloatArray  # noqa: E402
-from mor.planning.plan import solve_plan  # noqa: E402
-from mor.planning.ranks import ranking  # noqa: E402
-from mor.quality.design.requirements import requirements  # noqa: E402
+from mor.arrays import FloatArray
+from mor.planning.plan import solve_plan
+from mor.planning.ranks import ranking
+from mor.quality.design.requirements import requirements
+from tests.scenarios.planned_networks import grid
 
 LEAST, ORDERS = 0.2, 1000
 

@@ -1,16 +1,13 @@
-"""What all tests share: the hand-built networks of ``scenes.py``, and the reference data beside the repository."""
+"""What all tests share: the path to their modules, the reference data beside the repository, and the markers."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from reference_data import MISSING, missing, reference_folder
+from tests.reference_data import MISSING, missing, reference_folder
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +31,21 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
         report.longrepr = ("tests", None, MISSING)
         report.keywords = {key: value for key, value in report.keywords.items() if key != "skip"}
     return report
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the marker that this file sets."""
+    config.addinivalue_line(
+        "markers", "shared_data: uses the reference data beside the repository, if present"
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests that need a browser as slow, and tests of modules that look for reference data as ``shared_data``."""
+    finders = {"reference_files", "reference_folder"}
+    for item in items:
+        if item.get_closest_marker("browser"):
+            item.add_marker("slow")
+        if "shared_data" in getattr(item, "fixturenames", ()) or finders & vars(item.module).keys():
+            item.add_marker("shared_data")

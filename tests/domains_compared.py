@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from domains_blocks import Ended, Kind, command, write_block
 
 from mor.domains import room
 from mor.report.results.models.model import Results
+from tests.scenarios.domains_blocks import Ended, Kind, command, write_block
 
 NAMES = (
     ("id",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from small_projects import BLOCK, LEVELLING, mor, write, write_block
+from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 TRIANGLE = """\
 mor: 1

@@ -6,11 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.counting import counted
 from mor.quality.diagnosis.sentences import english
 from mor.report.words.language import words_of, words_of_page
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 ONE_OF_MANY = re.compile(
     r"\b1 (?:\w+ )?(?:iterations|observations|points|images|cameras|rays|rows|unknowns|Iterationen|Punkte\b|Bilder)"

@@ -168,6 +168,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_the_compiling_run_gives_the_bytes_of_later_ones(tmp_path: Path) -> None:
     """And says once that it compiles, the later ones nothing: they load nothing of what it compiles with."""
     project = Path(__file__).parents[1] / "sample_projects" / "facade" / "project.yaml"

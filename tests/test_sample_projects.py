@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,10 @@ import pytest
 from scipy.stats import chi2
 
 ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))
-
-from small_projects import mor  # noqa: E402
-
 from sample_projects import expected  # noqa: E402
 from sample_projects.simulate import SCENES, content, simulate  # noqa: E402
+from tests.scenarios.small_projects import mor  # noqa: E402
+from tests.selection import slow_but  # noqa: E402
 
 FOLDER = ROOT / "sample_projects"
 LARGEST = 4.5
@@ -157,7 +153,7 @@ def test_results_are_those_written_down(name: str) -> None:
     _compare(expected.summary(solved_sample(name)), written, name)
 
 
-@each_sample
+@pytest.mark.parametrize("name", slow_but(("bridge", "facade", "panorama"), SCENES))
 def test_command_line_gives_the_same(name: str, tmp_path: Path) -> None:
     outcome = mor("adjust", FOLDER / name / "project.yaml", "-o", tmp_path / "results", "-q")
     assert outcome.code == 0, outcome.err

@@ -20,7 +20,7 @@ samples   every project of sample_projects/, with the report as a page
 cases     tests/cases: small inputs on which the program once failed
 networks  tests/reference/networks: networks with known results
 shared    the folders of ../shared/cases, if they exist
-mutants   300 projects with random faults, made by tests/mutations with the seed 37
+mutants   300 projects with random faults, made by tests/scenarios/mutations with the seed 37
 
 ``report.html`` is written for the samples only, because it takes a quarter of the time and is drawn from the same
 results. The snapshot holds its text, and a digest of the packed numbers of its pictures.
@@ -170,8 +170,8 @@ def _is_result(path: Path) -> bool:
 def _mutants(root: Path) -> Iterator[Input]:
     """Yield the mutants; those that would be checked or converted are adjusted as well."""
     sys.path[:0] = [str(root), str(root / "tests")]
-    from tests.mutations.material import all_material  # type: ignore[import-untyped]
-    from tests.mutations.mutant import mutant  # type: ignore[import-untyped]
+    from tests.scenarios.mutations.material import all_material  # type: ignore[import-untyped]
+    from tests.scenarios.mutations.mutant import mutant  # type: ignore[import-untyped]
 
     materials = all_material()
     for number in range(MUTANTS):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import mixed_network, photo_block, plane_network
 
 from mor.adjustment.convergence import ACCURACY, left_after, round_off, stands_still, without_progress
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Iteration, Outcome
+from tests.scenarios.scenes import mixed_network, photo_block, plane_network
 
 
 def _history(*changes, objective=100.0, damping=0.0):

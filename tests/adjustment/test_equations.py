@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from path_scenes import path_scene
-from scenes import mixed_network
 
 from mor import compilation
 from mor.adjustment.equations import Equations, evaluated
@@ -16,6 +14,8 @@ from mor.adjustment.plan import make_plan
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.observations import some_rows
 from mor.parameters.index import move
+from tests.scenarios.path_scenes import path_scene
+from tests.scenarios.scenes import mixed_network
 
 SMALL, LARGE = compilation.WORTH_COMPILING - 1, compilation.WORTH_COMPILING
 

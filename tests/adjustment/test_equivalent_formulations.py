@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import CAMERA_STATIONS, Scene, add_image, add_object_points, coordinates, photo_block, solve
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
@@ -14,6 +13,15 @@ from mor.adjustment.state import Outcome
 from mor.geometry.rotations import rotation_from_angles
 from mor.observations import wrap
 from mor.quality.assess import assess
+from tests.scenarios.scenes import (
+    CAMERA_STATIONS,
+    Scene,
+    add_image,
+    add_object_points,
+    coordinates,
+    photo_block,
+    solve,
+)
 
 CONTROL = ("P0", "P5", "P10")
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hard_starts import by_scipy, hard_start
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import SINGULAR_MINIMUM, Outcome
@@ -14,6 +13,7 @@ from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.diagnosis.self_check import checked
+from tests.scenarios.hard_starts import by_scipy, hard_start
 
 
 @pytest.mark.parametrize(

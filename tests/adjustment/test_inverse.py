@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
-from dense_reference import dense_system
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 
 from mor.adjustment.inverse import damped_step, find_anchors, invert
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 
 NETWORKS = {
     "mixed": (mixed_network, 0),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from scenes import GON, Scene, mixed_network, plane_network
 
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.parameters.index import move
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import GON, Scene, mixed_network, plane_network
 
 EVERYTHING = slice(None)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from small_projects import BLOCK, write, write_block
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.local_precision import local_precision
 from mor.geometry.rotations import rotate
 from mor.pipeline import read_document, read_network, solve_network
 from mor.preparation import make_problem
+from tests.scenarios.small_projects import BLOCK, write, write_block
 
 CROSS = """\
 mor: 1

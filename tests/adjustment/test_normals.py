@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 
 from mor import compilation
 from mor.adjustment.normals import build_normals, image_of, objective
 from mor.adjustment.plan import make_plan
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 
 
 def image_variant_block() -> tuple[Scene, list[str]]:

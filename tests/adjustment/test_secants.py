@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gross_error_scenes import GON, disturbed, names_exchanged
 
 from mor.adjustment.secants import NOTHING_LEARNT
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
+from tests.scenarios.gross_error_scenes import GON, disturbed, names_exchanged
 
 
 def test_of_a_quadratic_the_few_directions_gauss_newton_has_wrong_are_learnt() -> None:

@@ -7,8 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from scenes import (
+
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Outcome
+from mor.parameters.index import move
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import (
     OBJECT_POINTS,
     Scene,
     coordinates,
@@ -18,10 +22,6 @@ from scenes import (
     plane_network,
     solve,
 )
-
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Outcome
-from mor.parameters.index import move
 
 NETWORKS = {
     "mixed": (mixed_network, False),

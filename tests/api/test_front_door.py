@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 import mor
+from tests.scenarios.small_projects import block, write_block
 
 ROOT = Path(__file__).parents[2]
 FACADE = ROOT / "sample_projects" / "facade" / "project.yaml"
@@ -96,6 +97,15 @@ def test_a_loop_of_levels_by_hand() -> None:
     assert result.sigma0 == pytest.approx(np.sqrt(3.0), rel=1e-12)
     assert result.cofactor("B").matrix == pytest.approx(np.array([[2.0 / 3.0 * 1e-6]]), rel=1e-12)
     assert result.observations.frame["r"].to_list() == pytest.approx([1 / 3] * 3, abs=1e-6)
+
+
+def test_what_is_flagged_alone_is_not_accepted_either(tmp_path: Path) -> None:
+    rows = block(noise=0.002)
+    assert mor.adjust(write_block(tmp_path / "good", rows=rows)).accepted
+    rows.rays[5][2] += 0.012
+    result = mor.adjust(write_block(tmp_path / "wrong", rows=rows))
+    assert result.to_dict()["global_test"]["accepted"]
+    assert not result.accepted
 
 
 def test_frames_of_other_libraries_are_taken() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flight_start_trials import flown, said
 
 import mor
 from mor.approximate.straight_flights import Sights, attitude_of, level_flight, positions_of
 from mor.errors import NoStartValuesError
 from mor.geometry.rotations import rotation_from_angles
+from tools.flight_start_trials import flown, said
 
 
 def straight(

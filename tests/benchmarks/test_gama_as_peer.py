@@ -19,7 +19,6 @@ RUNNER = ROOT / "benchmarks" / "run.py"
 
 STAND_IN = """#!{python}
 import sys
-sys.path.insert(0, {root!r})
 from pathlib import Path
 import numpy as np
 from mor.pipeline import read_document, read_network, solve_network

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 from mor.cli import run
+from tests.scenarios.small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 HEAVY = ("numpy", "scipy", "polars", "numba", "pydantic", "yaml", "rich")
 MISFIT = LEVELLING.replace("1.001,", "1.021,")
@@ -87,6 +87,12 @@ class TestExitCodes:
 
     def test_input(self, tmp_path: Path) -> None:
         assert mor("adjust", tmp_path / "nothing.yaml").code == 2
+
+    @pytest.mark.parametrize("options", [(), ("--all",)])
+    def test_a_project_with_mistakes_fails_the_check(self, tmp_path: Path, options: tuple[str, ...]) -> None:
+        run = mor("check", write(tmp_path, LEVELLING.replace("1.001", "high")), *options)
+        assert run.code == 2
+        assert "found 'high', expected a number" in run.err
 
     @pytest.mark.parametrize(
         "arguments", [["adjst"], ["adjust"], ["adjust", "--nonsense"], ["check", "a", "b"]]

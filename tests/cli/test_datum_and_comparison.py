@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
+
+from mor.report.results.comparison import Difference, differences
+from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
 
 FREE = {"over three": "free: [P0, P5, P9]", "by components": "free: {xy: [P0, P1], xyz: [P7, P9], z: [P3]}"}
 MINIMAL = "minimal: {xyz: [P0, P4], z: P8}"
@@ -212,6 +214,12 @@ def test_equal_results_are_equal_and_others_are_not(tmp_path: Path) -> None:
     assert mor("compare", one, different, "--tol", "1e6").code == 1, "flags and texts differ all the same"
     assert mor("compare", one).code == 2
     assert mor("compare", one, tmp_path / "nowhere").code == 2
+
+
+def test_numbers_are_compared_with_the_tolerance_that_is_given() -> None:
+    assert differences({"x": 1.0}, {"x": 1.0 + 2e-6}, 1e-6) == [Difference("x", 1.0, 1.0 + 2e-6)]
+    assert differences({"x": 1.0}, {"x": 1.0 + 2e-6}, 3e-6) == []
+    assert differences({"x": 100.0}, {"x": 100.0 + 2e-6}, 1e-6) == []
 
 
 def _epoch(folder: Path, seed: int, moved: tuple[float, float, float] | None = None) -> Path:

@@ -6,9 +6,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from small_projects import mor
 
 from mor.cli import run
+from tests.scenarios.small_projects import mor
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(path.parent.name for path in (ROOT / "sample_projects").glob("*/project.yaml"))

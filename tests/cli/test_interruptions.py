@@ -1,4 +1,4 @@
-"""The process around the command line: signals and warnings. More trials: ``python -m tests.interruptions``."""
+"""The process around the command line: signals and warnings. More trials: ``python -m tools.interruptions``."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import cast
 
 import numpy as np
 import pytest
-from interruptions import SIGNALS, Scene, prepared, trial
-from small_projects import LEVELLING, mor, write
 
 from mor import __main__ as process
+from tests.scenarios.small_projects import LEVELLING, mor, write
+from tools.interruptions import SIGNALS, Scene, prepared, trial
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +26,7 @@ def scene() -> Iterator[Scene]:
         yield ready
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIGNALS)
 def test_hit_at_random_moments_the_old_or_the_new_result_is_there(scene: Scene, name: str) -> None:
     draw = random.Random(f"suite {name}")

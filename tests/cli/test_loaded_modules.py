@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, write
 
 from mor import compilation
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NEVER = {
@@ -43,21 +43,27 @@ def test_the_smallest_network_loads_what_it_needs(tmp_path):
     assert modules & (NEVER | WITHOUT_PAGE | ONE_FRONT) == set()
 
 
-@pytest.mark.parametrize("sample", ["bridge", "facade"])
+@pytest.mark.parametrize("sample", ["bridge", pytest.param("facade", marks=pytest.mark.slow)])
 def test_small_projects_with_their_page_load_no_compiler(sample, tmp_path):
     modules = loaded("adjust", SAMPLES / sample / "project.yaml", "-q", "-o", tmp_path / "results")
     assert "jinja2" in modules
     assert modules & NEVER == set()
 
 
+@pytest.fixture(scope="module")
+def facade(tmp_path_factory):
+    """Results of a small project."""
+    results = tmp_path_factory.mktemp("facade") / "results"
+    assert mor("adjust", SAMPLES / "facade" / "project.yaml", "-q", "--no-html", "-o", results).code == 0
+    return results
+
+
 @pytest.mark.parametrize(
     "command", [["covariance", "--blocks", "-o", "c.csv"], ["datum", "--to", "free", "-o", "d"]]
 )
-def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command, tmp_path):
-    results = tmp_path / "results"
-    loaded("adjust", SAMPLES / "facade" / "project.yaml", "-q", "--no-html", "-o", results)
+def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command, facade, tmp_path):
     name, *rest = command
-    modules = loaded(name, results, *rest[:-1], tmp_path / rest[-1])
+    modules = loaded(name, facade, *rest[:-1], tmp_path / rest[-1])
     assert modules & NEVER == set()
 
 

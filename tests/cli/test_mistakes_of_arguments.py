@@ -6,10 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.cli.commands import compare
 from mor.report.results.summary import SCHEMA
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 
 @pytest.fixture

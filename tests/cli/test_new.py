@@ -122,6 +122,7 @@ def test_tables_nobody_knows(
     assert not (tmp_path / "p.yaml").exists()
 
 
+@pytest.mark.slow
 def test_a_list_whose_names_are_images_has_projection_centres(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,6 @@
 """No option writes over an input of its command, nor over the file of somebody else.
 
-More trials: ``python -m tests.output_trials``.
+More trials: ``python -m tests.scenarios.output_trials``.
 
 The outputs of all commands are found by the types of their options and arguments: one that is added is tried here.
 """
@@ -17,7 +17,9 @@ from pathlib import Path
 
 import click
 import pytest
-from output_trials import (
+
+from mor.cli._output import InputPath, OutputPath
+from tests.scenarios.output_trials import (
     HOPELESS,
     RECIPES,
     WAYS,
@@ -32,9 +34,7 @@ from output_trials import (
     parameters,
     within,
 )
-from small_projects import LEVELLING, mor, write
-
-from mor.cli._output import InputPath, OutputPath
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 
 @pytest.fixture(scope="module")

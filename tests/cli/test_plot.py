@@ -12,13 +12,12 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
-from small_projects import LEVELLING, mor
-
 from mor.cli import run
 from mor.cli.commands.plot import KINDS, view_of_source
 from mor.report.plots.network import covariances, ellipse_lines
 from mor.report.results.summary import SCHEMA_VERSION
 from mor.report.view import View
+from tests.scenarios.small_projects import LEVELLING, mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 

@@ -7,10 +7,10 @@ import zlib
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.report.html import paper
 from mor.report.html.paper import browser
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 
 @pytest.fixture(scope="module")

@@ -15,13 +15,13 @@ from pathlib import Path
 from types import FrameType
 
 import pytest
-from small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 from mor.errors import InputError
 from mor.report.results import folder as folder_module
 from mor.report.results import reservation
 from mor.report.results.folder import Writer
 from mor.report.results.reservation import reserve
+from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 
 def content(folder: Path) -> dict[str, bytes]:

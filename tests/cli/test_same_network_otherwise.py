@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from small_projects import mor
 
 from mor.arrays import FloatArray
-from tests.mixtures.ingredients import mixture
-from tests.mixtures.project_file import write_project
-from tests.mixtures.surveys.composed import composed
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.mixtures.surveys.composed import composed
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 NAMED = ("id", "point", "image", "station", "at", "from", "to")
 """Columns of names."""
@@ -82,8 +83,10 @@ def adjusted(folder: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("mixture", 9100001), ("mixture", 9100002), ("mixture", 9100003), ("mixture", 9100005)]
-    + [("composed", seed) for seed in (9200001, 9200003, 9200004, 9200005)],
+    [
+        *slow_after(1, [("mixture", seed) for seed in (9100001, 9100002, 9100003, 9100005)]),
+        *slow_after(1, [("composed", seed) for seed in (9200001, 9200003, 9200004, 9200005)]),
+    ],
 )
 def test_results_depend_on_neither_names_nor_order(kind, seed, tmp_path):
     for name in ("one", "other"):

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from small_projects import LEVELLING, block, mor, write, write_block
 
 from mor.adjustment.state import Iteration
 from mor.cli._compiler import FIRST_RUN, PLAIN
@@ -23,6 +22,7 @@ from mor.quality.effort import Done
 from mor.quality.solved import Solved
 from mor.report.text.screen import WIDTH, screen
 from mor.report.words.language import words_of
+from tests.scenarios.small_projects import LEVELLING, block, mor, write, write_block
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 LINES = 24

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, WeakTurn
 from mor.quality.diagnosis import singularities
 from mor.report.text.gross_errors.suspects import sentences
 from mor.report.words.language import words_of
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 HEIGHTS = """\
 mor: 1

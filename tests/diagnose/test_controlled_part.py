@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
@@ -21,7 +20,8 @@ from mor.diagnose.situation import Situation, controlled_part
 from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
-from tests.planted_mistakes.survey import survey
+from tests.scenarios.planted_mistakes.survey import survey
+from tests.scenarios.small_projects import LEVELLING, write
 
 
 def _network(path: Path) -> Network:
@@ -82,6 +82,7 @@ def test_fixed_control_is_no_observation(tmp_path: Path) -> None:
     assert all(h.stretch == 0.0 for h in hypotheses)
 
 
+@pytest.mark.slow
 def test_the_factor_of_sights_that_all_else_follows_is_told_by_their_redundancy(tmp_path: Path) -> None:
     sound = pipeline.solve_network(_network(survey("building").write(tmp_path)))
     groups = enumerate(sound.network.groups)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import LEVELLING, write
 
 from mor import pipeline
 from mor.adjustment.solve import Settings, adjust
@@ -24,8 +23,10 @@ from mor.quality.gross_errors.description_length import (
 from mor.quality.gross_errors.reintersection import reintersected, slots_of_ends
 from mor.quality.solved import Solved
 from mor.quality.tests.rejection import Rejection, rejection
-from tests.planted_mistakes.survey import survey
-from tests.planted_mistakes.trial import trial
+from tests.scenarios.planted_mistakes.survey import survey
+from tests.scenarios.planted_mistakes.trial import trial
+from tests.scenarios.small_projects import LEVELLING, write
+from tests.selection import slow_but
 
 CASES = [
     ("exchanged_in_image", 2),  # left alone, a point stays where the wrong ray and another one meet
@@ -43,7 +44,7 @@ CASES = [
     ("counterclockwise", 2802),  # a station whose sights then have a solution of no use
     ("sigma_unit", 2706),  # of images, a thousand times too large
 ]
-"""A few that are quick; ``python -m tests.planted_mistakes`` has all kinds."""
+"""A few that are quick; ``python -m tests.scenarios.planted_mistakes`` has all kinds."""
 
 
 def _solved(path: Path) -> Solved:
@@ -51,13 +52,14 @@ def _solved(path: Path) -> Solved:
     return pipeline.solve_network(pipeline.read_network(document, path.parent))
 
 
-@pytest.mark.parametrize(("kind", "seed"), CASES)
+@pytest.mark.parametrize(("kind", "seed"), slow_but([("offset", 1)], CASES))
 def test_a_planted_mistake_is_the_first_hypothesis(kind: str, seed: int) -> None:
     found = trial(kind, seed)
     assert found.rejected
     assert found.place == 0, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bridge", "aerial_strip"])
 def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) -> None:
     solved = _solved(survey(name).write(tmp_path))

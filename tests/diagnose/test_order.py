@@ -22,7 +22,7 @@ from mor.preparation import make_problem
 from mor.project.network.build import Network
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
 from mor.quality.solved import Solved
-from tests.planted_mistakes.survey import Survey, survey
+from tests.scenarios.planted_mistakes.survey import Survey, survey
 
 
 def _network(of: Survey, folder: Path) -> Network:
@@ -46,6 +46,7 @@ def _elevations_at(station: str) -> Survey:
     return bridge
 
 
+@pytest.mark.slow
 def test_the_station_with_elevations_for_zenith_angles_is_named(tmp_path: Path) -> None:
     _, found = pipeline.diagnose_network(_network(_elevations_at("P1"), tmp_path), lambda _: True)
     first = found.offered[0].hypothesis

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from small_projects import LEVELLING
+
+from tests.scenarios.small_projects import LEVELLING
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")
@@ -60,6 +61,7 @@ def _moved(place: Path) -> None:
     project.write_text(LEVELLING.replace("1.001", "1.003"), encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a shell")
 def test_the_shell_example(place):
     lines = _block("sh").splitlines()

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from small_projects import mor
 
 from mor.formats import FORMATS
+from tests.scenarios.small_projects import mor
 
 DOCS = Path(__file__).parents[2] / "docs" / "formats"
 PAGES = sorted(path for path in DOCS.glob("*.md") if path.name != "index.md")

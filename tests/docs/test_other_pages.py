@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor, write_block
 
 from mor.cli import ENDED, INTERRUPTED, LEFT
 from mor.errors import ExitCode
 from mor.report.tables.observations import SCHEMA
+from tests.scenarios.small_projects import mor, write_block
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

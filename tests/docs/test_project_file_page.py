@@ -10,11 +10,11 @@ from typing import Any, get_args
 import pytest
 import yaml
 from pydantic import BaseModel
-from small_projects import mor
 
 from mor.project.file.model import Project
 from mor.project.file.nodes import read_yaml
 from mor.project.observations.groups import TYPE_NAMES
+from tests.scenarios.small_projects import mor
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8")

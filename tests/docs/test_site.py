@@ -25,12 +25,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_page_is_there_and_fetches_nothing(site: Path) -> None:
     for page in PAGES:
         html = (site / page.with_suffix(".html")).read_text(encoding="utf-8")
         assert not FETCHED.search(html), page
 
 
+@pytest.mark.slow
 def test_search_finds_without_a_server(site: Path) -> None:
     assert (site / "searchindex.js").read_text(encoding="utf-8").startswith("Search.setIndex(")
     options = (site / "_static" / "documentation_options.js").read_text(encoding="utf-8")

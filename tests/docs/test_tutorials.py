@@ -26,6 +26,7 @@ def tutorials() -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_page_shows_what_the_program_says(tutorials: ModuleType, path: Path, tmp_path: Path) -> None:
     page = path.read_text(encoding="utf-8")

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from domains_blocks import Ended, Kind, command, write_block
-from domains_compared import differences
 
 from mor.cli._progress import Progress
 from mor.domains import assessing, results, room, story
 from mor.errors import InputError
 from mor.report.domains import listed
+from tests.domains_compared import differences
+from tests.scenarios.domains_blocks import Ended, Kind, command, write_block
+
+pytestmark = pytest.mark.slow
 
 
 def adjust(project: Path, *options: str) -> Ended:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from domains_blocks import Kind, write_block
 
 from mor.pipeline import read_document
 from mor.project.domains import division_of_points, tables
 from mor.project.domains.parts import Parts, divide
 from mor.project.file.validation import validate
+from tests.scenarios.domains_blocks import Kind, write_block
 
 
 def divided(project: Path, folder: Path) -> Parts:
@@ -71,6 +71,7 @@ def test_points_go_to_the_last_domain_where_none_is_too_large_then() -> None:
         assert len(tried) == (1 if most == 90 else 2)
 
 
+@pytest.mark.slow
 def test_rays_are_where_their_point_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "ROWS_AT_A_TIME", 100)
     project = write_block(tmp_path / "project", Kind(strips=4, images=8, points=900))

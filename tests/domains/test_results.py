@@ -7,8 +7,11 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from domains_blocks import Kind, command, write_block
-from domains_compared import ELSEWHERE, both, differences, have_small_domains, results
+
+from tests.domains_compared import ELSEWHERE, both, differences, have_small_domains, results
+from tests.scenarios.domains_blocks import Kind, command, write_block
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture

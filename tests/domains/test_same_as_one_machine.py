@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 import polars as pl
 import pytest
-from domains_blocks import Kind, write_block
 
 from mor.adjustment.domains.store import FileStore, MemoryStore
 from mor.adjustment.domains.tree import Here
@@ -21,6 +20,8 @@ from mor.quality.solved import Solved
 from mor.report.domains.tables import completed
 from mor.report.tables.estimates import image_table, point_table
 from mor.report.tables.observations import observation_table
+from tests.scenarios.domains_blocks import Kind, write_block
+from tests.selection import slow_but
 
 BLOCKS = {
     "aerial": Kind(),
@@ -75,7 +76,7 @@ def largest_difference(ours: pl.DataFrame, theirs: pl.DataFrame, keys: list[str]
 KEYS = ["type", "group", "at", "from", "to", "component"]
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", slow_but(["aerial"], BLOCKS))
 def test_tables_are_the_same(name: str, tmp_path: Path) -> None:
     path = write_block(tmp_path / "project", BLOCKS[name])
     one, several = both(path, tmp_path, 250 if BLOCKS[name].convergent else 700)
@@ -104,6 +105,7 @@ def test_tables_are_the_same(name: str, tmp_path: Path) -> None:
         assert found[column] < 100.0 * close, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sights", "datum", "full"),
     [(0, "{xyz: [P1, P40], z: P7}", ["P1", "P40"]), (20, "{xyz: P1, x: P40}", ["P1"])],
@@ -128,6 +130,7 @@ def test_a_minimal_datum(sights: int, datum: str, full: list[str], tmp_path: Pat
     assert max(value for name, value in found.items() if name != "largest_w") < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_blocks_with_state_in_files(seed: int, tmp_path: Path) -> None:
     random = np.random.default_rng(seed)
@@ -158,6 +161,7 @@ class Counting(Here):
         return super().submit(task, *arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fewer"), [("aerial", True), ("free", False)])
 def test_small_steps_have_the_matrix_before_and_the_solution_its_own(
     name: str, fewer: bool, tmp_path: Path
@@ -176,6 +180,7 @@ def test_small_steps_have_the_matrix_before_and_the_solution_its_own(
     assert joined.factored == joined.stage
 
 
+@pytest.mark.slow
 def test_an_undetermined_point_is_named(tmp_path: Path) -> None:
     path = write_block(tmp_path / "project", Kind())
     rays = pl.read_parquet(path.parent / "rays.parquet")
@@ -191,6 +196,7 @@ def test_an_undetermined_point_is_named(tmp_path: Path) -> None:
     assert {name for _, name, _ in found.joined.loose} == {first}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [Kind(), Kind(control=6, sights=20)])
 def test_state_goes_as_domains_are_assessed(kind: Kind, tmp_path: Path) -> None:
     path = write_block(tmp_path / "project", kind)

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from domains_blocks import Kind, command, write_block
-from domains_compared import ELSEWHERE, differences, have_small_domains, results
+
+from tests.domains_compared import ELSEWHERE, differences, have_small_domains, results
+from tests.scenarios.domains_blocks import Kind, command, write_block
+
+pytestmark = pytest.mark.slow
 
 Spoil = Callable[[Path, np.random.Generator], None]
 

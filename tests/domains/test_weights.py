@@ -8,11 +8,13 @@ from typing import Any
 
 import polars as pl
 import pytest
-from domains_blocks import Kind, command, write_block
-from domains_compared import ELSEWHERE, differences, have_small_domains, results
 
 from mor.domains import robust
 from mor.quality.gross_errors import robust_estimation
+from tests.domains_compared import ELSEWHERE, differences, have_small_domains, results
+from tests.scenarios.domains_blocks import Kind, command, write_block
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)

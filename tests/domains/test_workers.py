@@ -9,13 +9,13 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from domains_blocks import Kind, command, write_block
 
 from mor import cluster
 from mor.domains import reweighting, robust, room
+from tests.scenarios.domains_blocks import Kind, command, write_block
 
 pytest.importorskip("distributed")
-pytestmark = pytest.mark.filterwarnings("default")
+pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.slow]
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ import polars as pl
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from small_projects import mor, table, write
 
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
 from mor.geometry.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
@@ -20,6 +19,8 @@ from mor.observations.earth import projected_position
 from mor.pipeline import read_document, read_network
 from mor.project.world.reference_system import reference_system
 from mor.project.world.world import World
+from tests.scenarios.small_projects import mor, table, write
+from tests.selection import slow_after
 
 GEOID = 47.2
 """Above the ellipsoid, everywhere."""
@@ -174,11 +175,14 @@ def _with_columns(rows: list[list], columns: str) -> list[list]:
 
 of_each_kind = pytest.mark.parametrize(
     ("kind", "columns"),
-    [
-        ("projected_attitude", "image,east,north,omega,phi,kappa"),
-        ("projected_attitude", "image,omega,phi,kappa"),
-        ("navigation_attitude", "image,roll,pitch,yaw"),
-    ],
+    slow_after(
+        1,
+        [
+            ("navigation_attitude", "image,roll,pitch,yaw"),
+            ("projected_attitude", "image,east,north,omega,phi,kappa"),
+            ("projected_attitude", "image,omega,phi,kappa"),
+        ],
+    ),
 )
 
 

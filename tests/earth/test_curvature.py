@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_projects import mor as command
-from small_projects import write
-from sphere_scenes import RADIUS, Place, network, sight
 
 import mor
 from mor.adjustment.solve import Settings, adjust
@@ -23,6 +20,9 @@ from mor.parameters.kinds import KINDS
 from mor.pipeline import levels
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess, standard_deviations
+from tests.scenarios.small_projects import mor as command
+from tests.scenarios.small_projects import write
+from tests.scenarios.sphere_scenes import RADIUS, Place, network, sight
 
 CASE = Path(__file__).parents[1] / "cases" / "curvature"
 SPHERE = LocalSphere(RADIUS, (200.0, -300.0, 50.0))

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from pyproj import Transformer
-from reference_data import network_of_yaml
 
 from mor.geometry.rotations import angles_from_rotation
 from mor.pipeline import Solved, solve_network
 from mor.project.file.yaml_text import yaml_text
+from tests.reference_data import network_of_yaml
 
 LATITUDE, LONGITUDE = 47.3, 11.4
 NAMES = ("A", "B", "C", "D", "E", "F", "G")

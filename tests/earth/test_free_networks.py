@@ -10,7 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 from pyproj import Transformer
-from small_projects import mor, write
+
+from tests.scenarios.small_projects import mor, write
 
 COUNT = 6
 GEOCENTRIC = Transformer.from_crs("EPSG:4937", "EPSG:4936", always_xy=True)

@@ -10,11 +10,11 @@ import numpy as np
 import polars as pl
 import pytest
 from pyproj import Transformer
-from reference_data import network_of_yaml
 from scipy.spatial.transform import Rotation
-from small_projects import mor, write
 
 from mor.pipeline import solve_network
+from tests.reference_data import network_of_yaml
+from tests.scenarios.small_projects import mor, write
 
 ARCSEC = np.pi / 648000.0
 SHIFT, TURN, SCALE = np.array([0.31, -0.22, 0.47]), np.array([1.3, -0.8, 2.1]) * ARCSEC, 1.0 + 2.4e-6

@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 import pytest
 from pyproj import Transformer
-from reference_data import missing, reference_folder
-from small_projects import mor, write
 
 from mor.project.world.gsb import ARCSEC, GridError, values_at
+from tests.reference_data import missing, reference_folder
+from tests.scenarios.small_projects import mor, write
 
 REAL = reference_folder("earth/dynadjust")
 SOUTH, WEST, STEP = 49.0, 9.5, 0.5

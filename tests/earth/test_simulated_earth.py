@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from pyproj import Transformer
 
 ROOT = Path(__file__).resolve().parents[2]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))
-
 from mor.project.world.grids import geoid_heights  # noqa: E402
 from sample_projects.simulate import earth  # noqa: E402
 

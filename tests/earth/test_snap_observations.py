@@ -9,12 +9,12 @@ import csv
 
 import numpy as np
 import pytest
-from reference_data import missing, reference_folder
 
 from mor.geometry.earth import Horizon
 from mor.observations import wrap
 from mor.observations.earth import earth_types
 from mor.project.world.reference_system import reference_system
+from tests.reference_data import missing, reference_folder
 
 REAL = reference_folder("earth/snap")
 pytestmark = pytest.mark.skipif(REAL is None, reason=missing("earth/snap"))

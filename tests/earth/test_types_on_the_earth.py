@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pyproj import Geod, Transformer
-from small_projects import write
 
 from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
 from mor.geometry.rotations import rotate, rotation_from_angles
@@ -17,6 +16,7 @@ from mor.pipeline import read_document, read_network, solve_network
 from mor.project.world.plane import plane_of
 from mor.project.world.reference_system import reference_system
 from mor.project.world.world import World
+from tests.scenarios.small_projects import write
 
 GRS80 = Ellipsoid(6378137.0, 1.0 / 298.257222101)
 HORIZON = Horizon(GRS80, np.radians(47.3), np.radians(11.4))

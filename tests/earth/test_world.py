@@ -13,7 +13,8 @@ import numpy as np
 import polars as pl
 import pytest
 from pyproj import Geod, Transformer
-from small_projects import mor, write
+
+from tests.scenarios.small_projects import mor, write
 
 PROJECT = """\
 mor: 1

@@ -19,9 +19,6 @@ from pathlib import Path
 
 import numpy as np
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
 from mor.pipeline import read_document

@@ -5,10 +5,10 @@ from __future__ import annotations
 import gzip
 
 import pytest
-from reference_data import network_of
 
 from mor.errors import InputError
 from mor.formats import is_foreign, read_foreign
+from tests.reference_data import network_of
 
 FILES = {
     ".ior": """# id ? c xh yh A1 A2 r0

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results
 
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.pipeline import read_document, solve_network
+from tests.reference_data import network_of, point_results
 
 from .blocks import MODELS, block, written
 

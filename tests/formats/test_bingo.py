@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results
 
 import mor
 from mor.errors import InputError
@@ -14,6 +13,7 @@ from mor.formats import format_of, read_foreign, write_foreign
 from mor.formats.bingo.files import bingo_angles, rotation_from_bingo
 from mor.geometry.rotations import rotation_from_angles
 from mor.pipeline import read_document, solve_network
+from tests.reference_data import network_of, point_results
 
 
 def block(images: int = 6, points: int = 20) -> tuple[dict[str, str], dict[str, np.ndarray]]:

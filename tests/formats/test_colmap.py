@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, point_results, reference_folder
 
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.pipeline import read_document, solve_network
+from tests.reference_data import missing, network_of, point_results, reference_folder
 
 from .blocks import MODELS, block, written
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results
-from small_projects import mor
 
 from mor.errors import InputError
 from mor.formats import read_together, write_foreign
 from mor.formats.combination import combined
 from mor.pipeline import read_document, solve_network
 from mor.project.file.nodes import Document
+from tests.reference_data import network_of, point_results
+from tests.scenarios.small_projects import mor
 
 from .blocks import block, written
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
+from tests.reference_data import missing, network_of, reference_folder
 
 SCRIPT = """<document dbat_script_version="1.0"><meta><name>A wall</name></meta>
 <input base_dir="$HERE">

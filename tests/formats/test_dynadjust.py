@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from pyproj import Transformer
-from reference_data import missing, network_of, reference_folder
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.solve import adjust
@@ -21,6 +20,7 @@ from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.project.network.build import Network
 from mor.quality.assess import assess
+from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("earth/dynadjust")
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.adjustment.solve import adjust
 from mor.errors import InputError
@@ -17,6 +16,7 @@ from mor.formats.fieldbook.book import sexagesimal
 from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.units import parse_dms
+from tests.reference_data import missing, network_of, reference_folder
 
 from .test_dynadjust import _files
 from .test_dynaml import _rows

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.adjustment.solve import adjust
 from mor.errors import InputError
@@ -14,6 +13,7 @@ from mor.formats import format_of, read_foreign
 from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
 from mor.units import parse_dms
+from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("earth/dynadjust")
 

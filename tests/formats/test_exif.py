@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from PIL import Image, TiffImagePlugin
-from small_projects import mor
 
 from mor.pipeline import read_document, read_network
+from tests.scenarios.small_projects import mor
 
 
 def _photograph(

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.formats.fieldbook.book import Sight, rounds, sexagesimal
 from mor.project.file.nodes import Document
+from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("formats/total-stations")
 PLACES = {"1": (0.0, 0.0, 10.0), "2": (60.0, 10.0, 12.0), "3": (25.0, 50.0, 9.0), "4": (70.0, 60.0, 14.0)}

@@ -112,7 +112,7 @@ def test_entities_are_refused(tmp_path):
 
 
 def test_a_covariance_matrix_must_be_positive_definite(tmp_path):
-    from reference_data import network_of
+    from tests.reference_data import network_of
 
     path = tmp_path / "network.gkf"
     path.write_text(

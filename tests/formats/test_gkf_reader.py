@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 import pytest
-from reference_data import network_of, observations, point_results
 
 from mor.formats import read_foreign
 from mor.formats.gkf.grammar import carried
 from mor.pipeline import solve_network
+from tests.reference_data import network_of, observations, point_results
 
 COMPASS = {"e": (1.0, 0.0), "n": (0.0, 1.0), "w": (-1.0, 0.0), "s": (0.0, -1.0)}
 TRUTH = {

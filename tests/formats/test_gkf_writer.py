@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import NETWORKS, network_name, network_of, point_results
 
 from mor.errors import InputError
 from mor.formats import write_foreign
 from mor.pipeline import read_document, solve_network
+from tests.reference_data import NETWORKS, network_name, network_of, point_results
 
 
 def _again(source: Path, folder: Path) -> tuple[Path, list[str]]:

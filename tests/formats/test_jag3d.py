@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from reference_data import NETWORKS, missing, network_name, network_of, point_results, reference_folder
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.pipeline import read_document, solve_network
+from tests.reference_data import NETWORKS, missing, network_name, network_of, point_results, reference_folder
 
 REAL = reference_folder("jag3d-net2d")
 GON = np.pi / 200

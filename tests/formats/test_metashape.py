@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results
 
 from mor.adjustment.linearise import misclosures
 from mor.errors import InputError
@@ -19,6 +18,7 @@ from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import rotation_from_angles
 from mor.pipeline import read_document, solve_network
 from mor.project.network.build import Network
+from tests.reference_data import network_of, point_results
 
 from .blocks import MODELS, block, written
 

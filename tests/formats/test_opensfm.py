@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.pipeline import read_document
+from tests.reference_data import missing, network_of, reference_folder
 
 from .blocks import block, written
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.errors import InputError
 from mor.formats import read_foreign
+from tests.reference_data import missing, network_of, reference_folder
 
 HEAD = """A wall
  0.0005 20 4000 3000

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import network_of, point_results
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
@@ -14,6 +13,7 @@ from mor.formats.pix4d.reader import read_control
 from mor.geometry.cameras import CAMERA_MODELS
 from mor.geometry.rotations import angles_from_rotation, exponential
 from mor.pipeline import solve_network
+from tests.reference_data import network_of, point_results
 
 HEAD = (
     "fileName imageWidth imageHeight \ncamera matrix K [3x3]\nradial distortion [3x1]\ntangential distortion [2x1]\n"

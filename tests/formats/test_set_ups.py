@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_data import network_of
 
 from mor.formats import format_of, read_foreign
 from mor.pipeline import solve_network
 from mor.project.file.nodes import Document
+from tests.reference_data import network_of
 
 CONTROL = {
     "K1": (0.0, 0.0, 10.0),

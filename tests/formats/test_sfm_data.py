@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_data import network_of
 
 from mor.arrays import FloatArray
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.geometry.rotations import exponential
 from mor.pipeline import solve_network
+from tests.reference_data import network_of
 
 SIZE, FOCAL, CENTRE = (4000, 3000), 2884.25, (1990.5, 1511.25)
 PARAMETERS = {

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.file.nodes import Document
 from mor.quality.assess import standard_deviations
+from tests.scenarios.small_projects import mor
 
 
 def sinex(

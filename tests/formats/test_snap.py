@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import Transformer
-from reference_data import missing, reference_folder
-from small_projects import mor
 
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.pipeline import Solved, read_network, solve_network
 from mor.units import ANGLE
+from tests.reference_data import missing, reference_folder
+from tests.scenarios.small_projects import mor
 
 REAL = reference_folder("earth/snap")
 real = pytest.mark.skipif(REAL is None, reason=missing("earth/snap"))

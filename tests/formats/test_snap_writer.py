@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from reference_data import missing, network_of, reference_folder
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.solve import adjust
@@ -18,6 +17,7 @@ from mor.formats import format_of, read_foreign, write_foreign
 from mor.pipeline import read_document
 from mor.preparation import determinable_start, make_problem
 from mor.project.file.nodes import Document
+from tests.reference_data import missing, network_of, reference_folder
 
 from .test_dynadjust import _files as dynadjust
 from .test_snap import _files, _text

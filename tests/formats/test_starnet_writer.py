@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import NETWORKS, network_name, network_of, point_results
 
 from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
@@ -15,6 +14,7 @@ from mor.formats.starnet.lines import degrees
 from mor.formats.starnet.writer import dms
 from mor.pipeline import read_document, solve_network
 from mor.project.file.nodes import Document
+from tests.reference_data import NETWORKS, network_name, network_of, point_results
 
 
 def _again(source: Path, folder: Path) -> tuple[Path, list[str]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference_data import network_of, observations, point_results
 
 from mor.errors import InputError
 from mor.formats import read_foreign
 from mor.pipeline import solve_network
+from tests.reference_data import network_of, observations, point_results
 
 
 def _document(tmp_path, text):

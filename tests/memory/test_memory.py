@@ -11,10 +11,11 @@ import pytest
 import mor.machine
 from mor.errors import OutOfMemoryError
 from tests.memory.__main__ import measured, project_of
-from tests.small_projects import LEVELLING, write, write_block
-from tests.small_projects import mor as command
+from tests.scenarios.small_projects import LEVELLING, write, write_block
+from tests.scenarios.small_projects import mor as command
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--no-html",)])
 def test_estimate_of_a_small_network_is_the_measured_peak_to_a_fifth(tmp_path, options):
     found = measured(project_of(("grid", (25, 0), "csv"), tmp_path), *options)
@@ -43,6 +44,7 @@ mor.machine.give_back_freed_memory(); print(second, faults())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries go on as they do")
 def test_freed_memory_is_kept_until_it_is_given_back():
     def pages(before: str) -> tuple[int, int]:

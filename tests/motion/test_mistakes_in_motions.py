@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_scenes import project, scene
-from small_projects import mor, write
+
+from tests.scenarios.motion_scenes import project, scene
+from tests.scenarios.small_projects import mor, write
 
 V = "  - {model: velocity, points: [D1]}\n"
 

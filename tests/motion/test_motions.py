@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from motion_scenes import Scene, project, scene, solve, values
 
 from mor.quality.deformation.epochs import compare_within
 from mor.quality.deformation.movements import movements
 from mor.quality.deformation.vector_tests import noncentrality_of, power_of, vector_tests
 from mor.quality.diagnosis.singularities import explain_singularity
+from tests.scenarios.motion_scenes import Scene, project, scene, solve, values
 
 ALL = "  - {model: epochs, points: ['D*']}"
 

@@ -1,34 +1,37 @@
-"""A few hundred mutants of all projects; ``python -m tests.mutations`` runs more of them and looks at time, too."""
+"""A few hundred mutants of all projects; ``python -m tests.scenarios.mutations`` runs more and looks at time, too."""
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from .judge import Ended, faults
-from .material import all_material
-from .mutant import mutant
-from .worker import judged
+from tests.scenarios.mutations.judge import Ended, faults
+from tests.scenarios.mutations.material import all_material
+from tests.scenarios.mutations.mutant import mutant
+from tests.scenarios.mutations.worker import judged
+from tests.selection import slow_after
 
 PARTS, TOGETHER, SEED = 12, 25, 2026
-MATERIAL = all_material()
 OF_TIME_AND_ROOM = ("slow", "large")
 """What depends on the machine and on the tests that ran before."""
 
+material = cache(all_material)
 
-@pytest.mark.parametrize("part", range(PARTS))
+
+@pytest.mark.parametrize("part", slow_after(0, range(PARTS)))
 def test_no_mutant_breaks_the_program(tmp_path: Path, part: int) -> None:
     found = []
     for number in range(part * TOGETHER, (part + 1) * TOGETHER):
-        result = judged(mutant(MATERIAL, SEED, number), tmp_path / str(number))
+        result = judged(mutant(material(), SEED, number), tmp_path / str(number))
         found += [f"{number}: {fault}" for fault in result.faults if not fault.startswith(OF_TIME_AND_ROOM)]
     assert found == []
 
 
 def test_the_same_number_is_the_same_mutant() -> None:
-    assert mutant(MATERIAL, 1, 17) == mutant(MATERIAL, 1, 17)
-    assert mutant(MATERIAL, 1, 17).files != mutant(MATERIAL, 2, 17).files
+    assert mutant(material(), 1, 17) == mutant(material(), 1, 17)
+    assert mutant(material(), 1, 17).files != mutant(material(), 2, 17).files
 
 
 def ended(code: int, said: str, **other: object) -> Ended:

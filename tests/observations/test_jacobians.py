@@ -16,6 +16,7 @@ from mor.geometry.rotations import exponential, rotate, rotation_from_angles
 from mor.observations import ALL_TYPES, wrap
 from mor.observations.time.rolling_shutter import phases
 from mor.parameters.kinds import KINDS
+from tests.selection import slow
 
 EPSILON = np.finfo(float).eps
 
@@ -100,7 +101,14 @@ def _admissible(type_key, place):
     return not type_key.startswith(ONLY_IN_FRONT) or place.direction[2] < -0.2
 
 
-CASES = [(key, name) for key in ALL_TYPES for name, place in PLACES.items() if _admissible(key, place)]
+USUAL = ("ordinary", "phi 100 gon", "nearly straight up", "direction 200 gon", "face two")
+"""Places of the default run."""
+CASES = [
+    (key, name) if name in USUAL else slow((key, name))
+    for key in ALL_TYPES
+    for name, place in PLACES.items()
+    if _admissible(key, place)
+]
 
 
 def _put_target(kind, blocks, sight, constants=None):

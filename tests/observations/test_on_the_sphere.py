@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gross_error_scenes import disturbed, spoiled
 
 from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import make_plan
@@ -17,6 +16,7 @@ from mor.observations import ALL_TYPES
 from mor.observations._contract import ObservationGroup
 from mor.observations.on_the_sphere import on_the_sphere
 from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
+from tests.scenarios.gross_error_scenes import disturbed, spoiled
 
 GON = np.pi / 200.0
 

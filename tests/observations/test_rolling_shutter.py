@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,6 @@ from mor.observations import IMAGE_TYPES, MOVING_TYPES
 from mor.observations.time.rolling_shutter import meet
 
 ROOT = Path(__file__).resolve().parents[2]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))
-
 from sample_projects.simulate.camera import Camera  # noqa: E402
 from sample_projects.simulate.geometry import Frame, rotation  # noqa: E402
 from sample_projects.simulate.rolling_shutter import Flight, seen_by_row  # noqa: E402

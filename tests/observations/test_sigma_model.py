@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import Scene
 
 from mor.observations import SetUp
 from mor.observations.sigma import with_sigma_model
+from tests.scenarios.scenes import Scene
 
 
 def sigma_of(type_key, sigma, **model):

@@ -6,12 +6,13 @@ import json
 from xml.etree import ElementTree
 
 import pytest
-from batch_scenes import act, write_project
 
 from mor.cli import run
 from mor.planning.workers import Task, run_tasks
+from tests.scenarios.batch_scenes import act, write_project
 
 
+@pytest.mark.slow
 def test_what_dies_hangs_or_raises_takes_nothing_along(tmp_path):
     deeds = ["ok", "die", "ok", "hang", "raise", "leave", "ok"]
     tasks = [Task((deed,), tmp_path / f"{k}.txt") for k, deed in enumerate(deeds)]
@@ -54,6 +55,7 @@ def test_one_table_of_all(batch):
     assert page.count('class="fails"') == 2
 
 
+@pytest.mark.slow
 def test_what_differs_from_what_was_kept_fails_and_the_jobs_change_nothing(batch, tmp_path):
     folder, _ = batch
     pattern = str(folder / "blocks/**/project.yaml")

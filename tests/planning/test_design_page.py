@@ -10,8 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned_networks import BRIDGE, grid, sample
-from small_projects import mor
 
 from mor.planning.design import judgements
 from mor.planning.plan import solve_plan
@@ -21,6 +19,8 @@ from mor.report.design.page import design_page
 from mor.report.html.page import asset
 from mor.report.identity import Identity
 from mor.report.words.language import words_of_planning
+from tests.scenarios.planned_networks import BRIDGE, grid, sample
+from tests.scenarios.small_projects import mor
 
 _PAGE = """
 const thing = () => ({

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import PLAN
 
 from mor.cli import run
 from mor.errors import InputError
@@ -17,6 +16,7 @@ from mor.planning.monte_carlo import CHUNK, Trial, by_processes, chunk_of, prepa
 from mor.quality.simulation.findings import Finding, findings
 from mor.quality.simulation.measurements import errors
 from mor.quality.simulation.monte_carlo import one_run
+from tests.scenarios.batch_scenes import PLAN
 
 
 @pytest.fixture
@@ -34,6 +34,7 @@ def _by_name(found) -> dict[str, Finding]:
     return {one.name: one for one in found}
 
 
+@pytest.mark.slow
 def test_theory_and_simulation_agree_where_the_sigmas_are_right(trial):
     ready = prepared(trial)
     tally = chunk_of(ready, 0, 400)
@@ -43,6 +44,7 @@ def test_theory_and_simulation_agree_where_the_sigmas_are_right(trial):
     assert found["power"].upper - found["power"].lower < 0.15
 
 
+@pytest.mark.slow
 def test_sigmas_that_are_too_small_are_found(trial):
     ready = prepared(trial)
     truth = ready.truth
@@ -85,6 +87,7 @@ def test_errors_have_the_covariances_of_the_project(trial):
     assert np.allclose(np.cov(drawn.T), covariance, atol=4e-7)
 
 
+@pytest.mark.slow
 def test_bytes_are_the_same_whatever_the_jobs_and_however_often_interrupted(trial, tmp_path):
     path, more = str(trial.path), ["--runs", str(3 * CHUNK), "-q"]
     assert run(["simulate", path, "-o", str(tmp_path / "one"), *more]) == 0

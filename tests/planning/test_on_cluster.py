@@ -13,10 +13,10 @@ from pathlib import Path
 
 import psutil
 import pytest
-from batch_scenes import PLAN, act, write_project
 
 from mor.cli import run
 from mor.planning.workers import Task, done_alone
+from tests.scenarios.batch_scenes import PLAN, act, write_project
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
@@ -55,6 +55,7 @@ def _results(folder):
     return {str(path.relative_to(folder)): path.read_bytes().replace(name, neutral) for path in files}
 
 
+@pytest.mark.slow
 def test_a_batch_is_the_same_as_here_though_a_worker_is_killed(cluster, blocks, tmp_path):
     from distributed import Client
 
@@ -82,6 +83,7 @@ def test_a_batch_is_the_same_as_here_though_a_worker_is_killed(cluster, blocks, 
     }
 
 
+@pytest.mark.slow
 def test_a_simulation_is_the_same_as_here(cluster, tmp_path):
     path = tmp_path / "plan" / "project.yaml"
     path.parent.mkdir()
@@ -104,6 +106,7 @@ def test_places_are_told_from_where_the_command_was_given(tmp_path):
     assert (tmp_path / "place" / "log.txt").read_text() == "done\n"
 
 
+@pytest.mark.slow
 def test_what_dies_hangs_or_raises_by_itself(tmp_path):
     deeds = ("ok", "die", "hang", "raise", "leave")
     done = [
@@ -117,8 +120,9 @@ def test_what_dies_hangs_or_raises_by_itself(tmp_path):
     assert (tmp_path / "0.txt").read_text() == "done\n"
 
 
+@pytest.mark.slow
 def test_the_process_of_a_lost_worker_goes_with_it(tmp_path):
-    code = "import sys; from pathlib import Path; from batch_scenes import linger\n"
+    code = "import sys; from pathlib import Path; from tests.scenarios.batch_scenes import linger\n"
     code += "from mor.planning.workers import Task, done_alone\n"
     code += "place = Path(sys.argv[1]); done_alone(linger, 0, Task((str(place),), place / 'log'), place)"
     told = tmp_path / "pid"

@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 import yaml
-from small_projects import mor, write
 
 from mor.adjustment.solve import Settings, adjust
 from mor.errors import InputError
@@ -23,6 +22,7 @@ from mor.quality.simulation.planted import Wishes
 from mor.quality.solved import Solved
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.scenarios.small_projects import mor, write
 
 STRIP = ROOT / "three_line_strip" / "project.yaml"
 MEASURED = {
@@ -77,6 +77,7 @@ def _same_quality(one: Solved, other: Solved) -> None:
         np.testing.assert_allclose(sigma[0], sigma[1], rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_sigma_and_r_of_planned_lines_without_values(tmp_path: Path) -> None:
     _simulated(STRIP, tmp_path / "there")
     _without_values(tmp_path / "there", tmp_path / "plan")
@@ -92,6 +93,7 @@ def test_sigma_and_r_of_planned_lines_without_values(tmp_path: Path) -> None:
     assert images["sz"].is_not_null().all() if "sz" in images.columns else images.height == 6
 
 
+@pytest.mark.slow
 def test_planned_rows_are_where_the_sample_was_measured(tmp_path: Path) -> None:
     """The sample has rows of code of its own; at the adjusted place ours differ from them by its residuals."""
     assert mor("adjust", STRIP, "-o", tmp_path / "results", "--quiet").code == 0
@@ -188,6 +190,7 @@ def test_the_path_stays_as_it_is_planned_where_it_is_not_smooth(tmp_path: Path) 
     np.testing.assert_allclose(placed.start["point"][blocks][:, 0], [0, 0, 30, 0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_errors_of_what_instruments_are_observed_to_have(tmp_path: Path) -> None:
     """Lever arm and misalignment are given beside the truth; the shift of a strip is true beside what is given."""
     write(tmp_path / "plan", FLIGHT.replace("model: MODEL", "model: mor"))

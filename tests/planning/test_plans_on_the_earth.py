@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import mor
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.planning.plan import at_its_place, read_plan, solve_plan
@@ -16,6 +15,7 @@ from mor.quality.simulation.planted import Wishes
 from mor.quality.solved import Solved
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.scenarios.small_projects import mor
 
 MEASURED = {
     "gnss_vector": ("dx", "dy", "dz"),
@@ -55,6 +55,7 @@ def _same_quality(one: Solved, other: Solved) -> None:
         np.testing.assert_allclose(sigma[0], sigma[1], rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_sigma_and_r_of_a_plan_without_values(without_errors: Path, tmp_path: Path) -> None:
     solved = _adjusted(without_errors)
     assert solved.quality is not None
@@ -75,6 +76,7 @@ def test_sigma_and_r_of_a_plan_without_values(without_errors: Path, tmp_path: Pa
     assert mor("design", tmp_path / "project.yaml", "-o", tmp_path / "plan").code == 0
 
 
+@pytest.mark.slow
 def test_simulated_control_has_its_errors_in_its_coordinates(tmp_path: Path) -> None:
     """The benchmark is given elsewhere than where it is, by errors like its σ; reference stations are held."""
     for seed in (1, 2):

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned_networks import BRIDGE, grid, sample
 
 from mor.errors import InputError
 from mor.planning import ranks
@@ -16,6 +15,7 @@ from mor.quality.design import wide
 from mor.quality.design.interest import interest_of
 from mor.quality.design.requirements import judged, requirements
 from mor.quality.design.shortfall import REACHED
+from tests.scenarios.planned_networks import BRIDGE, grid, sample
 
 
 def with_row(network, ranked):
@@ -46,6 +46,7 @@ def check(network, some, changed, required):
             assert one.largest_ratio == pytest.approx(judged(requirement, quality).worst / limit, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_gains_and_losses_are_those_of_the_network_adjusted_anew():
     network = sample("bridge", **BRIDGE)
     required = requirements(network)
@@ -119,6 +120,7 @@ def unseen(name, count):
     return {**rays, "name": "unseen", "values": {"sigma": "0.5"}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "points", "unit", "sigma"),
     [

@@ -16,8 +16,9 @@ from mor.planning.simulation import simulated
 from mor.quality.simulation.planted import Systematic, Wishes
 from mor.report.results.reservation import reserve
 from sample_projects.expected import ROOT
+from tests.selection import slow_after
 
-SAMPLES = ("bridge", "building", "machine_part", "stereo_rig")
+SAMPLES = ("bridge", "stereo_rig", "building", "machine_part")
 
 
 def _written(name, folder, **wishes):
@@ -36,7 +37,7 @@ def _plan(name):
     return solve_plan(at_its_place(read_plan(read_document(path), path.parent).network))
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@pytest.mark.parametrize("name", slow_after(2, SAMPLES))
 def test_sigma_and_r_of_a_plan_are_those_of_its_simulated_observations(name, tmp_path):
     _written(name, tmp_path / "there", seed=1, wishes=Wishes(), noise=False)
     planned, solved = _plan(name), _adjusted(tmp_path / "there")
@@ -106,6 +107,7 @@ def test_prior_knowledge_gets_its_error_too():
     assert 0.6 < error.std() < 1.5
 
 
+@pytest.mark.slow
 def test_cameras_that_correct_what_is_measured_look_at_simulated_coordinates(tmp_path):
     """Brown's distortion is taken at the measured coordinates: the planned ones, not those of the file."""
     path = ROOT / "facade" / "project.yaml"

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import mor
 
 from mor.geometry.polygons import triangulated
 from mor.geometry.triangles import face_normals, faces_of, hidden, triangles
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 GON = np.pi / 200.0
 
@@ -242,7 +243,7 @@ def _expected(names, X, normals, poses, corners):
     return seen, counts
 
 
-@pytest.mark.parametrize("mesh", ["block.ply", "big.ply", "text.ply", "block.obj"])
+@pytest.mark.parametrize("mesh", slow_after(1, ["block.ply", "big.ply", "text.ply", "block.obj"]))
 def test_a_hall_against_ray_casting(tmp_path, mesh):
     scene = _hall(tmp_path, mesh)
     seen, counts = _expected(*scene)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from small_projects import mor, write
 
 from mor.pipeline import read_document
 from mor.planning.visibility.generation import with_visible
+from tests.scenarios.small_projects import mor, write
 
 HEAD = """\
 mor: 1

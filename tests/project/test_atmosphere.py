@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor, write
 
 from mor.pipeline import read_document, read_network
 from mor.project.observations.atmosphere import (
@@ -15,6 +14,7 @@ from mor.project.observations.atmosphere import (
     first_velocity_correction,
     vapour_pressure,
 )
+from tests.scenarios.small_projects import mor, write
 
 
 def _air(temperature: float, pressure: float, humidity: float = 0.0) -> Air:

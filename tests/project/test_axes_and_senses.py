@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from small_projects import mor, write
+
+from tests.scenarios.small_projects import mor, write
 
 AXES = ("en", "nw", "ws", "se", "ne", "sw", "es", "wn")
 SENSES = ("clockwise", "counterclockwise")
@@ -227,7 +228,7 @@ def compare(found: Outcome, reference: Outcome) -> None:
 
 
 def test_images_in_left_handed_axes_are_refused(tmp_path: Path) -> None:
-    from small_projects import BLOCK, write_block
+    from tests.scenarios.small_projects import BLOCK, write_block
 
     run = mor("check", write_block(tmp_path, BLOCK + "axes: {xy: ne}\n"))
     assert run.code == 2
@@ -237,7 +238,7 @@ def test_images_in_left_handed_axes_are_refused(tmp_path: Path) -> None:
 @cache
 def block_points(folder: Path, xy: str) -> tuple[np.ndarray, np.ndarray]:
     """Points and σ of the small block of images, given and taken in other axes, in east, north, up."""
-    from small_projects import BLOCK, block, write_block
+    from tests.scenarios.small_projects import BLOCK, block, write_block
 
     rows = block(noise=0.002)
     frame = Frame(xy, "clockwise")

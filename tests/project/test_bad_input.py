@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mistakes import TRIANGLE, mistakes, with_observations, wrong, wrong_block
-from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
+
+from tests.mistakes import TRIANGLE, mistakes, with_observations, wrong, wrong_block
+from tests.scenarios.small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 
 def test_levelling_without_mistake_is_adjusted(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mistakes import TRIANGLE, VECTOR, mistakes, with_observations, wrong, wrong_block
-from small_projects import BLOCK, mor, write
+
+from tests.mistakes import TRIANGLE, VECTOR, mistakes, with_observations, wrong, wrong_block
+from tests.scenarios.small_projects import BLOCK, mor, write
 
 
 class TestObservations:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import CENTRES, OBJECT, attitude, mor, table, write
 
 from mor.arrays import FloatArray
+from tests.scenarios.small_projects import CENTRES, OBJECT, attitude, mor, table, write
 
 PROJECT = """\
 mor: 1

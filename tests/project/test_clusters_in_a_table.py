@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import mor, write
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.quality.solved import Solved
+from tests.scenarios.small_projects import mor, write
 
 AXES = ["dx", "dy", "dz"]
 COLUMNS = ["from", "to", *AXES]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from small_projects import mor
+
+from tests.scenarios.small_projects import mor
 
 ROWS = [["A", "B", 10.0, 0.0, 1.0], ["A", "B", 10.004, 0.003, 1.002], ["B", "C", 0.0, 20.0, -2.0]]
 ROWS += [["A", "C", 10.003, 20.001, -0.998]]

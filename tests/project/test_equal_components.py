@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_projects import C, mor, table, write
 
 from mor.geometry.rotations import rotation_from_angles
 from mor.parameters.kinds import HEIGHT
 from mor.project.network.entities import BlockStore
 from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
+from tests.scenarios.small_projects import C, mor, table, write
 
 GON = np.pi / 200.0
 ANGLES = np.array([[4.0, -7.0, 20.0], [4.0, -7.0, 20.0], [4.0, -7.0, 50.0]])

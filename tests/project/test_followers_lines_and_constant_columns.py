@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import write
 
 from mor.errors import InputError
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
+from tests.scenarios.small_projects import write
 
 STEREO = """\
 mor: 1

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_projects import CENTRES, OBJECT, C, attitude, mor, table, write
+
+from tests.scenarios.small_projects import CENTRES, OBJECT, C, attitude, mor, table, write
 
 PROJECT = """\
 mor: 1

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from mistakes import mistakes
-from small_projects import BLOCK, block, table, write_block
 
 from mor.errors import InputError, nearest
 from mor.pipeline import read_document, read_network
 from mor.project.network.build import Network
 from mor.project.tables.texts import _without_comments
+from tests.mistakes import mistakes
+from tests.scenarios.small_projects import BLOCK, block, table, write_block
 
 
 def network(project: Path) -> Network:
@@ -87,6 +87,30 @@ def test_every_format_gives_the_same_rows(tmp_path: Path, kind: str) -> None:
     other = network(project).groups[0]
     np.testing.assert_array_equal(other.observed, plain.observed)
     assert [list(names) for names in other.references] == [list(names) for names in plain.references]
+
+
+def test_rows_of_parquet_files_count_from_1(tmp_path: Path) -> None:
+    project = write_block(tmp_path)
+    frame = pl.read_csv(tmp_path / "rays.csv", infer_schema=False)
+    nowhere = pl.when(pl.int_range(pl.len()) == 2).then(pl.lit("nowhere")).otherwise(pl.col("point"))
+    frame.with_columns(nowhere.alias("point")).write_parquet(tmp_path / "rays.parquet")
+    project.write_text(project.read_text().replace("rays.csv", "rays.parquet"), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        network(project)
+    assert "rays.parquet:3: point 'nowhere' does not exist" in str(caught.value)
+
+
+def test_an_unknown_column_of_a_file_is_refused(tmp_path: Path) -> None:
+    rays = write_block(tmp_path).parent / "rays.csv"
+    lines = rays.read_text(encoding="utf-8").splitlines()
+    with pytest.raises(InputError) as caught:
+        network(
+            write_block(
+                tmp_path, rays="\n".join([f"{lines[0]},colour", *(f"{line},red" for line in lines[1:])])
+            )
+        )
+    (problem,) = caught.value.problems
+    assert "rays.csv:1: unknown column 'colour'" in str(problem)
 
 
 def test_separators_in_quotes(tmp_path: Path) -> None:

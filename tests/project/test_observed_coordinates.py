@@ -6,10 +6,10 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import network_of_yaml, point_results
 
 from mor.errors import InputError
 from mor.pipeline import solve_network
+from tests.reference_data import network_of_yaml, point_results
 
 
 def _project(axes, rows, columns, covariance, more=""):

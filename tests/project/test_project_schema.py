@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 import yaml
-from published_schemas import mistakes
-from small_projects import BLOCK, LEVELLING, mor, write
 
 from mor.project.file.schema import project_schema
 from mor.project.file.yaml_text import yaml_text
 from mor.report.results.models.model import results_schema
+from tests.published_schemas import mistakes
+from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 GKF = """<?xml version="1.0"?>

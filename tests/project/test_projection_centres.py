@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_projects import Run, mor, write
 
 from mor.geometry.rotations import rotation_from_angles
+from tests.scenarios.small_projects import Run, mor, write
 
 GON = np.pi / 200.0
 X0, ANGLES, HEIGHT = np.array([10.0, 20.0, 100.0]), np.array([30.0, -20.0, 70.0]), 1.5

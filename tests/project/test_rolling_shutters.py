@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mistakes import mistakes
-from small_projects import mor
 
 from mor.observations.time.rolling_shutter import phases
 from mor.pipeline import read_document, read_network
+from tests.mistakes import mistakes
+from tests.scenarios.small_projects import mor
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_projects" / "drone_block"
 PROJECT = (SAMPLE / "project.yaml").read_text(encoding="utf-8")

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_projects import C, Run, mor, table, write
 
 from mor.geometry.rotations import rotation_from_angles
+from tests.scenarios.small_projects import C, Run, mor, table, write
 
 GON = np.pi / 200.0
 TARGET, HEIGHT = np.array([1.2, 0.8, 6.0]), 1.55

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mistakes import mistakes
-from shutter_flights import READOUT, Files, Moment, moments, simulated
-from small_projects import Run, mor
 
 from mor.adjustment.solve import Settings, adjust
 from mor.geometry.rotations import exponential, rotation_from_angles
@@ -21,6 +18,10 @@ from mor.planning.simulation import simulated as planned_at
 from mor.preparation import determinable_start, make_problem
 from mor.project.trajectories.model import Trajectory
 from mor.quality.simulation.planted import Wishes
+from tests.mistakes import mistakes
+from tests.scenarios.shutter_flights import READOUT, Files, Moment, moments, simulated
+from tests.scenarios.small_projects import Run, mor
+from tests.selection import slow_after
 
 NAMES = ("x", "y", "z", "omega", "phi", "kappa")
 KNOWN = ", ".join(NAMES)
@@ -51,7 +52,7 @@ def readout_of(found: dict) -> dict:
     return next(row for row in found["others"] if row["kind"] == "readout")["components"]["readout"]
 
 
-@pytest.mark.parametrize("cubic", [False, True])
+@pytest.mark.parametrize("cubic", slow_after(1, [False, True]))
 def test_points_are_where_an_independent_simulation_sees_them(tmp_path: Path, cubic: bool) -> None:
     """Without errors of measurement; half of the images are read out across a knot."""
     given = simulated(0, cubic, "{free: 30 ms}", strips=1)
@@ -110,6 +111,7 @@ def test_a_steady_flight_is_an_image_with_a_motion() -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
+@pytest.mark.slow
 def test_a_steady_flight_in_a_project_is_images_with_motions(tmp_path: Path) -> None:
     """Knots that are known, and images away from them, against poses and motions of the simulation."""
     given = simulated(5, strips=1, readout="{free: 25 ms}")
@@ -177,6 +179,7 @@ def _angles(D: np.ndarray) -> list[float]:
     return list(np.degrees(angles_from_rotation(D[None])[0]))
 
 
+@pytest.mark.slow
 def test_a_readout_time_of_0_is_an_image_on_the_trajectory_to_the_last_digit(tmp_path: Path) -> None:
     line = "    readout: READOUT\n    readout_direction: down\n".replace("READOUT", "{free: 20 ms}")
     given = simulated(6, strips=1, true=0.0)
@@ -207,6 +210,7 @@ def test_simulated_rows_are_those_of_an_independent_simulation(tmp_path: Path) -
     np.testing.assert_allclose(seen, true, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_readout_time_of_flights_that_stand_still_is_named(tmp_path: Path) -> None:
     """Three trajectories, each at one place throughout; points that are seen from one place alone are left out."""
     given, exact = (simulated(seed, true=0.0, still=True) for seed in (1, 0))

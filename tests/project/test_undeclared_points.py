@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from small_projects import BLOCK, block, mor, table, write, write_block
 
 from mor.project.observations.undeclared_points import alike
+from tests.scenarios.small_projects import BLOCK, block, mor, table, write, write_block
 
 SETTING = "settings: {undeclared_points: free}\n"
 NETWORK = """\

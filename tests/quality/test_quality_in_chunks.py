@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, photo_block, solve
 
 from mor.adjustment.solve import adjust
 from mor.quality import in_chunks as pieces
@@ -14,6 +12,8 @@ from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.in_chunks import in_pieces, sum_of_known
 from mor.quality.reliability.effects import effects
 from mor.quality.reliability.observation_quality import omega_of, redundancy_of
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, photo_block, solve
 
 OF_QUALITY = ("r", "q_adjusted", "q_residual", "weighted", "precision", "q_weighted", "joint", "freedom")
 OF_TESTS = ("test", "error", "smallest", "external")

@@ -8,7 +8,10 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import (
+
+from mor.formats import read_foreign
+from mor.pipeline import solve_network
+from tests.reference_data import (
     image_results,
     interior_results,
     network_of,
@@ -16,9 +19,6 @@ from reference_data import (
     observations,
     point_results,
 )
-
-from mor.formats import read_foreign
-from mor.pipeline import solve_network
 
 PROJECT = """
 mor: 1

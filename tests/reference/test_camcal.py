@@ -7,7 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from reference_data import (
+
+from mor.adjustment.state import Outcome
+from mor.formats import read_foreign
+from mor.pipeline import solve_network
+from tests.reference_data import (
     image_results,
     interior_results,
     network_of,
@@ -15,10 +19,6 @@ from reference_data import (
     point_results,
     reference_folder,
 )
-
-from mor.adjustment.state import Outcome
-from mor.formats import read_foreign
-from mor.pipeline import solve_network
 
 WIDTH, HEIGHT, PIXEL = 2272, 1704, 0.0031911032863849768
 PROJECT = """

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from reference import dense_bundle
-from reference_data import NETWORKS, expected_values, network_name, table
+
+from tests.reference import dense_bundle
+from tests.reference_data import NETWORKS, expected_values, network_name, table
 
 BLOCKS = [path for path in NETWORKS if "dense_bundle" in expected_values(path)["expected_from"]]
 

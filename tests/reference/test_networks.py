@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import (
+
+from tests.reference_data import (
     NETWORKS,
     expected_values,
     image_results,

@@ -6,7 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import (
+
+from mor.formats import read_foreign
+from tests.reference_data import (
     NETWORKS,
     expected_values,
     network_name,
@@ -14,8 +16,6 @@ from reference_data import (
     network_of_yaml,
     reference_file,
 )
-
-from mor.formats import read_foreign
 
 FROM_FILES = [path for path in NETWORKS if "file" in expected_values(path)]
 

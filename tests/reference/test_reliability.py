@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference import test_aicon
-from reference_data import NETWORKS, expected_values, network_name, network_of_yaml, solved_network, table
 
 from mor.pipeline import snooped, solve_network
 from mor.quality.deformation.congruence import pair_movement
@@ -17,6 +15,15 @@ from mor.quality.tests.fixed_coordinates import fixed_point_tests
 from mor.quality.tests.levels import chi2_level, f_level
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import gross_errors
+from tests.reference import test_aicon
+from tests.reference_data import (
+    NETWORKS,
+    expected_values,
+    network_name,
+    network_of_yaml,
+    solved_network,
+    table,
+)
 
 FOLDER = Path(__file__).parent / "networks"
 JAG3D = pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from reference_data import image_results, network_of_yaml, point_results
 
 from mor.pipeline import solve_network
+from tests.reference_data import image_results, network_of_yaml, point_results
 
 PROJECT = """
 mor: 1

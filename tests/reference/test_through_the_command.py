@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from reference import test_aicon, test_camcal, test_sxb
-from reference_data import NETWORKS, network_name, reference_file
-from small_projects import Run, mor
+
+from tests.reference import test_aicon, test_camcal, test_sxb
+from tests.reference_data import NETWORKS, network_name, reference_file
+from tests.scenarios.small_projects import Run, mor
 
 TESTS = Path(__file__).parents[1]
 SAMPLES, CASES = TESTS.parent / "sample_projects", TESTS / "cases"

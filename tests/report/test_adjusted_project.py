@@ -8,15 +8,17 @@ from typing import Any
 
 import pytest
 import yaml
-from kinds_of_projects import KINDS, known_block, write_pixels
-from published_schemas import mistakes
-from small_projects import BLOCK, mor, write_block
+
+from tests.published_schemas import mistakes
+from tests.scenarios.kinds_of_projects import KINDS, known_block, write_pixels
+from tests.scenarios.small_projects import BLOCK, mor, write_block
+from tests.selection import slow
 
 NOT_COMPARED = {"iterations", "iteration_log", "tables", "datum", "identity", "notes"}
 
 
 def adjust(project: Path, folder: Path) -> dict[str, Any]:
-    run = mor("adjust", project, "-o", folder)
+    run = mor("adjust", project, "-o", folder, "--no-html")
     assert run.code == 0, run.err
     assert mistakes(folder / "results.json") == []
     assert mistakes(folder / "adjusted.yaml") == []
@@ -24,7 +26,10 @@ def adjust(project: Path, folder: Path) -> dict[str, Any]:
     return data
 
 
-@pytest.mark.parametrize("kind", KINDS)
+OF_SAMPLES = [kind for kind in KINDS if kind.startswith("sample ") and kind != "sample bridge"]
+
+
+@pytest.mark.parametrize("kind", [slow(kind) if kind in OF_SAMPLES else kind for kind in KINDS])
 def test_second_run_converges_at_once_to_the_same_result(tmp_path: Path, kind: str) -> None:
     first = adjust(KINDS[kind](tmp_path), tmp_path / "first")
     second = adjust(tmp_path / "first" / "adjusted.yaml", tmp_path / "second")

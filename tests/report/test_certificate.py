@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from small_projects import mor
 
 from mor.arrays import FloatArray
 from mor.report.certificate.content import certificate
 from mor.report.columns import WIDTH
 from mor.report.view import view_of_folder
+from tests.scenarios.small_projects import mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 

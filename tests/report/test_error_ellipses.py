@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 from scipy.stats import chi2, f
-from small_projects import mor
 
 from mor.quality.precision.ellipses import confidence_factor, error_ellipses, error_ellipsoids
+from tests.scenarios.small_projects import mor
 
 
 def test_an_ellipse_is_turned_to_the_azimuth_of_its_larger_axis():

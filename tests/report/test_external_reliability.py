@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import mor
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.report.tables.observations import observation_table
 from mor.report.verdict.external_reliability import PARTS, external_reliability
 from mor.report.view import view_of_folder
+from tests.scenarios.small_projects import mor
 
 LINES = [("A", "B"), ("B", "C"), ("C", "D"), ("A", "D"), ("A", "C"), ("B", "D"), ("D", "E"), ("C", "E")]
 HEAD = """\

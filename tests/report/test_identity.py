@@ -9,8 +9,9 @@ import os
 from pathlib import Path
 
 import pytest
-from published_schemas import mistakes
-from small_projects import LEVELLING, mor, write
+
+from tests.published_schemas import mistakes
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 IDENTIFIED = (
     LEVELLING + 'report: {operator: A. Surveyor, client: City of Mill, remarks: "Cloudy,\\n 12 degrees."}\n'

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.report.html.page_data import page_data
@@ -16,6 +15,7 @@ from mor.report.plots.sheet import style
 from mor.report.tables.observations import observation_table
 from mor.report.tables.rays import scanned_images
 from mor.report.view import View, view_of, view_of_folder
+from tests.scenarios.small_projects import mor
 
 STRIPS = Path(__file__).parents[2] / "sample_projects" / "three_line_strip"
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinds_of_projects import INTERIOR, known_block, local_system, stereo, total_station
-from small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
+
+from tests.scenarios.kinds_of_projects import INTERIOR, known_block, local_system, stereo, total_station
+from tests.scenarios.small_projects import BLOCK, LEVELLING, block, mor, table, write, write_block
 
 ODD = ("010", "no", "1e3", "12:30")
 """Names that careless readers turn into 8, False, 1000.0 and 750."""

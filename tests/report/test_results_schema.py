@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from mor.cli import run
 from mor.report.results.models.model import Results
+from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 NAMES = sorted(path.parent.name for path in SAMPLES.glob("*/project.yaml"))
@@ -38,7 +39,7 @@ def results_of(project: Path, capsys: pytest.CaptureFixture[str], *options: str)
     return data
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", slow_but(("aerial_strip", "bridge", "building", "dam"), NAMES))
 def test_every_sample_fits(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     data = results_of(SAMPLES / name / "project.yaml", capsys, "--snoop")
     assert unknown_keys(Results.model_validate(data)) == []

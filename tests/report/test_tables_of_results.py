@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import block, mor, write_block
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.file.nodes import Document
@@ -25,6 +24,7 @@ from mor.report.tables.estimates import point_table
 from mor.report.tables.files import residual_writer
 from mor.report.tables.observations import SCHEMA, observation_table
 from mor.report.tables.worst import uncontrolled_residuals, worst_residuals
+from tests.scenarios.small_projects import block, mor, write_block
 
 
 @pytest.fixture(scope="module")

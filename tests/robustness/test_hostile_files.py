@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
+
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 POINTS = "columns: [id, x, y, z], rows: [[A, 0, 0, 10]]"
 WITH_TABLE = LEVELLING.replace(POINTS, "file: points.csv")

@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
+
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 NAMES = (
     "#x",

@@ -6,8 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from kinds_of_projects import KINDS
-from small_projects import BLOCK, LEVELLING, mor, write, write_block
+
+from tests.scenarios.kinds_of_projects import KINDS
+from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 TRIANGLE = """\
 mor: 1

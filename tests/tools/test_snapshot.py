@@ -10,10 +10,9 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
+from tools import snapshot
 
-import snapshot  # noqa: E402
+ROOT = Path(__file__).resolve().parents[2]
 
 POINTS = "id,x,sx,rxy\nA,1000.25,0.002,0.1\nB,2000.5,0.004,1e-17\n"
 RUN = {

@@ -8,13 +8,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tests.small_projects import mor
-from tests.undeterminable.plantings import write
-from tests.undeterminable.street import street
-from tests.undeterminable.trial import trial
+from tests.scenarios.small_projects import mor
+from tests.scenarios.undeterminable.plantings import write
+from tests.scenarios.undeterminable.street import street
+from tests.scenarios.undeterminable.trial import trial
+from tests.selection import slow_after
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", slow_after(2, range(6)))
 def test_what_was_planted_is_named_and_the_rest_is_as_without_it(seed, tmp_path):
     assert trial(seed, tmp_path).mistakes == ()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ class Term(NamedTuple):
     advice: str
 
 
+@cache
 def terms(language: str = "en") -> tuple[Term, ...]:
     """All terms, in the order of the file, explained in a language (en, de)."""
     entries = _read("terms.yaml")

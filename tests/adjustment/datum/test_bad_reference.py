@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.mixtures.ingredients import mixture
-from tests.mixtures.trial import tried
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.trial import tried
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [80044, 80298])
 def test_free_network_comes_to_rest_far_from_its_reference(seed: int, tmp_path: Path) -> None:
     # By the first derivatives alone they swing about their datum, at the minimum to all digits.

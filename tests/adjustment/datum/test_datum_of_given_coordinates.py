@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from seeded_networks import KINDS, drawn
 
 import mor
+from tests.scenarios.seeded_networks import KINDS, drawn
 
 CASES = Path(__file__).parents[2] / "cases" / "datum_of_given_coordinates"
 ROUGH = (0.0, 1e-4, 1e-3, 1e-2, 3e-2, 0.05, 0.1, 0.2)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from datum_scenes import local_system, theodolites
-from dense_reference import dense_system
-from scenes import (
-    add_image,
-    levelling_network,
-    photo_block,
-    plane_network,
-)
 
 from mor.adjustment.datum import undetermined
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.geometry.rotations import rotation_from_angles
 from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import local_system, theodolites
+from tests.scenarios.scenes import (
+    add_image,
+    levelling_network,
+    photo_block,
+    plane_network,
+)
 
 TRANSLATION = {"translation X", "translation Y", "translation Z"}
 ROTATION = {"rotation X", "rotation Y", "rotation Z"}

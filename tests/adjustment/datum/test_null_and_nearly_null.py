@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
-from datum_scenes import local_system
-from dense_reference import dense_system
-from scenes import Scene, add_image, add_object_points, mixed_network, photo_block
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import local_system
+from tests.scenarios.scenes import Scene, add_image, add_object_points, mixed_network, photo_block
 
 LENGTH, SIGMA = 1000.0, 1e-5
 

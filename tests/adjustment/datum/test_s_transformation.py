@@ -6,8 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from scenes import (
+
+from mor.adjustment.datum import s_transformation
+from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask, into_datum
+from mor.adjustment.solve import adjust
+from mor.adjustment.state import Outcome
+from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import (
     coordinates,
     levelling_network,
     mixed_network,
@@ -15,12 +21,6 @@ from scenes import (
     plane_network,
     solve,
 )
-
-from mor.adjustment.datum import s_transformation
-from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask, into_datum
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
 
 NETWORKS = {
     "plane, distances": plane_network,

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from path_scenes import PATHS, path_scene
-from scenes import OBJECT_POINTS, Scene, add_object_points, looking_at
 
 from mor import compilation
 from mor.adjustment.normals import build_normals
@@ -25,6 +22,9 @@ from mor.adjustment.state import Outcome
 from mor.observations.time.rolling_shutter import read_out_at_once
 from mor.parameters.kinds import INTERIORS
 from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.path_scenes import PATHS, path_scene
+from tests.scenarios.scenes import OBJECT_POINTS, Scene, add_object_points, looking_at
 
 INTERIOR = {
     "mor": [30.0, 0.1, -0.2, 1e-5, -2e-8, 1e-11, 2e-5, -1e-5, 3e-4, -2e-4],

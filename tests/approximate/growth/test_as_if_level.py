@@ -8,7 +8,9 @@ import math
 import numpy as np
 import pytest
 import yaml
-from small_projects import mor
+
+from tests.scenarios.small_projects import mor
+from tests.selection import slow_after
 
 SIGMA_ANGLE, SIGMA_DISTANCE = 3e-5, 3e-4
 
@@ -52,7 +54,7 @@ def surveyed(seed):
     return project, np.linalg.norm(P[1:] - P[0], axis=1)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", slow_after(0, range(3)))
 def test_it_comes_to_the_true_network(tmp_path, seed):
     project, expected = surveyed(seed)
     (tmp_path / "project.yaml").write_text(yaml.safe_dump(project), encoding="utf-8")

@@ -1,11 +1,9 @@
 """Random mixtures start from nothing, and rough start values are told from good ones.
 
-A few seeds; ``python -m tests.mixtures --count 1000`` runs as many as one likes, docs/start-values.md has the rates.
+A few seeds; ``python -m tests.scenarios.mixtures --count 1000`` runs more; docs/start-values.md has the rates.
 """
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,23 +16,31 @@ from mor.approximate.parts.transfer import with_observed
 from mor.approximate.similarity import similarity
 from mor.geometry.rotations import rotate
 from mor.pipeline import read_document, read_network
+from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.mixtures.situations import SITUATIONS, situation
+from tests.scenarios.mixtures.trial import compared_as_adjusted, tried
+from tests.selection import slow_after
 
-sys.path.insert(0, str(Path(__file__).parents[3]))
+LONG = (
+    "theodolites and a bar",
+    "rough coordinates",
+    "multilateration",
+    "strip with gnss",
+    "gross coordinates",
+)
+LONG += ("free multilateration", "free tracker multilateration")
+"""Situations that take several seconds."""
 
-from tests.mixtures.ingredients import mixture, wrong_identities
-from tests.mixtures.project_file import write_project
-from tests.mixtures.situations import SITUATIONS, situation
-from tests.mixtures.trial import compared_as_adjusted, tried
 
-
-@pytest.mark.parametrize("seed", [3, 4, 15, 35, 36, 1035, 1161, 1229, 2600215])
+@pytest.mark.parametrize("seed", slow_after(3, [3, 4, 15, 35, 36, 1035, 1161, 1229, 2600215]))
 def test_with_nothing_given_the_solution_is_that_of_the_truth(seed, tmp_path):
     trial = tried(mixture(seed), tmp_path)
     assert trial.counts, trial.words
     assert trial.reached, trial.words
 
 
-@pytest.mark.parametrize("name", SITUATIONS)
+@pytest.mark.parametrize("name", slow_after(0, LONG) + [name for name in SITUATIONS if name not in LONG])
 def test_a_situation_of_its_own_starts_from_nothing(name, tmp_path):
     trial = tried(situation(name, 1), tmp_path)
     assert trial.counts, trial.words
@@ -49,6 +55,7 @@ def test_wrong_identities_do_not_keep_it_from_starting(tmp_path):
     assert trial.reached, trial.words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2300080, 2300196])
 def test_wrong_identities_do_not_keep_it_from_its_end(seed, tmp_path):
     """Heights that leave a part two verticals; three points of vectors, one of which a station sights as another."""
@@ -59,6 +66,7 @@ def test_wrong_identities_do_not_keep_it_from_its_end(seed, tmp_path):
     assert trial.reached, trial.words
 
 
+@pytest.mark.slow
 def test_start_values_that_the_rays_contradict_are_named_and_replaced(tmp_path):
     _, truth = write_project(mixture(5), tmp_path)
     network = read_network(read_document(truth), tmp_path)
@@ -78,7 +86,7 @@ def test_start_values_that_the_rays_contradict_are_named_and_replaced(tmp_path):
     np.testing.assert_array_equal(found.start["rotation"][others], start["rotation"][others])
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", slow_after(1, [1, 2]))
 def test_points_given_at_wrong_places_are_named_and_replaced(seed, tmp_path):
     world = situation("gross coordinates", seed)
     wrong = {f"point {p}" for p, one in world.points.items() if one.rough is not None and _far(world, one)}
@@ -96,6 +104,7 @@ def _names(network):
     return [name if " " in name else f"point {name}" for name in network.blocks["point"].ids]
 
 
+@pytest.mark.slow
 def test_the_object_system_waits_where_control_with_a_wrong_name_leads_it_astray(tmp_path):
     """Grown from three control points all of it is metres off; laid upon them at last it is not."""
     world = mixture(1240024)

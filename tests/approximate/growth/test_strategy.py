@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import NETWORKS, network_name
 
 from mor.adjustment.state import Outcome
 from mor.approximate.growth.strategy import approximate
 from mor.pipeline import read_document, read_network, solve_network
 from mor.project.network.build import Network
 from mor.quality.solved import Solved
+from tests.reference_data import NETWORKS, network_name
+from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[3] / "sample_projects"
 TRAVERSES = ("traverse-01-nw", "traverse-01-se", "traverse-01-wn", "traverse-01-ws")
@@ -60,7 +61,10 @@ def _begins_with_something(project: Path) -> bool:
 
 @pytest.mark.parametrize(
     "name",
-    sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml") if not _begins_with_something(p)),
+    slow_but(
+        ("bridge", "facade", "stereo_rig"),
+        sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml") if not _begins_with_something(p)),
+    ),
 )
 def test_sample_projects_from_nothing(name: str) -> None:
     network = of_project(SAMPLES / name / "project.yaml")

@@ -203,6 +203,7 @@ def test_too_few_observations_tie_nothing(tmp_path):
     assert found is None or found.open > 0
 
 
+@pytest.mark.slow
 def test_no_observation_that_agrees_ties_nothing(tmp_path):
     """Directions of 1e16 as possible causes change them: at no place is there one that fits."""
     (tmp_path / "project.yaml").write_text("""

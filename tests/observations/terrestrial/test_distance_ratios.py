@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor, write
 
 from mor.geometry.earth import Ellipsoid, Horizon
 from mor.observations import PLAIN_TYPES
 from mor.observations.earth import earth_types
 from mor.pipeline import read_document, read_network, solve_network
+from tests.scenarios.small_projects import mor, write
 
 HORIZON = Horizon(Ellipsoid(6378137.0, 1.0 / 298.257222101), 0.87, 0.18)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor, write
 
 from mor.observations import ALL_TYPES
+from tests.scenarios.small_projects import mor, write
 
 GON = np.pi / 200.0
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 from mor.adjustment.datum.s_transformation import constraint
 from mor.adjustment.solve import adjust
 from mor.quality.assess import assess
 from mor.quality.deformation.congruence import congruence, movement_test, pair_movement
 from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 NETWORKS = {
     "mixed": (mixed_network, False),
@@ -143,6 +143,7 @@ def _compare(first, second, known=False, level=0.001):
     return congruence(d, q, generators, variance, redundancy, level, known)
 
 
+@pytest.mark.slow
 def test_epochs_without_movement_are_congruent_as_often_as_the_level_says():
     rejected, repetitions = 0, 60
     for seed in range(repetitions):

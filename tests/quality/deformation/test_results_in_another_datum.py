@@ -12,10 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from datum_scenes import free_mixed_network, local_system, theodolites
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import levelling_network, photo_block, plane_network
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -23,6 +19,11 @@ from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.precision.covariance import joint_cofactors
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import free_mixed_network, local_system, theodolites
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import levelling_network, photo_block, plane_network
+from tests.selection import slow_after
 
 THREE, FOUR = ["P0", "P5", "P10"], ["P1", "P2", "P3", "P7"]
 NETWORKS = {
@@ -71,7 +72,7 @@ def assert_equal_covariances(found, expected, tolerance=1e-9):
     )
 
 
-@pytest.mark.parametrize("target", [0, 1], ids=["few points", "more points"])
+@pytest.mark.parametrize("target", slow_after(1, [0, 1]), ids=["few points", "more points"])
 @pytest.mark.parametrize("name", NETWORKS)
 def test_carried_and_direct_are_one(name, target):
     make, *targets = NETWORKS[name]
@@ -103,7 +104,7 @@ def test_a_way_into_another_datum_is_no_standstill(name):
     make, *targets = NETWORKS[name]
     scene, points = make()
     reference = scene.start(2e-2, seed=5)["point"]
-    for seed in range(3, 11):
+    for seed in range(3, 6):
         here = adjust(
             scene.problem(np.random.default_rng(seed), points, reference=reference), scene.start(1e-3)
         )
@@ -123,7 +124,7 @@ def test_the_covariance_is_the_exact_one(name):
     assert_equal_covariances(everything(assess(adjustment)), exact_cofactors(adjustment))
 
 
-@pytest.mark.parametrize("sample", SAMPLES)
+@pytest.mark.parametrize("sample", slow_after(1, SAMPLES))
 def test_sample_projects_in_a_datum_of_four_of_their_points(sample):
     folder = FOLDER / sample
     network = read_network(read_document(folder / "project.yaml"), folder)

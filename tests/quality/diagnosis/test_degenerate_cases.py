@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import OBJECT_POINTS, Scene, add_image, add_object_points, photo_block, plane_network, solve
-from small_projects import BLOCK, block, mor, write_block
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.diagnosis.axis_of_rotation import tilt
 from mor.quality.diagnosis.weak_directions import weak_directions
+from tests.scenarios.scenes import (
+    OBJECT_POINTS,
+    Scene,
+    add_image,
+    add_object_points,
+    photo_block,
+    plane_network,
+    solve,
+)
+from tests.scenarios.small_projects import BLOCK, block, mor, write_block
 
 
 def test_two_images_only_control_nothing_but_the_parallax():
@@ -171,7 +179,7 @@ def test_an_image_whose_points_lie_on_one_line_can_rotate_about_it(tmp_path):
 
 def _image_of(rows, name, xyz):
     """Image coordinates of a point, by the two rays of the same image next to it: the point is on their line."""
-    from small_projects import C, attitude
+    from tests.scenarios.small_projects import C, attitude
 
     row = next(image for image in rows.images if image[0] == name)
     centre = np.array(row[2:5])

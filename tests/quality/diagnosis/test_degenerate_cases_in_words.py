@@ -6,10 +6,17 @@ import csv
 
 import numpy as np
 import pytest
-from scenes import CAMERA_STATIONS, OBJECT_POINTS, Scene, add_image, add_object_points, photo_block
-from small_projects import LEVELLING, mor, table, write
 
 from mor.geometry.rotations import angles_from_rotation
+from tests.scenarios.scenes import (
+    CAMERA_STATIONS,
+    OBJECT_POINTS,
+    Scene,
+    add_image,
+    add_object_points,
+    photo_block,
+)
+from tests.scenarios.small_projects import LEVELLING, mor, table, write
 
 GON = np.pi / 200.0
 PROJECT = """\

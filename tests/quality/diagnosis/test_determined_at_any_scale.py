@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from seeded_networks import KINDS, OPEN, drawn
 
 import mor
-from tests.small_projects import mor as command
+from tests.scenarios.seeded_networks import KINDS, OPEN, drawn
+from tests.scenarios.small_projects import mor as command
 
 CASE = Path(__file__).parents[2] / "cases" / "dam_not_determined" / "dam.yaml"
 

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from datum_scenes import theodolites
-from dense_reference import dense_system
-from scenes import coordinates
-from small_projects import mor, table, write
 
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import A_WEAK_TURN, Outcome
 from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import theodolites
+from tests.scenarios.scenes import coordinates
+from tests.scenarios.small_projects import mor, table, write
+from tests.selection import slow_after
 
 SIGMA = 1e-4
 
@@ -38,7 +39,7 @@ def _tilts(values):
 
 
 @pytest.mark.parametrize("start", [1e-6, 1e-3])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_after(1, range(4)))
 @pytest.mark.parametrize("tilt", [2e-4, 1e-3])
 def test_a_turn_with_a_sigma_of_up_to_half_a_radian_is_found(tilt, seed, start):
     scene, _, problem = _network(tilt, seed)
@@ -61,7 +62,7 @@ def test_a_turn_with_a_sigma_of_up_to_half_a_radian_is_found(tilt, seed, start):
     assert abs(best) < 1e-2
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", slow_after(1, [2, 3]))
 @pytest.mark.parametrize("start", [1e-6, 1e-3])
 def test_a_turn_that_is_known_worse_than_not_at_all_is_no_result(seed, start):
     scene, points, problem = _network(0.0, seed)

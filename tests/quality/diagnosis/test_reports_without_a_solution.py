@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from tests.small_projects import mor, write
+from tests.scenarios.small_projects import mor, write
 
 IMPOSSIBLE = """\
 mor: 1

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scenes import Scene, mixed_network, photo_block, solve
 
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.diagnosis.self_check import BEYOND_USE, REDUNDANCY_LOST, checked
+from tests.scenarios.scenes import Scene, mixed_network, photo_block, solve
 
 
 def test_a_sound_solution_stays_what_it_is():

@@ -8,8 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.stats
-from reliability_scenes import correlated_everywhere, plant, well_built_block
-from scenes import Scene, levelling_network, mixed_network, photo_block
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -18,6 +16,9 @@ from mor.quality.gross_errors.data_snooping import snoop
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out
 from mor.quality.gross_errors.robust_estimation import robust_estimate
+from tests.scenarios.reliability_scenes import correlated_everywhere, plant, well_built_block
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block
+from tests.selection import slow_after
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def _out(quality):
     return np.flatnonzero(quality.adjustment.problem.groups[0].left_out.any(axis=1))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_after(1, range(4)))
 def test_snooping_finds_one_ray_in_twenty(block, seed):
     scene, start = block
     rows, spoil = _spoiled(np.random.default_rng(seed), 13)
@@ -67,6 +68,7 @@ def test_snooping_finds_one_ray_in_twenty(block, seed):
     assert found.quality.redundancy_sum == pytest.approx(found.quality.redundancy, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_snooping_of_clean_data_discards_no_more_than_its_level_says(block):
     scene, start = block
     repetitions, tests, discarded = 30, 0, 0
@@ -79,7 +81,7 @@ def test_snooping_of_clean_data_discards_no_more_than_its_level_says(block):
 
 
 @pytest.mark.parametrize("method", ["l1", "danish"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", slow_after(1, range(2)))
 def test_robust_estimation_bears_one_ray_in_five(block, method, seed):
     scene, start = block
     rows, spoil = _one_in_five(np.random.default_rng(40 + seed))
@@ -110,6 +112,7 @@ def test_snooping_that_starts_robust_ends_with_the_planted_ones(block):
     assert any(not step.taken_out for step in found.steps), "nothing that fits was put back"
 
 
+@pytest.mark.slow
 def test_an_error_of_the_smallest_detectable_size_is_found_as_often_as_promised():
     scene, _ = mixed_network()
     start = scene.start(1e-6)
@@ -126,6 +129,7 @@ def test_an_error_of_the_smallest_detectable_size_is_found_as_often_as_promised(
     assert scipy.stats.binomtest(found, repetitions * len(chosen), 0.8).pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_test_values_are_standard_normal_also_where_correlated():
     scene, _ = correlated_everywhere()
     start = scene.start(1e-6)
@@ -141,6 +145,7 @@ def test_test_values_are_standard_normal_also_where_correlated():
         assert scipy.stats.kstest(column, "norm").pvalue > level
 
 
+@pytest.mark.slow
 def test_joint_tests_are_chi_squared(block):
     scene, start = block
     values = []
@@ -214,7 +219,7 @@ def test_what_fits_is_put_back():
     assert len(found.steps) == 4
 
 
-@pytest.mark.parametrize("seed", [6, 163, 199])
+@pytest.mark.parametrize("seed", slow_after(1, [6, 163, 199]))
 def test_what_went_out_twice_is_tested_once_more_at_the_end(seed):
     # one ray in eight of a small block is wrong: among so many, good ones go out, come back and go out again
     scene, points = photo_block(scale_bar=True)
@@ -295,7 +300,7 @@ def test_one_observation_among_equals_is_the_median_for_l1():
     assert robust.adjustment.values["point"][1, 2] == pytest.approx(1.004, abs=2e-4)
 
 
-@pytest.mark.parametrize("count", [8, 20])
+@pytest.mark.parametrize("count", slow_after(1, [8, 20]))
 def test_an_image_that_loses_most_of_its_rays_is_named(block, count):
     scene, start = block
     rng = np.random.default_rng(1)
@@ -330,7 +335,7 @@ def test_snooping_ends_where_it_is_not_single_errors_that_do_not_fit(block):
     assert left > 0.3 * quality.redundancy, "one round may go beyond the half"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", slow_after(1, range(6)))
 def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypatch):
     """Rays that share images and points go in one round where they are well controlled, far fewer rounds than rays."""
     scene, start = block

@@ -1,10 +1,10 @@
 """Medians of what alone tells of a part of a network."""
 
 import numpy as np
-from gross_error_scenes import spoiled
 
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.parts import parts_of, whole
+from tests.scenarios.gross_error_scenes import spoiled
 
 
 def test_rows_have_the_larger_median_of_their_image_and_of_rays_to_given_points():

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scenes import Scene
 
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.reintersection import Starts, by_sights_alone, reintersected
+from tests.scenarios.scenes import Scene
 
 TARGET = (3.0, 4.0, 1.0)
 STATIONS = {"A": (0.0, 0.0, 0.0), "B": (10.0, 0.0, 0.5), "C": (2.0, 11.0, 0.0), "D": (-6.0, 7.0, 2.0)}

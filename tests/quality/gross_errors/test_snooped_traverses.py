@@ -6,7 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from small_projects import mor, write
+
+from tests.scenarios.small_projects import mor, write
 
 PLACES = {"A": (0, 0), "C": (-120, 60), "B": (520, 40), "D": (130, 35), "E": (260, -20), "F": (390, 30)}
 SIGHTS = ("AC", "AD", "DA", "DE", "ED", "EF", "FE", "FB")

@@ -6,10 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from far_start_trials import reaches
-from gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
-from gross_error_trials import can_be_named, trial
-from reliability_scenes import correlated_everywhere
 
 from mor.adjustment.normals import objective
 from mor.adjustment.plan import make_plan
@@ -22,12 +18,17 @@ from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import ADJUSTMENTS, left_out, may_be_absurd, without_suspects
+from tests.scenarios.gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.selection import slow_after
+from tools.far_start_trials import reaches
+from tools.gross_error_trials import can_be_named, trial
 
 GON = np.pi / 200.0
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-@pytest.mark.parametrize("errors", [0.01, 0.1])
+@pytest.mark.parametrize("seed", slow_after(1, [1, 3]))
+@pytest.mark.parametrize("errors", slow_after(1, [0.1, 0.01]))
 @pytest.mark.parametrize("kind", KINDS)
 def test_scenes_with_gross_errors_converge_and_name_them(kind, errors, seed):
     found = trial(kind, errors, seed)
@@ -38,6 +39,7 @@ def test_scenes_with_gross_errors_converge_and_name_them(kind, errors, seed):
     assert found.false <= 3 + 0.01 * found.rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("errors", "seed"),
     [
@@ -153,7 +155,7 @@ def test_factors_of_one_change_nothing_and_factors_are_those_of_weights():
         np.testing.assert_allclose(one, other * np.sqrt(factor), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", slow_after(1, [0, 1, 2]))
 def test_an_absurd_landing_gives_way_to_the_adjustment_without_the_exchanged_names(seed):
     scene = names_exchanged(seed, "aerial")
     plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(seed), 0.01, GON))
@@ -182,12 +184,12 @@ def test_of_two_sources_that_contradict_each_other_none_is_left_out():
     assert again.outcome is Outcome.CONVERGED
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_after(2, KINDS))
 def test_start_values_that_are_far_off_reach_the_solution_of_all_observations(kind):
     assert reaches(spoiled(3, kind, 0.0), 0.4, 40.0 * GON, 3)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", slow_after(1, [0, 1, 2]))
 def test_suspects_that_fit_the_rest_come_back_whoever_was_called_one(seed):
     """Beside the exchanged names one good row in sixteen: the end is the same as without these."""
     scene = names_exchanged(seed, "aerial")
@@ -267,6 +269,7 @@ def test_a_pair_of_coordinates_is_judged_by_what_it_is_when_it_is_back(towards, 
     assert left.masks[0][row].all() == stays_out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "errors", "seed"), [("close range", 0.1, 0), ("aerial", 0.01, 2)])
 def test_the_way_without_suspects_takes_less_than_is_allowed(kind, errors, seed):
     """Also where the network is so large that what any may take does not help."""

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_data import NETWORKS, network_name
-from small_projects import mor, write
 
 from mor.pipeline import read_document, read_network
 from sample_projects.simulate import SCENES
+from tests.reference_data import NETWORKS, network_name
+from tests.scenarios.small_projects import mor, write
 
 SAMPLES = Path(__file__).resolve().parents[3] / "sample_projects"
 Rows = list[dict[str, str]]

@@ -9,7 +9,7 @@ import pytest
 
 import mor
 from mor.errors import InputError
-from tests.small_projects import write
+from tests.scenarios.small_projects import write
 
 CASES = Path(__file__).parents[2] / "cases" / "counted_twice"
 POINTS = "\n".join(

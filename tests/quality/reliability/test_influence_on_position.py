@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from datum_scenes import theodolites
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, add_image, mixed_network, photo_block, plane_network, solve
 
 from mor import compilation
 from mor.adjustment.solve import adjust
@@ -15,6 +11,10 @@ from mor.adjustment.state import Outcome
 from mor.arrays import FloatArray
 from mor.geometry.rotations import rotation_from_angles
 from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.datum_scenes import theodolites
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, add_image, mixed_network, photo_block, plane_network, solve
 
 SIGMA = 1e-4
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 from mor import compilation
 from mor.adjustment.linearise import misclosures
 from mor.quality.assess import assess
+from tests.dense_reference import dense_system
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 
 def correlated_everywhere() -> tuple[Scene, list[str]]:

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
 
 from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
@@ -22,6 +21,7 @@ from mor.quality.reliability.local_influence import point_movements
 from mor.quality.reliability.reliability_map import detectable, uncontrolled
 from mor.quality.solved import Solved
 from sample_projects.expected import solve_sample
+from tests.dense_reference import dense_system
 
 each = pytest.mark.parametrize("name", ["bridge", "stereo_rig", "building"])
 

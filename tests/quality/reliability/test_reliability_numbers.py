@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.stats
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
@@ -19,6 +16,9 @@ from mor.quality.reliability.influence_on_unknowns import Entry, movements
 from mor.quality.reliability.local_influence import point_movements
 from mor.quality.tests.levels import chi2_level, f_level, noncentrality, sidak
 from mor.quality.tests.p_values import log_p_chi2, log_p_f, log_p_normal
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 
 NETWORKS = {
     "mixed": (mixed_network, False),

@@ -8,9 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.stats
-from dense_reference import dense_system
-from group_test_levels import measured_anew, rejections
-from reliability_scenes import correlated_everywhere
 
 from mor.adjustment.solve import adjust
 from mor.arrays import BoolArray, FloatArray
@@ -22,6 +19,9 @@ from mor.quality.tests.common_effects import common_effects
 from mor.quality.tests.group_tests import group_tests
 from mor.quality.tests.quadratic_form import Moments, bounds, log_tail, moments
 from sample_projects.expected import solve_sample
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tools.group_test_levels import measured_anew, rejections
 
 
 @cache
@@ -107,8 +107,9 @@ def test_the_tail_is_that_of_a_weighted_sum_of_squares() -> None:
     )
 
 
+@pytest.mark.slow
 def test_error_free_measurements_are_rejected_at_the_level() -> None:
-    # 1 000 seeds of every sample: python -m tests.group_test_levels, docs/statistics.md
+    # 1 000 seeds of every sample: python -m tools.group_test_levels, docs/statistics.md
     rejected = rejections(building(), 500).any(axis=1).sum()
     assert scipy.stats.binomtest(int(rejected), 500, 0.05).pvalue > 0.001
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.stats
-from scenes import Scene, mixed_network
 
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.quality.assess import assess
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.tests.test_statistics import comparable, critical_value, global_test, normalised_residuals
+from tests.scenarios.scenes import Scene, mixed_network
 
 
 def test_critical_values_of_the_normal_distribution():

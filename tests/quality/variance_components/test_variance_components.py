@@ -7,23 +7,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dense_reference import dense_system
-from reliability_scenes import correlated_everywhere
-from scenes import Scene, mixed_network, photo_block, plane_network
-from small_projects import mor
 
 from mor.adjustment.solve import adjust
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.exclusion import exclude, reweighted
 from mor.quality.variance_components import helmert
 from mor.quality.variance_components.helmert import helmert_system
-from mor.quality.variance_components.simplified import components, group_sums, iterated_components
+from mor.quality.variance_components.simplified import (
+    components,
+    components_of_sums,
+    group_sums,
+    iterated_components,
+)
+from tests.dense_reference import dense_system
+from tests.scenarios.reliability_scenes import correlated_everywhere
+from tests.scenarios.scenes import Scene, mixed_network, photo_block, plane_network
+from tests.scenarios.small_projects import mor
 
 
 def _assessed(scene, problem, start):
     return assess(adjust(problem, start))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["simplified", "helmert"])
 def test_planted_factors_are_recovered(method):
     # image coordinates half as noisy as said, distances three times; mean of repetitions within its own uncertainty
@@ -50,6 +56,12 @@ def test_planted_factors_are_recovered(method):
         assert abs(mean[k] - factor) < 4.0 * spread[k] / np.sqrt(25)
     # and the σ that is told is the scatter there is
     np.testing.assert_allclose(np.std(found, axis=0), spread, rtol=0.5)
+
+
+def test_the_sigma_of_a_simplified_factor_is_its_scatter():
+    redundancy = np.full(40_000, 50.0)
+    found = components_of_sums(np.random.default_rng(8).chisquare(redundancy), redundancy)
+    assert np.std(found.factors) == pytest.approx(np.mean(found.sigma), rel=0.03)
 
 
 def test_the_iteration_ends_where_each_group_has_the_variance_factor_one():
@@ -173,6 +185,7 @@ def test_helmerts_system_against_dense_algebra(name, excluded):
     assert (variances[~told[used]] < 0.0).all()
 
 
+@pytest.mark.slow
 def test_one_step_of_helmerts_system_is_unbiased_where_groups_mix():
     # distances three times as bad as said draw the simplified factor of the directions upwards
     scene, points = plane_network(directions=True)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_in_browser import wait_until
 
 from mor.pipeline import read_document, read_network, solve_network
 from mor.report.html.page import page
 from mor.report.tables.observations import observation_table
 from mor.report.view import View, view_of
+from tests.page_in_browser import wait_until
 
 SAMPLES = Path(__file__).parents[3] / "sample_projects"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_in_browser import wait_until
-from small_projects import LEVELLING, mor, write
+
+from tests.page_in_browser import wait_until
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 pytestmark = pytest.mark.browser
 

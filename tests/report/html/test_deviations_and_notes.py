@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.errors import Problem
 from mor.report.html.derived import deviations
@@ -16,6 +15,7 @@ from mor.report.html.payload import _to_sigma
 from mor.report.html.sights import detectable_effects, scale_of_effects, sights
 from mor.report.notes import note_rows
 from mor.report.view import View
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 
 def row(point: str, component: str, v: float) -> dict[str, object]:

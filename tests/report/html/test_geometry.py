@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from page_geometry import problems
-from small_projects import LEVELLING, mor, write
 
 from mor.report.html.page import page
 from mor.report.html.paper import browser
 from mor.report.view import View
 from mor.report.words.language import words_of_page
+from tests.page_geometry import problems
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 pytestmark = [
     pytest.mark.browser,

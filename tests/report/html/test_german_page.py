@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_in_browser import wait_until
 
 import mor.report.html
 import mor.report.plots
@@ -19,6 +18,7 @@ from mor.report.html.page_data import page_data
 from mor.report.html.verdict import headline, statements
 from mor.report.view import View
 from mor.report.words.language import words_of_page
+from tests.page_in_browser import wait_until
 
 HTML = Path(mor.report.html.__file__).parent
 PLOTS = Path(mor.report.plots.__file__).parent

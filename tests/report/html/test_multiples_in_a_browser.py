@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from page_in_browser import wait_until
 
 from mor.report.html.derived import image_points
 from mor.report.html.page import page
 from mor.report.view import View
+from tests.page_in_browser import wait_until
 
 pytestmark = pytest.mark.browser
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_in_browser import wait_until
+
+from tests.page_in_browser import wait_until
 
 pytestmark = pytest.mark.browser
 

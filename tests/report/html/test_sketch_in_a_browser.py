@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_in_browser import wait_until
+
+from tests.page_in_browser import wait_until
 
 pytestmark = pytest.mark.browser
 

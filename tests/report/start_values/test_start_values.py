@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import ast
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_projects import mor, write
 
 from mor import approximate as approximations
 from mor import report
@@ -18,13 +16,11 @@ from mor.pipeline import read_document, read_network, solve_network
 from mor.preparation import make_problem
 from mor.report.start_values.data import StartValue, start_values
 from mor.report.words.language import words_of_start_values
-
-sys.path.insert(0, str(Path(__file__).parents[3]))
-
-from tests.mixtures.ingredients import mixture
-from tests.mixtures.project_file import write_project
-from tests.undeterminable.plantings import write as write_world
-from tests.undeterminable.street import street
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.small_projects import mor, write
+from tests.scenarios.undeterminable.plantings import write as write_world
+from tests.scenarios.undeterminable.street import street
 
 ROOT = Path(approximations.__file__).parent
 REPORT = Path(report.__file__).parent

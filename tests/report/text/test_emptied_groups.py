@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from small_projects import LEVELLING, mor, write
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 WRONG = """
   - type: height_difference

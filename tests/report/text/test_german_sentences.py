@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from small_projects import BLOCK, LEVELLING, block, mor, write, write_block
+from tests.scenarios.small_projects import BLOCK, LEVELLING, block, mor, write, write_block
 
 NO_DATUM = BLOCK.replace("datum: free\n", "")
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from small_projects import mor, write
+import pytest
+
+from mor.report.text import residuals
+from tests.scenarios.small_projects import mor, write
 
 TWICE = """\
 mor: 1
@@ -17,6 +20,16 @@ observations:
     columns: [from, to, dz, sigma]
     rows: [[A, B, 1.0, 0.001], [A, B, 6.0, 0.000005]]
 """
+
+
+def test_what_a_list_leaves_out_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(residuals, "SHOWN", 1)
+    sights = [f"[A, {name}, 1.0, 0.001], [A, {name}, 1.0, 0.000005]" for name in ("B", "C", "D")]
+    text = TWICE.replace("[[A, B, 1.0, 0.001], [A, B, 6.0, 0.000005]]", f"[{', '.join(sights)}]")
+    text = text.replace("[[B, 0, 0, 11]]", "[[B, 0, 0, 11], [C, 0, 0, 11], [D, 0, 0, 11]]")
+    assert mor("adjust", write(tmp_path, text), "-o", tmp_path / "results").code == 0
+    report = (tmp_path / "results" / "report.txt").read_text(encoding="utf-8")
+    assert "and 2 more in the table of residuals" in report
 
 
 def test_no_movement_through_the_whole_network_is_stated(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from small_projects import mor, write
+from tests.scenarios.small_projects import mor, write
 
 HEIGHTS = """\
 mor: 1

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_projects import LEVELLING, mor, write
 
 from mor.report.words.language import ENGLISH, words_of
 from mor.report.words.recognition import Sentences
+from tests.scenarios.small_projects import LEVELLING, mor, write
 
 GERMAN = words_of("de")
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import click
 import pytest
 import yaml
-from sentences import sentences
 
 import mor
 from mor.cli import group
 from mor.report.words.language import sentences_of
 from mor.report.words.recognition import Sentence, parts
+from tests.sentences import sentences
 
 ROOT = Path(mor.__file__).parent
 GERMAN = sentences_of("de")

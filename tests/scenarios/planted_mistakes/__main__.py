@@ -1,0 +1,64 @@
+"""``python -m tests.scenarios.planted_mistakes --count 10``: how often the right cause is offered, by kind."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections import Counter
+
+from tests.scenarios.planted_mistakes.error_free import rates
+from tests.scenarios.planted_mistakes.trial import KINDS, Trial, trial
+
+
+def row(name: str, found: list[Trial]) -> str:
+    """A row of the table in Markdown."""
+    first = sum(one.place == 0 for one in found)
+    among = sum(one.place is not None and one.place < 3 for one in found)
+    blamed = sum(bool(one.offered) and one.place != 0 and one.outcome != "input" for one in found)
+    codes = Counter(one.code for one in found)
+    said = ", ".join(f"{code}: {count}" for code, count in sorted(codes.items()))
+    visible = sum(one.visible for one in found)
+    return f"| {name} | {len(found)} | {visible} | {first} | {among} | {blamed} | {said} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=4, help="projects for each kind of mistake")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--kind", choices=sorted(KINDS), action="append", help="only this kind")
+    parser.add_argument(
+        "--show", action="store_true", help="tell what is offered where the right cause is not first"
+    )
+    parser.add_argument(
+        "--error-free", type=int, default=0, help="in place of that, so many projects without a mistake"
+    )
+    parser.add_argument("--sample", default="bridge", help="sample project without a mistake")
+    chosen = parser.parse_args()
+    warnings.simplefilter("ignore")
+    if chosen.error_free:
+        count, rejected, offered = rates(chosen.sample, chosen.error_free)
+        print(
+            f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis"
+        )
+        return
+    print("| mistake | cases | visible | right cause first | among three | another one first | exit codes |")
+    print("|---|---|---|---|---|---|---|")
+    everything: list[Trial] = []
+    for kind in chosen.kind or KINDS:
+        found = [trial(kind, seed) for seed in range(chosen.first, chosen.first + chosen.count)]
+        everything += found
+        print(row(kind.replace("_", " "), found), flush=True)
+        if chosen.show:
+            for seed, one in enumerate(found, chosen.first):
+                if one.place != 0:
+                    print("   ", seed, *one[1:6], one.place, *one.offered[:4], sep="; ")
+    print(row("all", everything))
+    print(row("of these: visible", [one for one in everything if one.visible]))
+    solved = [one for one in everything if one.outcome == "converged"]
+    print(row("of these: the plain adjustment converges", solved))
+    print(row("of these: it does not, or cannot begin", [o for o in everything if o.outcome != "converged"]))
+
+
+if __name__ == "__main__":
+    main()
