@@ -89,7 +89,7 @@ class TestExitCodes:
         assert mor("adjust", tmp_path / "nothing.yaml").code == 2
 
     @pytest.mark.parametrize(
-        "arguments", [["adjst"], ["adjust"], ["adjust", "--nonsense"], ["check", "a", "b"]]
+        "arguments", [["adjst"], ["check"], ["adjust", "--nonsense"], ["check", "a", "b"]]
     )
     def test_wrong_command_line(self, arguments: list[str]) -> None:
         run = mor(*arguments)
