@@ -56,7 +56,7 @@ def files_read() -> Iterator[dict[Path, ReadFile]]:
         _READ.reset(token)
 
 
-_INPUTS: ContextVar[set[object] | None] = ContextVar("inputs of this run", default=None)
+_INPUTS: ContextVar[set[object] | None] = ContextVar("inputs", default=None)
 
 
 @contextmanager

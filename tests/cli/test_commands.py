@@ -95,7 +95,7 @@ class TestExitCodes:
         assert "found 'high', expected a number" in run.err
 
     @pytest.mark.parametrize(
-        "arguments", [["adjst"], ["adjust"], ["adjust", "--nonsense"], ["check", "a", "b"]]
+        "arguments", [["adjst"], ["check"], ["adjust", "--nonsense"], ["check", "a", "b"]]
     )
     def test_wrong_command_line(self, arguments: list[str]) -> None:
         run = mor(*arguments)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -18,8 +17,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write(tmp_path, LEVELLING)
     monkeypatch.chdir(tmp_path)
     assert mor("adjust", "project.yaml", "--quiet", "--no-html").code == 0
-    (tmp_path / "sub").mkdir()
-    shutil.copy("project.yaml", tmp_path / "sub")
+    (tmp_path / "empty").mkdir()
     homologous = "\n".join(f"{k},{k},{k % 3},{k + 0.1},{k % 4}" for k in range(9))
     (tmp_path / "homologous.csv").write_text(f"id,x1,y1,x2,y2\n{homologous}\n")
     (tmp_path / "twice.csv").write_text(f"id,x1,y1,x2,y2\n{homologous}\n3,1,2,3,4\n,1,2,3,4\n")
@@ -33,8 +31,8 @@ RESULTS = "project.results"
 MISTAKES = [
     ("adjst project.yaml", "there is no command 'adjst'; did you mean 'adjust'?"),
     (
-        "adjust sub",
-        "sub: this is a folder, expected a project file, or a folder in one of the formats",
+        "adjust empty",
+        "empty: this is a folder without a project file, expected a project file, or a folder in one of the formats",
     ),
     (
         "check pairs.csv",
@@ -49,7 +47,7 @@ MISTAKES = [
     ("covariance project.results --points Bx -o a.csv", "point 'Bx' does not exist"),
     (
         "covariance project.results --blocks -o project.results/reference.csv --force",
-        "project.results/reference.csv: the results are read from this file; choose another one",
+        "project.results/reference.csv: this file is an input of the same command, and nothing is written over it",
     ),
     ("compare project.results", "found 1, expected two to compare"),
     (

@@ -150,7 +150,7 @@ def test_json_beside_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert done.exit_code == 0, done.stderr
     printed = json.loads(capsys.readouterr().out)
     written = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    assert {**written, "tables": {}} == printed
+    assert {**written, "tables": {}, "files": []} == printed
     assert str(tmp_path / "out") in done.stderr
 
 

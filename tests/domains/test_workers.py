@@ -106,11 +106,11 @@ def test_two_workers_of_this_machine(tmp_path: Path) -> None:
 
 
 def test_nobody_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
+    monkeypatch.setattr(cluster, "_ANSWER", 0.5)
     project = write_block(tmp_path / "project", Kind())
     done = command("adjust", project, "--cluster", "tcp://127.0.0.1:9")
     assert done.exit_code == 2
-    assert "no scheduler answers there" in done.stderr
+    assert "no Dask scheduler answers" in done.stderr
     assert not (tmp_path / "project.results").exists()
 
 
