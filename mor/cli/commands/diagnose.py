@@ -53,8 +53,8 @@ def command(
     from mor.api.project import Project
     from mor.cli._progress import progress
     from mor.pipeline import diagnose_network, read_document, read_network
-    from mor.report.tables.gross_errors.hypotheses import diagnosis
-    from mor.report.text.gross_errors.hypotheses import diagnosed, tried
+    from mor.report.tables.gross_errors.hypotheses import diagnosis, possible_causes
+    from mor.report.text.gross_errors.hypotheses import diagnosed, scored, tried
     from mor.report.words.language import words_of
 
     words = words_of(lang)
@@ -76,6 +76,7 @@ def command(
             Project(document, network, project.parent).network, go_on, say.iteration
         )
     data = diagnosis(network, found)
+    data["possible_causes"] = possible_causes(solved) if solved is not None else []
     accepted = solved is not None and solved.accepted and solved.suspects is None and not found.trials
     if as_json:
         click.echo(json.dumps({"accepted": accepted, **data}, ensure_ascii=False, indent=1, allow_nan=False))
@@ -83,6 +84,8 @@ def command(
         click.echo(words("Nothing is rejected; no hypothesis was tried."))
     else:
         click.echo(diagnosed(data, words))
+        if data["possible_causes"]:
+            click.echo("\n" + scored(data["possible_causes"], words))
         if table and data["tried"]:
             click.echo("\n" + tried(data, words))
     return ExitCode.DONE if accepted else ExitCode.REJECTED

@@ -46,9 +46,15 @@ SENTENCES = {
 def section(solved: Solved, words: Words = ENGLISH) -> str:
     """The possible causes, the best first, with a line to try each of them."""
     rows = possible_causes(solved)
-    if not rows:
-        return ""
-    lines = [heading(words("Possible causes")), words(NOT_VERIFIED)]
+    return scored(rows, words, words(NOT_VERIFIED)) if rows else ""
+
+
+def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -> str:
+    """Possible causes by score tests, the best first."""
+    lines = [
+        heading(words("Possible causes")),
+        note or words("These are score tests at the solution, not verified."),
+    ]
     for number, row in enumerate(rows, 1):
         lines += [f"{number}. {sentence(row, words)}", f"   {decrease(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))
