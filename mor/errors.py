@@ -113,10 +113,7 @@ def mistakes_in(file: str) -> Iterator[None]:
 
 
 class NoStartValuesError(InputError):
-    """Things stay without start values; each of ``things`` says why, ``remarks`` what else was found in trying.
-
-    ``causes`` is what may have gone wrong, none of it certain, and ``said`` the same in sentences.
-    """
+    """Start values are missing; each of ``things`` says why, ``remarks`` what else was found in trying."""
 
     told_by = "mor approximate"
 
@@ -124,11 +121,8 @@ class NoStartValuesError(InputError):
         self,
         things: Iterable[Undeterminable],
         remarks: Iterable[str],
-        said: Iterable[str] = (),
-        causes: Sequence[object] = (),
     ):
         self.things = tuple(things)
-        self.causes = tuple(causes)
         self.remarks = tuple(remarks)
         count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
         advice = (
@@ -136,7 +130,9 @@ class NoStartValuesError(InputError):
             if not self.things or any(thing.treatment != "left out" for thing in self.things)
             else f"{count} too few observations"
         )
-        super().__init__([Problem(words) for words in (advice, *said, *map(str, self.things), *self.remarks)])
+        contradicted = bool(self.remarks) or any(thing.reason == CONTRADICTED for thing in self.things)
+        hint = ("mor diagnose searches for mistakes that may be the cause",) if contradicted else ()
+        super().__init__([Problem(words) for words in (advice, *hint, *map(str, self.things), *self.remarks)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

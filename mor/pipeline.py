@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from mor.adjustment.undefined import undefined_rows
 from mor.allowance import ITERATIONS, LEAST, Allowance, SpentError, allowed, counted_in, of_iteration, within
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
-from mor.errors import CONTRADICTED, InputError, NoStartValuesError, Undeterminable, mistakes_in
+from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
+from mor.errors import InputError, NoStartValuesError, Undeterminable, mistakes_in
 from mor.errors import Problem as Mistake
 from mor.input_files import is_folder, note_input, read_text
 from mor.parameters.kinds import ROTATION
@@ -47,13 +49,12 @@ from mor.quality.gross_errors.suspects import (
     may_be_absurd,
     without_suspects,
 )
-from mor.quality.hypotheses.hypothesis import Causes, Looking, ignore_looking
-from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.plausibility.curvature import neglected_curvature
 from mor.quality.plausibility.looking import implausible
 from mor.quality.precision.image_poses import with_poses
-from mor.quality.solved import Solved
+from mor.quality.solved import PossibleCause, Solved
 from mor.quality.tests.group_tests import GroupTests, group_tests
+from mor.quality.tests.rejection import Rejection, rejection
 from mor.quality.tests.test_statistics import critical_value
 from mor.quality.treatment import Wanted, treat
 from mor.sparse.blas_threads import one_thread
@@ -110,31 +111,59 @@ def read_network(document: Document, folder: Path, read: TableWatcher = ignore_t
 
 
 def solve_network(
-    network: Network,
-    watch: Watcher | None = None,
-    assessing: Callable[[int], Done] | None = None,
-    looking: Looking = ignore_looking,
+    network: Network, watch: Watcher | None = None, assessing: Callable[[int], Done] | None = None
 ) -> Solved:
     """Adjust a network and assess the outcome.
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
-    ``looking`` is called likewise where something is rejected, with the iterations that trying hypotheses may take.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
-        return with_poses(_solved(network, watch, assessing, looking))
+        return with_poses(_solved(network, watch, assessing).solved)
 
 
-def _solved(
+def diagnose_network(
     network: Network,
-    watch: Watcher | None,
-    assessing: Callable[[int], Done] | None,
-    looking: Looking,
-) -> Solved:
+    go_on: GoOn,
+    watch: Watcher | None = None,
+    assessing: Callable[[int], Done] | None = None,
+) -> tuple[Solved | None, Diagnosis]:
+    """Adjust a network, and search for mistakes if it has no solution or its solution is rejected.
+
+    ``go_on`` is called before each trial and ends the search if it returns False. There is no adjustment if start
+    values cannot be found.
+    """
+    with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
+        try:
+            adjusted = _solved(network, watch, assessing)
+        except NoStartValuesError as error:
+            from mor.diagnose.search import causes_without_start
+
+            names = {thing.name for thing in error.things}
+            found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
+            return None, found
+        return with_poses(adjusted.solved), _diagnosis(network, adjusted, go_on)
+
+
+class _Adjusted(NamedTuple):
+    """An adjustment with what a diagnosis begins from."""
+
+    solved: Solved
+    start: Mapping[str, FloatArray]
+    """Start values of the whole network."""
+    plain: Adjustment
+    """The adjustment of all observations."""
+    led: Mapping[str, FloatArray] | None
+    """Where graduated weights lead, if they were asked."""
+    whole: Network
+    """The network before anything was left out."""
+
+
+def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> _Adjusted:
     settings = network.project.settings
     rescued: list[Rescued] = []
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         with one_thread():
-            network, start = _started(network, looking)
+            network, start = determinable_start(network)
         whole = network
         further = _further(network)
         network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued, further))
@@ -144,20 +173,6 @@ def _solved(
     suspects = rescue.suspects if rescue is not None else None
     led = rescue.led if rescue is not None else None
     plain = suspects.plain if suspects is not None else adjustment
-
-    def possible_causes(quality: Quality | None, tests: GroupTests | None = None) -> Causes:
-        solution = adjustment if adjustment.outcome.is_solution else None
-        told = Rejection.LARGER  # where there is no solution, or none of all observations
-        if solution is plain and quality is not None:
-            told = rejection(quality, network, tests)
-        if told is Rejection.NOTHING:
-            return Causes()
-        from mor.quality.hypotheses.search import Ended, causes  # loading it takes its time
-
-        ended = Ended(plain, solution, quality, told, led, further.spent)
-        with np.errstate(all="ignore"):  # what is tried may lead anywhere
-            return causes(whole, start, ended, make_problem, start_or_nothing, looking)
-
     bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
     network = replace(network, notes=(*network.notes, bent)) if bent is not None else network
     network = _with_lost_held(network, suspects.lost) if suspects is not None else network
@@ -165,14 +180,14 @@ def _solved(
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
         ended = adjustment if known else with_fitting_reason(adjustment, bool(network.untied))
         network = replace(network, notes=(*network.notes, *network.untied))
-        return Solved(network, ended, None, found=possible_causes(None))
+        return _Adjusted(Solved(network, ended, None), start, plain, led, whole)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
     quality = assess(adjustment, levels(settings), aposteriori, done)
     sound = checked(quality)
     if not sound.outcome.is_solution:
-        return Solved(network, sound, None, None, suspects, possible_causes(None))
+        return _Adjusted(Solved(network, sound, None, None, suspects), start, plain, led, whole)
     if suspects is not None:
         again = Settings(settings.max_iterations)
         quality, suspects = put_back(
@@ -181,29 +196,37 @@ def _solved(
         adjustment = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
         plain = adjustment if suspects is None else plain
     tests = group_tests(quality, network)
-    found, tested = possible_causes(quality, tests), (quality.groups, tests)
+    tested = (quality.groups, tests)
+    possible = _possible_causes(quality, network, tests)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-    return Solved(network, last, replace(quality, adjustment=last), treatment, suspects, found, tested)
+    solved = Solved(network, last, replace(quality, adjustment=last), treatment, suspects, possible, tested)
+    return _Adjusted(solved, start, plain, led, whole)
 
 
-def _started(network: Network, looking: Looking) -> tuple[Network, Mapping[str, FloatArray]]:
-    """As :func:`determinable_start`; what is raised where there is none says what may be the cause."""
-    try:
-        return determinable_start(network)
-    except NoStartValuesError as error:
-        if not error.remarks and all(thing.reason != CONTRADICTED for thing in error.things):
-            raise  # something was not measured; nothing contradicts anything
-        from mor.quality.hypotheses.search import causes_without_start
-        from mor.report.tables.gross_errors.hypotheses import rows
-        from mor.report.text.gross_errors.hypotheses import to_try
+def _possible_causes(quality: Quality, network: Network, tests: GroupTests) -> tuple[PossibleCause, ...]:
+    """Score tests of the usual mistakes, if something is rejected because residuals are too large."""
+    if rejection(quality, network, tests) is not Rejection.LARGER:
+        return ()
+    from mor.diagnose.score_tests import score_tests  # loading it takes its time
 
-        names = {thing.name for thing in error.things}
-        found = causes_without_start(network, names, make_problem, start_or_nothing, looking)
-        if not found.offered:
-            raise
-        said = to_try(rows(network, found.offered))
-        raise NoStartValuesError(error.things, error.remarks, said, found.offered) from None
+    with np.errstate(all="ignore"):
+        return score_tests(quality, network)
+
+
+def _diagnosis(network: Network, adjusted: _Adjusted, go_on: GoOn) -> Diagnosis:
+    """Hypotheses about an adjustment, tried by adjusting anew."""
+    from mor.diagnose.search import Ended, causes
+
+    solved, plain = adjusted.solved, adjusted.plain
+    solution = solved.adjustment if solved.adjustment.outcome.is_solution else None
+    quality, told = solved.quality, Rejection.LARGER  # if there is no solution, or none of all observations
+    if solution is not None and quality is not None and solved.suspects is None:
+        told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
+    if told is Rejection.NOTHING:
+        return NOTHING_FOUND
+    ended = Ended(plain, solution, quality, told, adjusted.led)
+    return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
 
 
 def _further(network: Network) -> Allowance:

@@ -25,6 +25,7 @@ LAYERS = (
     ("project",),
     ("approximate", "adjustment"),
     ("quality",),
+    ("diagnose",),
     ("report", "formats"),
     ("preparation",),
     ("pipeline",),

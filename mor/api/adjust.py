@@ -18,7 +18,6 @@ def adjust(
     snoop: bool = False,
     watch: Watcher | None = None,
     assessing: Callable[[int], Done] | None = None,
-    looking: Callable[[int], Done] | None = None,
 ) -> Result:
     """Adjust a project and assess the outcome; start values that are missing are worked out.
 
@@ -28,16 +27,13 @@ def adjust(
         watch: called after every iteration.
         assessing: called between the solution and its statistics with the effort ahead; what it returns is told how
             much more is done.
-        looking: called where something is rejected, before possible causes are tried, with the iterations that these
-            may take; what it returns is told how many more are done.
 
     Raises:
         InputError: the project has mistakes, or start values cannot be found. That an adjustment does not converge, or
             that the network is singular, is no error: the result says so.
     """
     from mor.pipeline import snooped, solve_network
-    from mor.quality.hypotheses.hypothesis import ignore_looking
 
     project = source if isinstance(source, Project) else read(source)
     network = snooped(project.network) if snoop else project.network
-    return Result(project, solve_network(network, watch, assessing, looking or ignore_looking))
+    return Result(project, solve_network(network, watch, assessing))

@@ -16,6 +16,7 @@ from mor.input_files import inputs_of_run
 
 COMMANDS = {
     "adjust": "Adjust a project, write reports, results and tables.",
+    "diagnose": "Search for mistakes in a rejected project by trying hypotheses.",
     "check": "Read and check a project, adjust nothing.",
     "new": "Begin a commented project file from tables.",
     "convert": "Write a foreign file as a project file.",

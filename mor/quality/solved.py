@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from mor.adjustment.state import Adjustment, Outcome
 from mor.project.network.build import Network
@@ -11,13 +12,38 @@ from mor.quality.assess import Quality
 from mor.quality.diagnosis.self_check import REDUNDANCY_LOST
 from mor.quality.diagnosis.unsettled import Movements, last_movements
 from mor.quality.gross_errors.suspects import Suspects
-from mor.quality.hypotheses.hypothesis import NOTHING_FOUND, Causes, Offered
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
 from mor.quality.tests.group_tests import GroupTests
 from mor.quality.treatment import Treatment
 from mor.quality.verdict import Verdict, verdict
+
+
+class Amount(NamedTuple):
+    """Value of the parameter that a mistake adds."""
+
+    name: str
+    """offset, scale, height, c, …"""
+    value: float
+    """Internal units."""
+
+
+class PossibleCause(NamedTuple):
+    """A mistake that would explain what is rejected, by a score test: not verified by an adjustment."""
+
+    cause: str
+    """Key of the cause: ``names exchanged``, ``distance offset``, …"""
+    things: tuple[str, ...]
+    """Names of the points, stations, images or tables it is about."""
+    line: str
+    """What to change in the project to try it."""
+    gain: float
+    """Decrease of vᵀPv to first order."""
+    parameters: int
+    log10_p: float
+    """Decimal logarithm of the probability that chance decreases vᵀPv as much."""
+    amount: Amount | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +57,10 @@ class Solved:
     """What was done about gross errors and weights; ``None`` where there was no solution."""
     suspects: Suspects | None = None
     """What was left out because all observations together have no solution."""
-    found: Causes = NOTHING_FOUND
-    """What may be the cause where something is rejected."""
+    possible_causes: tuple[PossibleCause, ...] = ()
+    """Mistakes that would explain what is rejected, by score tests; the best first."""
     tested: tuple[tuple[ObservationQuality, ...], GroupTests] | None = None
     """Tests of groups that were needed before, and the quality of the observations that they are of."""
-
-    @property
-    def causes(self) -> tuple[Offered, ...]:
-        """What may be the cause where something is rejected, the best hypothesis first."""
-        return self.found.offered
 
     @cached_property
     def movements(self) -> Movements | None:

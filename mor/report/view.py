@@ -29,7 +29,7 @@ from mor.report.tables.estimates import (
     point_table,
     station_table,
 )
-from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.hypotheses import possible_causes
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import SCHEMA
 from mor.report.tables.reliability import gross_errors
@@ -59,7 +59,7 @@ class View:
     suspects: dict[str, Any] | None
     verdict: dict[str, Any] | None
     reliability: dict[str, Any] | None
-    hypotheses: list[dict[str, Any]]
+    possible_causes: list[dict[str, Any]]
     residuals: pl.DataFrame
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
@@ -122,7 +122,7 @@ def view_of(
         suspects=suspects(solved),
         verdict=verdict_rows(solved),
         reliability=reliability_rows(solved),
-        hypotheses=hypotheses(solved),
+        possible_causes=possible_causes(solved),
         residuals=residuals,
         residuals_file=file,
         external=external_reliability(solved),
@@ -189,7 +189,7 @@ def view_of_rows(
         suspects=data.get("suspects"),
         verdict=data.get("verdict"),
         reliability=data.get("reliability"),
-        hypotheses=data.get("hypotheses", []),
+        possible_causes=data.get("possible_causes", []),
         residuals=residuals,
         residuals_file=file,
     )

@@ -33,7 +33,7 @@ def both(project: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def same(one: dict[str, Any], several: dict[str, Any]) -> list[str]:
     """Differences but for groups that reject, which domains explain less of, and hypotheses."""
-    left = (*ELSEWHERE, "hypotheses", "verdict")
+    left = (*ELSEWHERE, "possible_causes", "verdict")
     return differences(*({k: v for k, v in each.items() if k not in left} for each in (one, several)))
 
 

@@ -306,7 +306,6 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
         snoop,
         say.iteration,
         lambda effort: say.phase("precision and reliability", effort),
-        lambda most: say.phase("possible causes", most),
     ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved

@@ -115,7 +115,15 @@ def _ordered(found: dict[str, Any]) -> dict[str, Any]:
 _KEYS = (
     *("identity", "notes", "verdict", "reliability", "points", "images", "motions", "epochs", "trajectories"),
     *("boresights", "cameras", "stations", "systems", "pairs", "features", "others", "groups"),
-    *("variance_components", "gross_errors", "suspects", "hypotheses", "fixed_points", "relative", "checks"),
+    *(
+        "variance_components",
+        "gross_errors",
+        "suspects",
+        "possible_causes",
+        "fixed_points",
+        "relative",
+        "checks",
+    ),
     *("failure", "tables", "files", "residuals"),
 )
 
@@ -177,7 +185,7 @@ _NOTHING_MORE: dict[str, Any] = {
     "boresights": [],
     "pairs": [],
     "suspects": None,
-    "hypotheses": [],
+    "possible_causes": [],
     "relative": [],
     "failure": None,
 }

@@ -14,7 +14,7 @@ from mor.report.html.figures.layout import small_unit
 from mor.report.html.page_data import PageData
 from mor.report.html.provenance import datum_in_words, epoch_in_words, help_in_words, used_in_words
 from mor.report.layout import component_of
-from mor.report.text.gross_errors.hypotheses import sentence
+from mor.report.text.gross_errors.hypotheses import decrease, sentence
 from mor.report.text.gross_errors.suspects import sentences
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.undetermined import sentences_of_things
@@ -130,20 +130,19 @@ def _another_epoch(data: PageData) -> Statement:
 
 
 def _causes(data: PageData) -> list[Statement]:
-    """What may be the cause where something is rejected; never more than that."""
+    """Possible causes of what is rejected, not verified."""
     return [
         Statement(
             DOUBT,
-            data.words("What may be the cause"),
+            data.words("Possible cause"),
             data.words(
-                "{cause}. With that vᵀPv falls from {before} to {after}. Not applied; to try it: {line}",
+                "{cause}. {effect}. Not verified: run mor diagnose; to try it: {line}",
                 cause=sentence(row, data.words),
-                before="–" if row["vtpv_before"] is None else f"{row['vtpv_before']:.5g}",
-                after=f"{row['vtpv_after']:.5g}",
+                effect=decrease(row, data.words),
                 line=row["line"],
             ),
         )
-        for row in data.view.hypotheses
+        for row in data.view.possible_causes
     ]
 
 

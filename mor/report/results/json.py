@@ -29,7 +29,7 @@ from mor.report.tables.estimates import (
     variance_components,
 )
 from mor.report.tables.features import feature_table
-from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.hypotheses import possible_causes
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.tables.observations import observation_table
 from mor.report.tables.reliability import fixed_point_rows, gross_errors
@@ -74,7 +74,7 @@ def results(
         "variance_components": variance_components(solved),
         "gross_errors": gross_errors(solved),
         "suspects": suspects(solved),
-        "hypotheses": hypotheses(solved),
+        "possible_causes": possible_causes(solved),
         "fixed_points": fixed_point_rows(solved),
         "relative": relative_rows(solved, chosen_pairs(solved)),
         "checks": check_rows(solved),

@@ -10,7 +10,7 @@ from mor.report.columns import WIDTH
 from mor.report.layout import fixed, in_words, short
 from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
-from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.hypotheses import possible_causes
 from mor.report.tables.gross_errors.suspects import suspects
 from mor.report.text.gross_errors.hypotheses import first_sentence
 from mor.report.text.gross_errors.suspects import sentences as sentences_on_suspects
@@ -71,7 +71,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     if quality is None:
         reason = f", {words.told(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
-        cause = first_sentence(hypotheses(solved), words)
+        cause = first_sentence(possible_causes(solved), words)
         return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]
     lines = sentences_on_suspects(suspects(solved), words)
     lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
@@ -103,7 +103,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    lines += first_sentence(hypotheses(solved), words)
+    lines += first_sentence(possible_causes(solved), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
 

@@ -30,7 +30,7 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         return None
     accepted = solved.accepted if solved.quality.redundancy > 0 else None
     explanations = [_explanation(solved, one) for one in judged.explained]
-    if solved.found.offered and solved.found.offered[0].hypothesis.cause == "curvature":
+    if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     return rows_of_verdict(
         judged,

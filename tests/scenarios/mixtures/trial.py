@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from unittest.mock import patch
 
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Outcome
 from mor.errors import InputError
 from mor.pipeline import read_document, read_network, solve_network
 from mor.preparation import determinable_start, make_problem
-from mor.quality.hypotheses.hypothesis import Causes
 from mor.quality.solved import Solved
 from mor.sparse.cholesky import NotFiniteError
 from tests.scenarios.mixtures.project_file import write_project
@@ -65,10 +63,9 @@ def _same(expected: Adjustment, found: Adjustment) -> bool:
 def compared_as_adjusted(nothing: Path, truth: Path, tags: frozenset[str]) -> Trial:
     """What ``mor adjust`` ends at from the truth and with nothing given, whatever it leaves out as suspects.
 
-    A world counts where it ends at a solution from the truth. Possible causes are not looked for: they change nothing.
+    A world counts where it ends at a solution from the truth.
     """
-    with patch("mor.quality.hypotheses.search.causes", lambda *_: Causes()):
-        expected, found = _ended(truth), _ended(nothing)
+    expected, found = _ended(truth), _ended(nothing)
     if isinstance(expected, str) or isinstance(found, str):
         counts = not isinstance(expected, str)
         return Trial(tags, counts, False, str(found) if counts else str(expected))

@@ -10,8 +10,8 @@ import numpy as np
 
 from mor import pipeline
 from mor.project.network.build import Network
-from mor.quality.hypotheses.rejection import Rejection, rejection
 from mor.quality.solved import Solved
+from mor.quality.tests.rejection import Rejection, rejection
 from tests.scenarios.planted_mistakes.survey import survey
 
 
@@ -35,10 +35,10 @@ def with_noise(solved: Solved, seed: int) -> Network:
 
 
 def rates(name: str, count: int) -> tuple[int, int, int]:
-    """Projects, those in which something was rejected so that hypotheses were tried, and those with one offered."""
+    """Projects, those in which something was rejected and those with a possible cause."""
     solved = sound(name)
     found = [pipeline.solve_network(with_noise(solved, seed)) for seed in range(count)]
     rejected = sum(
         one.quality is None or rejection(one.quality, one.network) is not Rejection.NOTHING for one in found
     )
-    return count, rejected, sum(bool(one.causes) for one in found)
+    return count, rejected, sum(bool(one.possible_causes) for one in found)

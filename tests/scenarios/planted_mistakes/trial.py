@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -11,11 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mor.report.text.gross_errors.hypotheses import SENTENCES
 from tests.scenarios.planted_mistakes import of_images, of_instruments, of_names, of_units
 from tests.scenarios.planted_mistakes.survey import NAMES, survey
-from tests.scenarios.planted_mistakes.truth import NotHereError, Planted
-from tests.scenarios.small_projects import Run, mor
+from tests.scenarios.planted_mistakes.truth import NotHereError
+from tests.scenarios.small_projects import mor
 
 KINDS = {
     function.__name__: function
@@ -69,6 +67,8 @@ class Trial(NamedTuple):
     place: int | None
     """Place of the right cause among the hypotheses, from 0; nothing where it is not among them."""
     offered: tuple[str, ...]
+    scored: int | None = None
+    """Place of the right cause among the score tests of the adjustment, from 0."""
 
 
 def trial(kind: str, seed: int, keep: Path | None = None, sample: str = "") -> Trial:
@@ -87,23 +87,29 @@ def trial(kind: str, seed: int, keep: Path | None = None, sample: str = "") -> T
     with tempfile.TemporaryDirectory() as folder:
         project = chosen.write(keep or Path(folder))
         run = mor("adjust", project, "--json", "-q")
-    if not run.out:
-        return _not_begun(kind, chosen.name, planted, run)
-    results = json.loads(run.out)
-    found = results.get("hypotheses", [])
+        found = json.loads(mor("diagnose", project, "--json", "-q", "--limit", "600").out)["offered"]
     places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
+    place, things = (places[0] if places else None), tuple(sorted(planted.things))
+    offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found)
+    if not run.out:
+        return Trial(
+            kind, chosen.name, things, run.code, "input", True, True, place, offered or (run.err[:200],)
+        )
+    results = json.loads(run.out)
+    scored = [k for k, one in enumerate(results["possible_causes"]) if planted.is_named_by(one)]
     return Trial(
         kind,
         chosen.name,
-        tuple(sorted(planted.things)),
+        things,
         run.code,
         results["suspects"]["outcome"] if results.get("suspects") else results["outcome"],
         run.code != 0 or not results["global_test"]["accepted"],
         run.code != 0
         or bool(results["suspects"])
         or abs(_statistic(results) - _without(chosen.name)) > VISIBLE,
-        places[0] if places else None,
-        tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found),
+        place,
+        offered,
+        scored[0] if scored else None,
     )
 
 
@@ -117,17 +123,3 @@ def _without(sample: str) -> float:
 
 def _statistic(results: dict[str, Any]) -> float:
     return float(results["global_test"]["statistic"])
-
-
-def _not_begun(kind: str, sample: str, planted: Planted, run: Run) -> Trial:
-    """What is said where there are no start values, in sentences on standard error."""
-    found = []
-    for line in run.err.splitlines():
-        for cause, sentence in SENTENCES.items():
-            words = re.escape(sentence).replace(r"\{names\}", r"(.*?)")
-            if match := re.search(rf"Possible cause, to be checked: {words}; to try it", line):
-                found.append({"cause": cause, "things": match[1].split(", ")})
-    places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
-    offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found) or (run.err[:200],)
-    things = tuple(sorted(planted.things))
-    return Trial(kind, sample, things, run.code, "input", True, True, places[0] if places else None, offered)

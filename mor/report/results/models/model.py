@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field
 
 from mor.report.results.models.model_failure import Failure, Undeterminable
-from mor.report.results.models.model_gross_errors import GrossErrors, Hypothesis, Suspects
+from mor.report.results.models.model_gross_errors import GrossErrors, PossibleCause, Suspects
 from mor.report.results.models.model_motions import Boresight, Epoch, Knot, Motion
 from mor.report.results.models.model_parts import (
     Axes,
@@ -112,9 +112,9 @@ class Results(Part):
     suspects: Suspects | None = Field(
         default=None, description="What was left out because all observations together have no solution"
     )
-    hypotheses: list[Hypothesis] = Field(
+    possible_causes: list[PossibleCause] = Field(
         default=[],
-        description="What may be the cause where something is rejected, the best first; none is applied",
+        description="Mistakes that would explain what is rejected, by score tests, the best first; not verified",
     )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     relative: list[Relative] = Field(

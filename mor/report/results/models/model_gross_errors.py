@@ -122,16 +122,14 @@ class Amount(Part):
     unit: str = Field(description="Its unit")
 
 
-class Hypothesis(Part):
-    """A mistake that may have been made, tried in an adjustment of its own."""
+class PossibleCause(Part):
+    """A mistake that would explain what is rejected, by a score test at the solution."""
 
     cause: str = Field(description="Key of the cause")
     things: list[str] = Field(description="Names of what it is about: points, images, stations, tables")
     line: str = Field(description="What to change in the project to try it")
-    candidates: int = Field(description="How many of its kind were looked through")
-    amount: Amount | None = Field(description="Its additional unknown, where it has one")
-    vtpv_before: Number = Field(description="vᵀPv without it, or of the last iteration")
-    freedom_before: int = Field(description="Degrees of freedom without it")
-    vtpv_after: float = Field(description="vᵀPv with it")
-    freedom_after: int = Field(description="Degrees of freedom with it")
-    gain: float = Field(description="By how much it describes the observations shorter, in units of χ²")
+    amount: Amount | None = Field(description="Its parameter at the solution, to first order")
+    vtpv_decrease: float = Field(description="Decrease of vᵀPv to first order")
+    parameters: int = Field(description="Number of its parameters")
+    log10_p: float = Field(description="Decimal logarithm of the probability of such a decrease by chance")
+    verified: bool = Field(description="False: no adjustment was made with it")

@@ -1,42 +1,67 @@
-"""What may be the cause where something is rejected, as plain data."""
+"""Possible causes of a rejection, and hypotheses that were tried, as plain data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
+from mor.diagnose.hypothesis import Diagnosis
 from mor.project.network.build import Network
-from mor.quality.hypotheses.hypothesis import Amount, Offered
-from mor.quality.solved import Solved
+from mor.quality.solved import Amount, Solved
 
 
-def hypotheses(solved: Solved) -> list[dict[str, Any]]:
-    """The hypotheses that are offered, the best first."""
-    return rows(solved.network, solved.causes)
-
-
-def rows(network: Network, causes: Sequence[Offered]) -> list[dict[str, Any]]:
-    """Hypotheses about a network as plain data."""
+def possible_causes(solved: Solved) -> list[dict[str, Any]]:
+    """Possible causes by score tests, the best first."""
     return [
         {
-            "cause": offered.hypothesis.cause,
-            "things": list(offered.hypothesis.things),
-            "line": offered.hypothesis.line,
-            "candidates": offered.hypothesis.candidates,
-            "amount": _amount(network, offered.amount),
-            "vtpv_before": offered.before if isfinite(offered.before) else None,
-            "freedom_before": offered.freedom_before,
-            "vtpv_after": offered.after,
-            "freedom_after": offered.freedom_after,
-            "gain": offered.gain,
+            "cause": one.cause,
+            "things": list(one.things),
+            "line": one.line,
+            "amount": _amount(solved.network, one.amount),
+            "vtpv_decrease": one.gain,
+            "parameters": one.parameters,
+            "log10_p": one.log10_p,
+            "verified": False,
         }
-        for offered in causes
+        for one in solved.possible_causes
     ]
 
 
+def diagnosis(network: Network, found: Diagnosis) -> dict[str, Any]:
+    """A search for mistakes: vᵀPv before, what is offered, and what was tried."""
+    before = found.before
+    return {
+        "vtpv_before": before.told if isfinite(before.told) else None,
+        "freedom_before": before.freedom,
+        "offered": [
+            {
+                "cause": one.hypothesis.cause,
+                "things": list(one.hypothesis.things),
+                "line": one.hypothesis.line,
+                "candidates": one.hypothesis.candidates,
+                "amount": _amount(network, one.amount),
+                "vtpv_after": one.after,
+                "freedom_after": one.freedom_after,
+                "gain": one.gain,
+            }
+            for one in found.offered
+        ],
+        "tried": [
+            {
+                "cause": one.hypothesis.cause,
+                "things": list(one.hypothesis.things),
+                "vtpv_after": one.fit.omega if one.fit is not None else None,
+                "freedom_after": one.fit.freedom if one.fit is not None else None,
+                "gain": one.gain if one.fit is not None and isfinite(one.gain) else None,
+            }
+            for one in found.trials
+        ],
+        "untried": found.untried,
+    }
+
+
 def _amount(network: Network, amount: Amount | None) -> dict[str, Any] | None:
-    """What an additional unknown came out as, with its unit."""
+    """The value of an additional parameter, with its unit."""
     if amount is None:
         return None
     units = {"offset": network.project.units.length, "scale": ""}

@@ -1,13 +1,12 @@
-"""What may be the cause where something is rejected, in words: never as a certainty."""
+"""Possible causes of a rejection and the results of a diagnosis, in words."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from mor.quality.hypotheses.effort import times
 from mor.quality.solved import Solved
 from mor.report.layout import heading, short
-from mor.report.tables.gross_errors.hypotheses import hypotheses
+from mor.report.tables.gross_errors.hypotheses import possible_causes
 from mor.report.words.language import ENGLISH, Words
 
 SENTENCES = {
@@ -31,7 +30,13 @@ SENTENCES = {
     "image turned": "an image may be turned by half a circle ({names})",
     "image unit": "image coordinates may be in another unit ({names})",
     "image scale": "the camera constant, or the size of the pixels, may be wrong ({names})",
-    "levelling sign": "a line of levels may have the wrong sign ({names})",
+    "levelling sign": "levelling lines may have the wrong sign ({names})",
+    "table unit": "all lengths of a table may be in another unit ({names})",
+    "vector sign": "vectors may have the wrong sign ({names})",
+    "antenna height": "the antenna height at a point may be wrong or missing ({names})",
+    "control moved": "a control point may have wrong coordinates, or have moved ({names})",
+    "pixel origin": "the principal point, or the origin of the pixels, may be wrong ({names})",
+    "camera of images": "images may be of another camera or focal length ({names})",
     "curvature": "the curvature of the earth is not modelled",
     "sigma unit": "standard deviations may be in another unit ({names})",
 }
@@ -39,48 +44,88 @@ SENTENCES = {
 
 
 def section(solved: Solved, words: Words = ENGLISH) -> str:
-    """The hypotheses, the best first, with what each does to vᵀPv and a line to try it."""
-    rows, untried = hypotheses(solved), solved.found.untried
-    if not rows and not untried:
-        return ""
-    lines = [heading(words("What may be the cause"))]
-    if rows:
-        lines.append(
-            words(
-                "Each was tried in an adjustment of its own. None is applied, and none is certain: look at the "
-                "measurements before you change anything."
-            )
-        )
+    """The possible causes, the best first, with a line to try each of them."""
+    rows = possible_causes(solved)
+    return scored(rows, words, words(NOT_VERIFIED)) if rows else ""
+
+
+def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -> str:
+    """Possible causes by score tests, the best first."""
+    lines = [
+        heading(words("Possible causes")),
+        note or words("These are score tests at the solution, not verified."),
+    ]
     for number, row in enumerate(rows, 1):
-        lines += [f"{number}. {sentence(row, words)}", f"   {_effect(row, words)}"]
+        lines += [f"{number}. {sentence(row, words)}", f"   {decrease(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))
-    if untried:
+    return "\n".join(lines)
+
+
+NOT_VERIFIED = (
+    "These are score tests at the solution, not verified: run mor diagnose. "
+    "Look at the measurements before you change anything."
+)
+
+
+def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
+    """The best possible cause, for the verdict."""
+    return [
+        words("Possible cause, not verified (run mor diagnose): {cause}.", cause=sentence(row, words))
+        for row in rows[:1]
+    ]
+
+
+def decrease(row: dict[str, Any], words: Words = ENGLISH) -> str:
+    """What a possible cause would do to vᵀPv."""
+    return words("vTPv would decrease by {gain}", gain=words.number(short(row["vtpv_decrease"], 4)))
+
+
+def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
+    """The result of a diagnosis: what is offered, and a table of what was tried."""
+    before = data["vtpv_before"]
+    lines = [
+        words(
+            "vTPv {before} ({freedom:degree|degrees} of freedom) without a change",
+            before="-" if before is None else words.number(short(before, 5)),
+            freedom=data["freedom_before"],
+        )
+    ]
+    if not data["offered"]:
+        lines.append(words("No hypothesis explains the observations better than chance."))
+    for number, row in enumerate(data["offered"], 1):
+        lines.append(f"{number}. {sentence(row, words)}")
+        lines.append("   " + _effect(row, words))
+        lines.append("   " + words("to try it: {line}", line=row["line"]))
+    if data["offered"]:
+        lines.append(words("None is applied. Look at the measurements before you change anything."))
+    if data["untried"]:
         lines.append(
             words(
-                "{count:further cause was|further causes were} not tried: that would have taken longer than "
-                "{times:adjustment|adjustments} of this size.",
-                count=untried,
-                times=times(solved.network.observations),
+                "{count:hypothesis was|hypotheses were} not tried because the time was over; "
+                "--limit allows more.",
+                count=data["untried"],
             )
         )
     return "\n".join(lines)
 
 
-def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
-    """The best hypothesis, for the verdict."""
-    return [words("Possible cause, to be checked: {cause}.", cause=sentence(row, words)) for row in rows[:1]]
-
-
-def to_try(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
-    """Hypotheses and the lines to try them, where there is no adjustment to tell more of."""
-    return [
-        words(
-            "Possible cause, to be checked: {cause}; to try it: {line}",
-            cause=sentence(row, words),
-            line=row["line"],
+def tried(data: dict[str, Any], words: Words = ENGLISH) -> str:
+    """Table of all hypotheses that were adjusted, in their order."""
+    head = (words("hypothesis"), "vTPv", words("freedom"), words("gain"))
+    rows = [
+        (
+            f"{words.listed(row['cause'])} ({', '.join(row['things'])})",
+            "-" if row["vtpv_after"] is None else words.number(short(row["vtpv_after"], 5)),
+            "-" if row["freedom_after"] is None else str(row["freedom_after"]),
+            "-" if row["gain"] is None else words.number(short(row["gain"], 4)),
         )
-        for row in rows
+        for row in data["tried"]
     ]
+    widths = [max(len(line[k]) for line in (head, *rows)) for k in range(4)]
+    return "\n".join(
+        "  ".join([line[0].ljust(widths[0]), *(line[k].rjust(widths[k]) for k in (1, 2, 3))])
+        for line in (head, *rows)
+    )
 
 
 def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
@@ -93,11 +138,8 @@ def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
 
 
 def _effect(row: dict[str, Any], words: Words) -> str:
-    before, after = row["vtpv_before"], row["vtpv_after"]
     return words(
-        "vTPv {before} ({freedom_before:degree|degrees} of freedom) -> {after} ({freedom_after})",
-        before="-" if before is None else words.number(short(before, 5)),
-        freedom_before=row["freedom_before"],
-        after=words.number(short(after, 5)),
-        freedom_after=row["freedom_after"],
+        "vTPv {after} ({freedom:degree|degrees} of freedom)",
+        after=words.number(short(row["vtpv_after"], 5)),
+        freedom=row["freedom_after"],
     )

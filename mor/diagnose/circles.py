@@ -9,12 +9,11 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.hypothesis import Hypothesis, with_observed
+from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, wrap
 from mor.project.network.build import Network
 from mor.project.observations.observation_rows import group_name
-from mor.quality.hypotheses.changes import with_observed
-from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
 from mor.units import ANGLE_UNITS
 
 _BAD = 0.5

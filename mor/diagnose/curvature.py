@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mor.diagnose.hypothesis import Hypothesis
+from mor.diagnose.situation import Situation
 from mor.observations.curvature import on_sphere
 from mor.project.network.build import Network
-from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
 from mor.quality.plausibility.curvature import NOTED, largest_effect, sphere_under
 
 

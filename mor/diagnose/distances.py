@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mor.diagnose.hypothesis import Amount, Hypothesis, with_group, with_unknown
+from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_group, with_unknown
-from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
-from mor.quality.hypotheses.situation import Situation
 
 DISTANCE, HORIZONTAL_DISTANCE = PLAIN_TYPES["distance"], PLAIN_TYPES["horizontal_distance"]
 _AT_LEAST = 3

@@ -12,18 +12,13 @@ import pytest
 
 from mor import pipeline
 from mor.adjustment.solve import adjust
-from mor.allowance import Allowance
+from mor.diagnose.control import control_hypotheses, control_tables
+from mor.diagnose.hypothesis import Fit, Hypothesis, with_group
+from mor.diagnose.search import Tried, _beginnings, _in_order, promises
+from mor.diagnose.sigmas import sigma_hypotheses
+from mor.diagnose.situation import Situation, controlled_part
 from mor.preparation import make_problem
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_group
-from mor.quality.hypotheses.controlled_part import controlled_part
-from mor.quality.hypotheses.hypothesis import Fit, Hypothesis
-from mor.quality.hypotheses.mistakes.control import control_hypotheses, control_tables
-from mor.quality.hypotheses.mistakes.sigmas import sigma_hypotheses
-from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.search import Tried, _in_order
-from mor.quality.hypotheses.situation import Situation
-from mor.quality.hypotheses.trying import _beginnings
 from mor.quality.solved import Solved
 from tests.scenarios.planted_mistakes.survey import survey
 from tests.scenarios.small_projects import LEVELLING, write
@@ -34,9 +29,9 @@ def _network(path: Path) -> Network:
 
 
 def _situation(solved: Solved) -> Situation:
-    begin, effort = (lambda changed: changed.start), Allowance()
+    begin = lambda changed: changed.start  # noqa: E731
     plain, network = solved.adjustment, solved.network
-    return Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
+    return Situation(network, plain.start, plain.values, plain, make_problem, begin)
 
 
 def _with_sigma(number: int, rows: slice, factor: float) -> Callable[[Network], Network]:
@@ -131,7 +126,7 @@ def test_of_explanations_that_are_alike_the_start_values_choose() -> None:
         Tried(hypothesis("axes exchanged"), fits[2], 900.0),
     ]
     situation = partial(Situation, make=make_problem, begin=lambda changed: None)
-    empty = situation(None, {}, {}, None, effort=Allowance())  # type: ignore[arg-type]
+    empty = situation(None, {}, {}, None)  # type: ignore[arg-type]
     empty.__dict__["fit"] = Fit({}, 1e3, 1, 1000.0, 1.0)
     order = [one.hypothesis.cause for one in _in_order(empty, tried)]
     assert order == ["control unit", "sigma unit", "axes exchanged"]

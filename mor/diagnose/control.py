@@ -10,11 +10,9 @@ import numpy as np
 
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.hypothesis import Hypothesis, with_points
+from mor.diagnose.situation import SMALL, Situation
 from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
-from mor.quality.hypotheses.changes import with_points
-from mor.quality.hypotheses.effort import SMALL
-from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
 
 _UNITS = {
     "mm for m": 0.001,

@@ -1,15 +1,115 @@
-"""Changes of a network, and nothing else: other observed values, other names, another unknown."""
+"""Hypotheses: changes of a project that would make its observations agree."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
+from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.solved import Amount
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A mistake that may have been made, as the change of the network that undoes it."""
+
+    cause: str
+    """Key of the cause: ``names exchanged``, ``distance offset`` …"""
+    things: tuple[str, ...]
+    """Names of what it is about, those of points and instruments or of tables."""
+    change: Callable[[Network], Network]
+    line: str
+    """What to write in the project to try it."""
+    candidates: int = 1
+    """How many of its kind were looked through."""
+    parameters: int = 0
+    """Additional unknowns."""
+    stretch: float = 0.0
+    """Σ ln |dl'/dl| of changed observations, less Σ ln (σ'/σ): densities change with the unit, as far as controlled."""
+    rows: tuple[tuple[int, int], ...] = ()
+    """(group, row) of the few observations it changes; none where it changes many."""
+    anew: Mapping[str, IntArray] = field(default_factory=dict)
+    """Blocks of each kind that begin from the given start values again; where none are given, from all else."""
+    afresh: bool = False
+    """True where missing start values are worth being worked out anew."""
+    amount: Callable[[Values], Amount] | None = None
+    """What its additional unknown is at a solution."""
+
+    def amount_at(self, values: Values) -> Amount | None:
+        """Its additional unknown at a solution; nothing where it has none."""
+        return None if self.amount is None else self.amount(values)
+
+
+class Fit(NamedTuple):
+    """How well a network fits its observations."""
+
+    values: Values
+    omega: float
+    """vᵀPv."""
+    freedom: int
+    length: float
+    """Description length: see :mod:`mor.quality.gross_errors.description_length`."""
+    scale: float
+    """Factor of all σ by the median of the residuals."""
+
+
+class Offered(NamedTuple):
+    """A hypothesis that explains the observations much better than they are without it."""
+
+    hypothesis: Hypothesis
+    before: float
+    """vᵀPv of the plain adjustment, or of its last iteration; not finite where there was none."""
+    freedom_before: int
+    after: float
+    """vᵀPv with the change."""
+    freedom_after: int
+    gain: float
+    """By how much the description of the observations becomes shorter, in units of χ²."""
+    amount: Amount | None
+
+
+class Before(NamedTuple):
+    """vᵀPv without a hypothesis."""
+
+    told: float
+    """That of the plain adjustment, or of its last iteration; not finite where there was none."""
+    compared: float
+    """That which a hypothesis has to improve."""
+    freedom: int
+
+
+class Trial(NamedTuple):
+    """A hypothesis that was adjusted."""
+
+    hypothesis: Hypothesis
+    fit: Fit | None
+    """``None`` if its adjustment has no solution."""
+    gain: float
+    """By how much the description of the observations becomes shorter, in units of χ²."""
+
+
+class Diagnosis(NamedTuple):
+    """Result of a search for mistakes."""
+
+    before: Before
+    offered: tuple[Offered, ...] = ()
+    """Hypotheses that are better than none by more than chance, the best first."""
+    trials: tuple[Trial, ...] = ()
+    """All hypotheses that were adjusted, in their order."""
+    untried: int = 0
+    """Hypotheses that were not tried because the time was over."""
+
+
+NOTHING_FOUND = Diagnosis(Before(float("nan"), float("nan"), 0))
+
+GoOn = Callable[[Hypothesis], bool]
+"""Called before each trial; False ends the search."""
 
 
 def with_group(network: Network, number: int, group: ObservationGroup) -> Network:

@@ -16,12 +16,11 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.hypothesis import Amount, Hypothesis, with_blocks, with_unknown
+from mor.diagnose.situation import Situation
 from mor.errors import InputError
 from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_blocks, with_unknown
-from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
-from mor.quality.hypotheses.situation import Situation
 from mor.sparse.cholesky import NotFiniteError
 
 _TRIED = 8
@@ -47,7 +46,7 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The heights that promise most."""
     if not situation.settled or not situation.begun or "height" not in situation.network.blocks:
         return []
-    sights = list(_sights(situation.network))[:_MOST]
+    sights = list(height_sights(situation.network))[:_MOST]
     if not sights:
         return []
     try:
@@ -60,8 +59,8 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
 
 
-def _sights(network: Network) -> Iterator[Sights]:
-    """All sets of rows that may share a wrong height: of sights from stations, or where heights are given."""
+def height_sights(network: Network) -> Iterator[Sights]:
+    """Yield all sets of rows that may share a wrong height: sights from stations, or sights with given heights."""
     sets: dict[tuple[str, tuple[str, ...]], list[tuple[int, IntArray, int]]] = {}
     stations = set(network.things["station"].ids) if "station" in network.things else set()
     free = network.blocks["height"].free[:, 0]

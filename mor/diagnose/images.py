@@ -9,13 +9,12 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.hypothesis import Amount, Hypothesis, with_group, with_observed
+from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values
 from mor.project.edge import ImageScale
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_group, with_observed
-from mor.quality.hypotheses.hypothesis import Amount, Hypothesis
-from mor.quality.hypotheses.situation import Situation
 
 Change = Callable[[FloatArray], FloatArray]
 

@@ -13,10 +13,9 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.hypothesis import Hypothesis, with_observed
+from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES, ObservationGroup
-from mor.quality.hypotheses.changes import with_observed
-from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
 
 _TRIED = 3
 _LINES = 100

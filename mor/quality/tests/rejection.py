@@ -8,10 +8,9 @@ import numpy as np
 
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
-from mor.quality.hypotheses.hypothesis import Fit
 from mor.quality.tests.group_tests import GroupTests, group_tests
 from mor.quality.tests.levels import sidak
-from mor.quality.tests.p_values import log_p_chi2, log_p_normal
+from mor.quality.tests.p_values import log_p_normal
 from mor.quality.tests.quadratic_form import Moments, log_tail
 
 LEVEL = 1e-3
@@ -57,9 +56,3 @@ def _largest(quality: Quality) -> float:
             largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
     count = quality.adjustment.problem.observations
     return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
-
-
-def nothing_is_left(fit: Fit) -> bool:
-    """True where chance explains the residuals that a change leaves."""
-    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
-    return bool(p[0] > np.log(LEVEL))

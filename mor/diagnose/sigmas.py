@@ -9,11 +9,10 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray
+from mor.diagnose.hypothesis import Hypothesis, with_group
+from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
-from mor.quality.hypotheses.changes import with_group
-from mor.quality.hypotheses.hypothesis import Hypothesis
-from mor.quality.hypotheses.situation import Situation
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)

@@ -10,7 +10,9 @@ import pytest
 
 from mor import pipeline
 from mor.adjustment.solve import Settings, adjust
-from mor.allowance import Allowance
+from mor.diagnose.circles import _given_unit, _is_on_circle
+from mor.diagnose.heights import _hypothesis, _reductions, height_sights
+from mor.diagnose.situation import Situation
 from mor.preparation import make_problem
 from mor.quality.gross_errors.description_length import (
     cost_of_choice,
@@ -19,11 +21,8 @@ from mor.quality.gross_errors.description_length import (
     sizes_of,
 )
 from mor.quality.gross_errors.reintersection import reintersected, slots_of_ends
-from mor.quality.hypotheses.mistakes.circles import _given_unit, _is_on_circle
-from mor.quality.hypotheses.mistakes.heights import _hypothesis, _reductions, _sights
-from mor.quality.hypotheses.rejection import Rejection, rejection
-from mor.quality.hypotheses.situation import Situation
 from mor.quality.solved import Solved
+from mor.quality.tests.rejection import Rejection, rejection
 from tests.scenarios.planted_mistakes.survey import survey
 from tests.scenarios.planted_mistakes.trial import trial
 from tests.scenarios.small_projects import LEVELLING, write
@@ -66,7 +65,7 @@ def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) ->
     solved = _solved(survey(name).write(tmp_path))
     assert solved.quality is not None
     assert rejection(solved.quality, solved.network) is Rejection.NOTHING
-    assert solved.causes == ()
+    assert solved.possible_causes == ()
 
 
 def test_a_rejected_network_with_checks(tmp_path: Path) -> None:
@@ -81,9 +80,9 @@ def test_a_rejected_network_with_checks(tmp_path: Path) -> None:
 def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Path) -> None:
     solved = _solved(survey("bridge").write(tmp_path))
     network, plain = solved.network, solved.adjustment
-    sights = [one for one in _sights(network) if one.things[0] in ("P4", "NE1")]
-    begin, effort = (lambda changed: changed.start), Allowance()
-    situation = Situation(network, plain.start, plain.values, plain, make_problem, begin, effort)
+    sights = [one for one in height_sights(network) if one.things[0] in ("P4", "NE1")]
+    begin = lambda changed: changed.start  # noqa: E731
+    situation = Situation(network, plain.start, plain.values, plain, make_problem, begin)
     promised = _reductions(adjust(plain.problem, plain.values, Settings(0)), sights)
     off = np.random.default_rng(1).normal(0.0, 1e-3, plain.values["point"].shape)
     free = plain.problem.index.blocks["point"].free

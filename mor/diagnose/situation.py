@@ -1,18 +1,19 @@
-"""Where hypotheses begin: the network, how its adjustment ended, and where most of its observations fit."""
+"""The starting point of a search: the network, how its adjustment ended, and values at which most observations fit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome
-from mor.allowance import Allowance, spend
+from mor.adjustment.state import Adjustment, Iteration, Outcome, Watcher
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.hypothesis import Fit
 from mor.errors import InputError
 from mor.observations import ObservationGroup
 from mor.parameters.index import Values
@@ -24,12 +25,16 @@ from mor.quality.gross_errors.description_length import (
     price_of_gross_error,
     sizes_of,
 )
+from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.gross_errors.reintersection import SUSPECT
-from mor.quality.hypotheses.effort import SMALL
-from mor.quality.hypotheses.hypothesis import Fit
 from mor.sparse.cholesky import NotFiniteError
 
+SMALL = 20_000
+"""Observations up to which graduated weights and intersections of single points take next to no time."""
+_ITERATIONS = 15
+_PATIENCE = 2
+"""Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
 
@@ -50,8 +55,6 @@ class Situation:
     """The adjustment, where there is one; suspects may be left out of it."""
     make: Make
     begin: Begin
-    effort: Allowance
-    """What looking for causes may take."""
     unstarted: frozenset[str] = frozenset()
     """Names of things without start values: what refers to them does not fit, and there is no place where most fit."""
 
@@ -181,7 +184,6 @@ class Situation:
 
 def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
     """Redundancy numbers (n, m) of every group, NaN where not observed or left out."""
-    spend(adjustment.plan.work)  # cofactors take about as long as an iteration
     return tuple(group.r for group in assess(adjustment).groups)
 
 
@@ -196,3 +198,68 @@ def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: floa
         cost_of_residuals(used, count) + cost,
         factor_of_sigmas(used),
     )
+
+
+def controlled_part(situation: Situation, changed: Network, after: Adjustment) -> float:
+    """Mean redundancy number of the changed observations, where most fit without the change and with it; 1 of none."""
+    masks = changed_observations(situation.network, changed)
+    parts = [_mean(situation.redundancy_numbers, masks), _mean(redundancy_numbers(after), masks)]
+    known = [part for part in parts if np.isfinite(part)]
+    return float(np.mean(known)) if known else 1.0
+
+
+def changed_observations(old: Network, new: Network) -> list[BoolArray]:
+    """(n, m) observations of every group that have another value or σ than before."""
+    pairs = zip(old.groups, new.groups, strict=True)
+    return [a.mask & ((a.observed != b.observed) | (a.sigma != b.sigma)) for a, b in pairs]
+
+
+def _mean(numbers: tuple[FloatArray, ...] | None, masks: list[BoolArray]) -> float:
+    if numbers is None:
+        return np.nan
+    chosen = np.concatenate([r[mask] for r, mask in zip(numbers, masks, strict=False)])
+    return float(np.nanmean(chosen)) if np.isfinite(chosen).any() else np.nan
+
+
+class HopelessError(Exception):
+    """An iteration that leads nowhere."""
+
+
+def attempt(problem: Problem, begin: Values) -> Adjustment:
+    """An adjustment that ends early where it leads nowhere.
+
+    Raises:
+        HopelessError: it does not come near to a solution as quickly as one that will.
+    """
+    with np.errstate(all="ignore"):
+        return adjust(problem, begin, Settings(_ITERATIONS), _impatient())
+
+
+def without_row(situation: Situation, group: int, row: int) -> Values:
+    """Where the others lead without a row; where most fit, if they have no solution."""
+    problem = situation.make(situation.network, situation.start, situation.values)
+    masks = [own.left_out.copy() for own in problem.groups]
+    masks[group][row] = True
+    try:
+        found = attempt(exclude(problem, masks), situation.values)
+    except (InputError, NotFiniteError, HopelessError):
+        return situation.values
+    return found.values if found.outcome.is_solution else situation.values
+
+
+def _impatient() -> Watcher:
+    """A watcher that ends an iteration which does not come near to a solution as quickly as one that will."""
+    seen: list[float] = []
+
+    def watch(iteration: Iteration) -> None:
+        seen.append(iteration.objective)
+        last = seen[-1 - _PATIENCE :]
+        slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))
+        if (
+            slow
+            and iteration.objective > 25.0 * max(iteration.redundancy, 1)
+            and iteration.largest_change > 1.0
+        ):
+            raise HopelessError
+
+    return watch

@@ -1,4 +1,4 @@
-"""Looking for causes takes a stated effort: what is not tried for it is told, and what is tried first is chosen."""
+"""The order in which hypotheses are tried."""
 
 from __future__ import annotations
 
@@ -8,26 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import allowance, pipeline
+from mor import pipeline
 from mor.adjustment.solve import adjust
-from mor.allowance import Allowance
-from mor.errors import ExitCode
+from mor.diagnose.circles import circle_hypotheses
+from mor.diagnose.hypothesis import with_observed
+from mor.diagnose.levelling import _reductions
+from mor.diagnose.names import _alone, _cost, _exchanged
+from mor.diagnose.search import promises
+from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import index_unknowns
 from mor.preparation import make_problem
 from mor.project.network.build import Network
-from mor.quality.hypotheses import effort
-from mor.quality.hypotheses.changes import with_observed
-from mor.quality.hypotheses.effort import allowed, times
-from mor.quality.hypotheses.mistakes.circles import circle_hypotheses
-from mor.quality.hypotheses.mistakes.levelling import _reductions
-from mor.quality.hypotheses.mistakes.station_alone import _alone, _cost, _exchanged
-from mor.quality.hypotheses.promise import promises
-from mor.quality.hypotheses.situation import Situation
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
 from mor.quality.solved import Solved
 from tests.scenarios.planted_mistakes.survey import Survey, survey
-from tests.scenarios.small_projects import mor
 
 
 def _network(of: Survey, folder: Path) -> Network:
@@ -37,9 +32,9 @@ def _network(of: Survey, folder: Path) -> Network:
 
 def _situation(solved: Solved) -> Situation:
     """That of a solved network, whatever fits or not."""
-    plain, effort = solved.adjustment, Allowance()
+    plain = solved.adjustment
     make = make_problem
-    return Situation(solved.network, plain.start, plain.values, plain, make, lambda n: n.start, effort)
+    return Situation(solved.network, plain.start, plain.values, plain, make, lambda n: n.start)
 
 
 def _elevations_at(station: str) -> Survey:
@@ -51,53 +46,10 @@ def _elevations_at(station: str) -> Survey:
     return bridge
 
 
-def _report(folder: Path) -> str:
-    """The text report as one line."""
-    return " ".join((folder / "project.results" / "report.txt").read_text(encoding="utf-8").split())
-
-
-def test_an_effort_is_that_of_some_adjustments_and_told_as_it_is_made() -> None:
-    told: list[int] = []
-    made = allowed(1000, lambda most: told.append(most) or told.append)  # type: ignore[func-returns-value]
-    assert made.most == told[0] == allowance.LEAST
-    assert times(1000) == allowance.LEAST // (allowance.ITERATIONS * allowance.of_iteration(1000))
-    with allowance.within(made):
-        allowance.spend(allowance.LEAST - 1)
-        assert made.is_left
-        with pytest.raises(allowance.SpentError):
-            allowance.spend(2)
-    assert not made.is_left
-    assert sum(told[1:]) == made.most
-    assert times(10_000_000) == 3
-    of_solution = allowance.LEAST // 5
-    assert allowed(1000, lambda _: told.append, of_solution).most == allowance.LEAST - of_solution
-    assert allowed(1000, lambda _: told.append, allowance.LEAST).most == 0.75 * allowance.LEAST
-
-
-@pytest.mark.slow
-def test_what_is_not_tried_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(effort, "LEAST", 0)
-    monkeypatch.setattr(allowance, "of_iteration", lambda *_: 200)
-    monkeypatch.setattr(effort, "of_iteration", lambda *_: 200)
-    bridge = survey("bridge")
-    for row in bridge.tables["distances.csv"]:
-        row["distance"] = f"{float(row['distance']) + 0.03:.4f}"
-    path = bridge.write(tmp_path)
-    run = mor("adjust", path, "--no-html")
-    assert run.code == ExitCode.DONE
-    report = _report(tmp_path)
-    assert "not tried: that would have taken longer than 3 adjustments of this size." in report
-    german = mor("adjust", path, "--no-html", "-f", "--lang", "de")
-    assert german.code == ExitCode.DONE
-    report = _report(tmp_path)
-    assert "nicht erprobt: das hätte länger gedauert als 3 Ausgleichungen dieser Größe." in report
-
-
 @pytest.mark.slow
 def test_the_station_with_elevations_for_zenith_angles_is_named(tmp_path: Path) -> None:
-    solved = pipeline.solve_network(_network(_elevations_at("P1"), tmp_path))
-    assert solved.found is not None
-    first = solved.found.offered[0].hypothesis
+    _, found = pipeline.diagnose_network(_network(_elevations_at("P1"), tmp_path), lambda _: True)
+    first = found.offered[0].hypothesis
     assert first.cause == "elevation for zenith"
     assert "P1" in first.things
 

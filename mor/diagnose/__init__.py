@@ -1,0 +1,1 @@
+"""Hypotheses about mistakes: score tests at the solution, and adjustments that try them."""

@@ -1,0 +1,606 @@
+"""Score tests of the usual mistakes at the solution: no further adjustment is made.
+
+A mistake adds p parameters x to the observation equations, l + v = f(X) + B x. B holds the derivatives of the computed
+observations with respect to x, or the change of the observations by a definite mistake (another sign, an exchanged
+name), for which x = 1. With the residuals v, their weights P and their cofactors Q_vv the Lagrange multiplier test is
+
+    T = gᵀ M⁻¹ g,    g = −BᵀPv,    M = BᵀPQ_vvPB,    x̂ = M⁻¹ g
+
+(C. R. Rao 1948; W. Baarda 1968 for one parameter). T is the decrease of vᵀPv to first order, and is χ² with p degrees
+of freedom if there is no such mistake. A definite mistake decreases vᵀPv by 2g − M.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.equations import evaluated
+from mor.adjustment.linearise import misclosures
+from mor.adjustment.problem import Problem
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.heights import Sights, height_sights
+from mor.geometry import tolerant
+from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
+from mor.observations.curvature import on_sphere
+from mor.parameters.index import Values
+from mor.project.network.build import Network
+from mor.quality.assess import Quality
+from mor.quality.gross_errors.description_length import cost_of_choice
+from mor.quality.plausibility.curvature import NOTED, largest_effect, sphere_under
+from mor.quality.reliability.whitened_rows import WhitenedRows, whitened_rows
+from mor.quality.solved import Amount, PossibleCause
+from mor.quality.tests.p_values import log_p_chi2
+from mor.quality.tests.test_statistics import CONTROLLED
+
+LEVEL = 1e-3
+"""Family-wise level of all score tests together."""
+OFFERED = 3
+_ENTRIES = 20_000_000
+"""Numbers (observations times parameters) that are held at a time."""
+_PAIRS = 12
+"""Flagged rows of a station or image of which all pairs are looked at, the worst first."""
+_JOINED = 12
+"""Mistakes of one kind that are joined to one cause."""
+
+
+class _Candidate(NamedTuple):
+    """A mistake as columns beside the observation equations."""
+
+    cause: str
+    things: tuple[str, ...]
+    line: str
+    parts: tuple[tuple[int, IntArray, FloatArray], ...]
+    """(group, rows (k,), derivatives (k, m, p)) of the observations it changes."""
+    definite: bool = False
+    """True if x is 1."""
+    amount: tuple[str, float] | None = None
+    """Name of the parameter and its present value, if it is reported."""
+    alike: int = 1
+    """How many candidates of the kind were looked through."""
+
+    @property
+    def parameters(self) -> int:
+        """p."""
+        return int(self.parts[0][2].shape[2])
+
+
+class _Scored(NamedTuple):
+    candidate: _Candidate
+    x: FloatArray
+    gain: float
+    """Decrease of vᵀPv to first order."""
+    length: float
+    """Gain less the cost of the choice of the candidate and of its parameters."""
+    log_p: float
+
+
+def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]:
+    """Return up to three mistakes that would explain what the tests of an adjustment reject, the best first.
+
+    They are possible causes, not verified ones. A mistake is named if its test rejects at the family-wise level
+    ``LEVEL`` and it explains more than the worst single observation does.
+    """
+    problem, values = quality.adjustment.problem, quality.adjustment.values
+    flagged = [flags.any(axis=1) for flags in quality.flagged]
+    candidates = list(_candidates(problem, network, values, quality, flagged))
+    if not candidates:
+        return ()
+    count = len(candidates)
+    scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
+    limit = float(np.log(LEVEL / count))
+    good = [one for one in scored if one.log_p < limit and one.length > _single(quality)]
+    good += [
+        one
+        for one in _joined(quality, candidates, count)
+        if one.log_p < limit and one.length > _single(quality)
+    ]
+    return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
+
+
+def _candidates(
+    problem: Problem, network: Network, values: Values, quality: Quality, flagged: Sequence[BoolArray]
+) -> Iterator[_Candidate]:
+    adjusted = [number for number, group in enumerate(problem.groups) if not group.left_out.all()]
+    for number in adjusted:
+        group = problem.groups[number]
+        yield from _instruments(problem, values, number, group)
+        yield from _interiors(problem, network, values, number, group, flagged[number])
+        yield from _signs(number, group, flagged[number])
+        yield from _units(network, number, group)
+        yield from _circles(values, number, group)
+        yield from _exchanges(values, number, group, quality)
+    yield from _heights(problem, network, values)
+    yield from _antennas(problem, network, values, adjusted)
+    yield from _control(problem, network, values, adjusted, flagged)
+    yield from _curvature(problem, network, values, adjusted)
+
+
+def _slot_columns(
+    group: ObservationGroup, values: Values, rows: IntArray, slot: int, components: Sequence[int]
+) -> FloatArray:
+    """(k, m, p) derivatives of the computed observations of some rows by components of a slot."""
+    found: FloatArray = np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)])
+    return found
+
+
+def _instruments(
+    problem: Problem, values: Values, number: int, group: ObservationGroup
+) -> Iterator[_Candidate]:
+    """Offset and scale of the distances of a table."""
+    slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "distance meter"]
+    if not slots or group.count < 3:
+        return
+    free = problem.index.blocks["distance meter"].free[group.blocks[slots[0]]]
+    rows = np.arange(group.count)
+    for name, component in (("scale", 0), ("offset", 1)):
+        if free[:, component].any():
+            continue
+        columns = _slot_columns(group, values, rows, slots[0], [component])
+        edm = f"{{edm: {{{name}: {{free: {1 - component}}}}}}}"
+        line = f"instruments: {edm}; observations, {group.name}: instrument: edm"
+        present = float(values["distance meter"][group.blocks[slots[0]][0], component])
+        yield _Candidate(
+            f"distance {name}",
+            (group.name,),
+            line,
+            ((number, rows, columns),),
+            amount=(name, present),
+        )
+
+
+def _interiors(
+    problem: Problem,
+    network: Network,
+    values: Values,
+    number: int,
+    group: ObservationGroup,
+    flagged: BoolArray,
+) -> Iterator[_Candidate]:
+    """Camera constant and principal point of a camera; the camera constant of single images."""
+    slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
+    if not slots or not is_image_point(group.type):
+        return
+    slot, kind = slots[0], group.type.slots[slots[0]].kind
+    names = problem.index.blocks[kind].kind.names
+    constant = [k for k, name in enumerate(names) if name in ("c", "fx", "fy")]
+    principal = [
+        k for k, name in enumerate(names) if name in ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
+    ]
+    images, cameras = network.things["image"], network.things["camera"]
+    camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
+    blocks = np.asarray(group.blocks[slot])
+    for block in np.unique(blocks).tolist():
+        rows, name = np.flatnonzero(blocks == block), camera_of.get(block, "")
+        free = problem.index.blocks[kind].free[block]
+        for cause, components, key in (
+            ("image scale", constant, names[constant[0]] if constant else ""),
+            ("pixel origin", principal, names[principal[0]] if principal else ""),
+        ):
+            held = [k for k in components if not free[k]]
+            if held:
+                columns = _slot_columns(group, values, rows, slot, held)
+                if cause == "image scale":
+                    columns = columns.sum(axis=2, keepdims=True)
+                line = f"cameras, {name}: interior: {{{key}: {{free: …}}}}"
+                amount = (key, float(values[kind][block, held[0]])) if cause == "image scale" else None
+                yield _Candidate(cause, (name,), line, ((number, rows, columns),), amount=amount)
+    if not constant or len(images.ids) < 2:
+        return
+    frames = np.array(list(group.references[0]))
+    for image in dict.fromkeys(frames[flagged].tolist()):
+        rows = np.flatnonzero(frames == image)
+        columns = _slot_columns(group, values, rows, slot, constant).sum(axis=2, keepdims=True)
+        yield _Candidate(
+            "camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),)
+        )
+
+
+def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
+    """Height differences and vectors that were booked in the other direction."""
+    if not group.type.between_marks or len(group.references) != 2:
+        return
+    for row in np.flatnonzero(flagged & ~group.left_out.any(axis=1)).tolist():
+        names = tuple(column[row] for column in group.references[:2])
+        rows = np.array([row])
+        change = 2.0 * np.nan_to_num(group.observed[rows])[:, :, None]
+        line = f"{_where(group, row)}: {names[1]} → {names[0]}"
+        cause = "levelling sign" if len(group.type.components) == 1 else "vector sign"
+        yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
+
+
+_LENGTHS = {"ft for m": 0.3048, "mm for m": 0.001, "cm for m": 0.01}
+"""Factors from the numbers as they were read to the numbers as they may be meant; their inverses as well."""
+
+
+def _units(network: Network, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
+    """Another unit of all lengths of a table; distances have a scale of their own."""
+    lengths = [c.quantity.length == 1 and not is_image_point(group.type) for c in group.type.components]
+    if not any(lengths) or group.count < 2 or not group.type.distances:
+        return
+    rows = np.arange(group.count)
+    for name, factor in _LENGTHS.items():
+        for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
+            change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
+            line = f"observations, {group.name}: units: {words.split()[0]}"
+            yield _Candidate(
+                "table unit", (group.name, words), line, ((number, rows, change),), definite=True
+            )
+
+
+def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
+    """Sense of a circle, zenith angles that are elevations, of the table and of each of its stations; faces."""
+    if not group.type.wraps.any() or group.type.distances is None:
+        return
+    stations = np.array(list(group.references[0]))
+    sets = [
+        ((name, group.name), np.flatnonzero(stations == name)) for name in dict.fromkeys(stations.tolist())
+    ]
+    if len(sets) > 1:
+        sets.append(((group.name,), np.arange(group.count)))
+    zenith = [k for k, c in enumerate(group.type.components) if c.name in ("zenith", "zenith_angle")]
+    for things, rows in sets:
+        observed = np.nan_to_num(group.observed[rows])
+        plain = np.nan_to_num(misclosures(group, values, rows))
+        if group.type.turns and len(rows) > 1:
+            column = group.type.turns[0]
+            change = np.zeros((*observed.shape, 1))
+            for name in dict.fromkeys(stations[rows].tolist()):
+                own = np.flatnonzero(stations[rows] == name)
+                other = plain[own, column] - 2.0 * observed[own, column]
+                turned = np.asarray(wrap(other - _middle(other)))
+                change[own, column, 0] = -(turned - plain[own, column])
+            line = f"observations, {things[0]}: axes: {{angles: …}}"
+            yield _Candidate("circle sense", things, line, ((number, rows, change),), True, alike=len(sets))
+        if zenith:
+            change = np.zeros((*observed.shape, 1))
+            change[:, zenith, 0] = -np.asarray(wrap(0.5 * np.pi - 2.0 * observed[:, zenith]))
+            line = f"observations, {things[0]}: type: directions"
+            yield _Candidate(
+                "elevation for zenith", things, line, ((number, rows, change),), True, alike=len(sets)
+            )
+
+
+def _middle(angles: FloatArray) -> float:
+    """The angle that most of them are near to."""
+    near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
+    return float(angles[int(np.argmin(near))])
+
+
+def _exchanges(
+    values: Values, number: int, group: ObservationGroup, quality: Quality
+) -> Iterator[_Candidate]:
+    """Pairs of rows of an image or a station whose targets were exchanged."""
+    if len(group.references) != 2 or group.type.between_marks:
+        return
+    target = group.type.references[-1].name
+    slots = [k for k, slot in enumerate(group.type.slots) if slot.of == target]
+    worst = np.nan_to_num(np.abs(quality.reliability[number].at(slice(None)).test)).max(axis=1, initial=0.0)
+    flagged = quality.flagged[number].any(axis=1)
+    frames = np.array(list(group.references[0]))
+    for frame in dict.fromkeys(frames[flagged].tolist()):
+        here = np.flatnonzero((frames == frame) & flagged)
+        here = here[np.argsort(-worst[here], kind="stable")][:_PAIRS]
+        pairs = np.array(list(combinations(here.tolist(), 2))).reshape(-1, 2)
+        if not len(pairs):
+            continue
+        rows = pairs.ravel()
+        partner = pairs[:, ::-1].ravel()
+        blocks = [
+            values[slot.kind][own[partner if k in slots else rows]]
+            for k, (slot, own) in enumerate(zip(group.type.slots, group.blocks, strict=True))
+        ]
+        computed = group.type.equation(blocks, group.constants[rows]).values
+        change = computed - evaluated(group, values, rows).values
+        wraps = group.type.wraps
+        change[:, wraps] = wrap(change[:, wraps])
+        change = np.nan_to_num(change)
+        for k, pair in enumerate(pairs):
+            names = [group.references[-1][int(row)] for row in pair]
+            if names[0] == names[1]:
+                continue
+            line = f"{_where(group, int(pair[0]))}: {names[1]}; {_where(group, int(pair[1]))}: {names[0]}"
+            part = (number, pair, change[2 * k : 2 * k + 2, :, None])
+            yield _Candidate(
+                "names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs)
+            )
+
+
+def _heights(problem: Problem, network: Network, values: Values) -> Iterator[_Candidate]:
+    """Heights of instruments and targets at set-ups."""
+    if "height" not in problem.index.blocks:
+        return
+    for one in height_sights(network):
+        if any(rows[-1] >= problem.groups[number].count for number, rows, _ in one.rows):
+            continue
+        parts = tuple(
+            (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
+            for number, rows, slot in one.rows
+        )
+        yield _Candidate(
+            one.cause, one.things, _height_line(one), parts, amount=("height", _given(network, one))
+        )
+
+
+def _height_line(one: Sights) -> str:
+    what = "stations, {}: height" if one.cause == "instrument height" else "observations, to {}: to_height"
+    return what.format(", from ".join(one.things))
+
+
+def _given(network: Network, one: Sights) -> float:
+    number, rows, slot = one.rows[0]
+    return float(network.start["height"][network.groups[number].blocks[slot][rows[0]], 0])
+
+
+def _antennas(
+    problem: Problem, network: Network, values: Values, adjusted: Sequence[int]
+) -> Iterator[_Candidate]:
+    """Height of the antenna at a point in all vectors to and from it."""
+    numbers = [k for k in adjusted if problem.groups[k].type == PLAIN_TYPES["vector"]]
+    points = {name for k in numbers for column in problem.groups[k].references[:2] for name in column}
+    for name in sorted(points):
+        parts = []
+        for k in numbers:
+            group = problem.groups[k]
+            for slot, own in enumerate(group.type.slots):
+                if own.part != "position":
+                    continue
+                column = group.references[[r.name for r in group.type.references].index(own.of)]
+                rows = np.flatnonzero([n == name for n in column])
+                if len(rows):
+                    parts.append((k, rows, _slot_columns(group, values, rows, slot, [2])))
+        line = f"observations, vectors at {name}: antenna height"
+        yield _Candidate("antenna height", (name,), line, tuple(parts), amount=("height", 0.0))
+
+
+def _control(
+    problem: Problem,
+    network: Network,
+    values: Values,
+    adjusted: Sequence[int],
+    flagged: Sequence[BoolArray],
+) -> Iterator[_Candidate]:
+    """Control points with wrong coordinates, and pairs of them exchanged."""
+    ids = problem.index.blocks["point"].ids
+    for k in adjusted:
+        group = problem.groups[k]
+        if group.type.key not in ("observed/point", "coordinates"):
+            continue
+        points = np.asarray(group.blocks[0])
+        for row in np.flatnonzero(flagged[k]).tolist():
+            seen = np.flatnonzero(group.mask[row] & ~group.left_out[row])
+            unit = np.zeros((1, group.observed.shape[1], len(seen)))
+            unit[0, seen, np.arange(len(seen))] = 1.0
+            name = ids[points[row]]
+            line = f"points, {name}: x, y, z"
+            yield _Candidate("control moved", (name,), line, ((k, np.array([row]), unit),), alike=group.count)
+        rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))[:_PAIRS]
+        for pair in combinations(rows.tolist(), 2):
+            one, other = np.array(pair)
+            change = group.observed[[one, other]] - group.observed[[other, one]]
+            names = (ids[points[one]], ids[points[other]])
+            yield _Candidate(
+                "control exchanged",
+                names,
+                f"points: {names[0]} ↔ {names[1]}",
+                ((k, np.array(pair), change[:, :, None]),),
+                definite=True,
+                alike=max(len(rows) * (len(rows) - 1) // 2, 1),
+            )
+    free = problem.index.blocks["point"].free
+    fixed: dict[int, list[tuple[int, IntArray, FloatArray]]] = {}
+    for k in adjusted:
+        group = problem.groups[k]
+        for slot, own in enumerate(group.type.slots):
+            if own.kind != "point" or own.part != "position":
+                continue
+            blocks = np.asarray(group.blocks[slot])
+            doubtful = np.unique(blocks[flagged[k]])
+            for point in doubtful[~free[doubtful].any(axis=1)].tolist():
+                rows = np.flatnonzero(blocks == point)
+                fixed.setdefault(point, []).append(
+                    (k, rows, _slot_columns(group, values, rows, slot, (0, 1, 2)))
+                )
+    for point, parts in fixed.items():
+        yield _Candidate("control moved", (ids[point],), f"points, {ids[point]}: x, y, z", tuple(parts))
+
+
+def _curvature(
+    problem: Problem, network: Network, values: Values, adjusted: Sequence[int]
+) -> Iterator[_Candidate]:
+    """Verticals that are not parallel."""
+    effect = largest_effect(network, values)
+    if effect is None or effect.in_sigma < NOTED:
+        return
+    sphere, parts = sphere_under(network, values), []
+    for k in adjusted:
+        group = problem.groups[k]
+        bent = replace(group, type=on_sphere(group.type, sphere, network.edge.metres))
+        if bent.type is group.type:
+            continue
+        rows = np.arange(group.count)
+        change = evaluated(bent, values, rows).values - evaluated(group, values, rows).values
+        change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
+        parts.append((k, rows, np.nan_to_num(change)[:, :, None]))
+    if parts:
+        yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
+
+
+def _where(group: ObservationGroup, row: int) -> str:
+    """File and line of a row, or the name of its table."""
+    if len(group.lines) > row:
+        return f"{group.file}:{int(group.lines[row])}"
+    return f"{group.name}, {', '.join(names[row] for names in group.references)}"
+
+
+def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:
+    """Candidates together as far as their columns fit into memory."""
+    most = max(_ENTRIES // max(quality.adjustment.problem.observations, 1), 1)
+    chunk: list[_Candidate] = []
+    width = 0
+    for one in candidates:
+        if chunk and width + one.parameters > most:
+            yield chunk
+            chunk, width = [], 0
+        chunk.append(one)
+        width += one.parameters
+    yield chunk
+
+
+def _scores(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
+    rows = _rows(quality, candidates)
+    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
+    z = np.concatenate([_columns(quality, rows, one) for one in candidates], axis=1)
+    answer = rows.residuals_of(z)
+    found, first = [], 0
+    for one in candidates:
+        mine = slice(first, first + one.parameters)
+        first += one.parameters
+        scored = _score(quality, one, z[:, mine], answer[:, mine], residuals, count)
+        if scored is not None:
+            found.append(scored)
+    return found
+
+
+def _score(
+    quality: Quality, one: _Candidate, z: FloatArray, answer: FloatArray, residuals: FloatArray, count: int
+) -> _Scored | None:
+    g, M, whole = -z.T @ residuals, z.T @ answer, z.T @ z
+    size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    scaled = tolerant.eigvalsh(M / np.outer(size, size))
+    if not np.isfinite(M).all() or not np.diag(whole).all() or scaled[0] <= CONTROLLED:
+        return None
+    if one.definite:
+        x = np.ones(1)
+        gain = float(2.0 * g[0] - M[0, 0])
+    else:
+        x = np.asarray(tolerant.solve(M, g))
+        gain = float(g @ x)
+    if gain <= 0.0:
+        return None
+    p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))
+    parameters = 0 if one.definite else one.parameters
+    cost = cost_of_choice(quality.adjustment.problem.observations, count, parameters, 0.0)
+    return _Scored(one, x, gain, gain - cost, float(p[0]))
+
+
+def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
+    """The observations that candidates change, with all that these are correlated with."""
+    chosen = [np.zeros(group.observed.shape, dtype=bool) for group in quality.adjustment.problem.groups]
+    for one in candidates:
+        for number, rows, _ in one.parts:
+            chosen[number][rows] = True
+    for cluster in quality.adjustment.plan.clusters:
+        places = list(zip(cluster.groups, cluster.rows, cluster.components, strict=True))
+        if any(chosen[g][r, c] for g, r, c in places):
+            for g, r, c in places:
+                chosen[g][r, c] = True
+    groups = quality.adjustment.problem.groups
+    used = [mask & group.mask & ~group.left_out for mask, group in zip(chosen, groups, strict=True)]
+    return whitened_rows(quality, used)
+
+
+def _columns(quality: Quality, rows: WhitenedRows, one: _Candidate) -> FloatArray:
+    """(N, p) whitened columns of a candidate."""
+    groups = quality.adjustment.problem.groups
+    columns = []
+    for parameter in range(one.parameters):
+        arrays = [np.zeros(group.observed.shape) for group in groups]
+        for number, own, derivatives in one.parts:
+            np.add.at(arrays[number], own, derivatives[:, :, parameter])
+        columns.append(rows.whitened(arrays))
+    return np.stack(columns, axis=1)
+
+
+def _single(quality: Quality) -> float:
+    """What the worst observation alone explains, less the cost of its choice and of its size."""
+    worst = max(
+        (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
+        default=0.0,
+    )
+    observations = quality.adjustment.problem.observations
+    return max(worst**2 - cost_of_choice(observations, observations, 1, 0.0), 0.0)
+
+
+_TOGETHER = ("levelling sign", "vector sign", "camera of images", "antenna height", "control moved")
+"""Causes of which several may have come together: the same person, the same day."""
+
+
+def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
+    """Mistakes of one kind together: one after the other, as long as each shortens the description."""
+    found = []
+    for cause in _TOGETHER:
+        some = [one for one in candidates if one.cause == cause]
+        if len(some) < 2 or len(some) * quality.adjustment.problem.observations > _ENTRIES:
+            continue
+        chosen = _greedy(quality, some, count)
+        if len(chosen) > 1:
+            parts = tuple(part for one in chosen for part in one.candidate.parts)
+            things = tuple(dict.fromkeys(name for one in chosen for name in one.candidate.things))
+            lines = "; ".join(one.candidate.line for one in chosen)
+            together = chosen[0].candidate._replace(things=things, line=lines, parts=parts, amount=None)
+            gain = sum(one.gain for one in chosen)
+            freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
+            p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
+            length = sum(one.length for one in chosen)
+            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0])))
+    return found
+
+
+def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_Scored]:
+    """The candidates that gain most, each beside those chosen before it."""
+    rows = _rows(quality, some)
+    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
+    z = [_columns(quality, rows, one) for one in some]
+    ends = np.cumsum([own.shape[1] for own in z])[:-1]
+    answer = np.split(rows.residuals_of(np.concatenate(z, axis=1)), ends, axis=1)
+    chosen: list[_Scored] = []
+    left = list(range(len(some)))
+    while left and len(chosen) < _JOINED:
+        scores = {k: _score(quality, some[k], z[k], answer[k], residuals, count) for k in left}
+        best = max(left, key=lambda k: one.length if (one := scores[k]) is not None else -np.inf)
+        one = scores[best]
+        if one is None or one.length <= 0.0:
+            break
+        chosen.append(one)
+        left.remove(best)
+        residuals = residuals + answer[best] @ one.x
+        if not some[best].definite:  # its parameters are estimated together with those of the others
+            inverse = tolerant.inv(z[best].T @ answer[best])
+            for k in left:
+                answer[k] = answer[k] - answer[best] @ (inverse @ (answer[best].T @ z[k]))
+    return chosen
+
+
+def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
+    """The best first, without those that explain a part of what a better one of the same kind explains."""
+    found: list[_Scored] = []
+    for one in sorted(good, key=lambda one: -one.length):
+        inside = any(
+            one.candidate.cause == other.candidate.cause
+            and set(one.candidate.things) <= set(other.candidate.things)
+            for other in found
+        )
+        if not inside:
+            found.append(one)
+    return found
+
+
+def _cause(network: Network, one: _Scored) -> PossibleCause:
+    candidate, amount = one.candidate, None
+    if candidate.amount is not None and not candidate.definite:
+        name, present = candidate.amount
+        amount = Amount(name, present + float(one.x[0]))
+    return PossibleCause(
+        candidate.cause,
+        candidate.things,
+        candidate.line,
+        one.gain,
+        candidate.parameters,
+        float(one.log_p / np.log(10.0)),
+        amount,
+    )

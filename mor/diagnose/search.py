@@ -1,0 +1,470 @@
+"""Search for likely mistakes in a rejected network by re-adjusting it under each hypothesis.
+
+Hypotheses come in stages, in each the most promising first. Each one is tried by changing the network and adjusting
+it. Hypotheses are ranked by description length; those that are better than none at the level 0.001, the number of
+candidates counted in, are offered. None is applied.
+
+The order of hypotheses about whole groups follows how well start values fit with them: Σ ln max(s, 1) − ln |dl'/dl|
+with s = |v|/σ, over the observations whose start values are all given. A change of observations that fit already is
+less likely, unless it changes the start values too: coordinates that were given twice, as observations and as start
+values, fit in any unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.adjustment.linearise import misclosures
+from mor.adjustment.problem import Problem
+from mor.adjustment.state import Adjustment, Outcome
+from mor.arrays import BoolArray, FloatArray
+from mor.diagnose.circles import circle_hypotheses, face_hypotheses
+from mor.diagnose.control import control_hypotheses, exchange_hypotheses
+from mor.diagnose.curvature import curvature_hypotheses
+from mor.diagnose.distances import distance_hypotheses
+from mor.diagnose.heights import height_hypotheses
+from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn, Hypothesis, Offered, Trial
+from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses
+from mor.diagnose.levelling import levelling_hypotheses
+from mor.diagnose.names import name_hypotheses
+from mor.diagnose.sigmas import sigma_hypotheses
+from mor.diagnose.situation import (
+    SMALL,
+    Begin,
+    HopelessError,
+    Make,
+    Situation,
+    attempt,
+    changed_observations,
+    controlled_part,
+    fit_of,
+)
+from mor.errors import InputError
+from mor.parameters.index import Values, all_known, with_shared_components
+from mor.project.network.build import Network
+from mor.quality.assess import Quality
+from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals, sizes_of
+from mor.quality.gross_errors.exclusion import exclude
+from mor.quality.gross_errors.graduated_weights import graduated_weights
+from mor.quality.gross_errors.reintersection import reintersected
+from mor.quality.tests.p_values import log_p_chi2
+from mor.quality.tests.rejection import LEVEL, Rejection
+from mor.sparse.cholesky import NotFiniteError
+
+OFFERED = 5
+_ABSURD, _LESS = 10.0, 0.3
+"""Factor of all σ that nobody errs by, and part of it that is less."""
+_RIVAL = 0.5
+"""Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
+_BY_CHANCE = float(-2.0 * np.log(LEVEL))
+"""By how much chance may make a description shorter, in units of χ²."""
+Family = Callable[[Situation], list[Hypothesis]]
+OF_ROWS: tuple[Family, ...] = (levelling_hypotheses, name_hypotheses, exchange_hypotheses, face_hypotheses)
+"""Families that change a few observations or points: what explains everything so has no rival among the others."""
+OF_UNKNOWNS: tuple[Family, ...] = (
+    distance_hypotheses,
+    height_hypotheses,
+    camera_constant_hypotheses,
+)
+OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
+OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
+OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses)
+"""Families that change all of a group, an image or a station: asked only where as much does not fit."""
+
+
+class Tried(NamedTuple):
+    """A hypothesis whose adjustment has a solution."""
+
+    hypothesis: Hypothesis
+    fit: Fit
+    promised: float
+    """By how much the start values speak for it; 0 where that was not asked."""
+
+
+def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagnosis:
+    """Try hypotheses one after the other until all are tried, or ``go_on`` says no."""
+    found: list[Tried] = []
+    trials: list[Trial] = []
+    untried, explained, done = 0, -np.inf, False
+    for stage in _stages(situation):
+        for hypothesis, promised in _of_stage(situation, stage):
+            if promised < _RIVAL * explained:
+                continue
+            if untried or not go_on(hypothesis):
+                untried += 1
+                continue
+            fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
+            trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+            if fit is None:
+                continue
+            found.append(Tried(hypothesis, fit, promised))
+            if nothing_is_left(fit) and stage is not OF_SIGMAS:  # with large σ nothing is ever left
+                done = True
+                explained = max(explained, promised) if stage is OF_A_WHOLE else explained
+        if stage is OF_ROWS and done:
+            break
+    return Diagnosis(before, _offered(situation, before, found), tuple(trials), untried)
+
+
+def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
+    """Families that are asked together: those of a whole first where most observations do not fit, else last."""
+    if not situation.larger:
+        return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
+    if not situation.settled:
+        return OF_SIGMAS, OF_A_WHOLE
+    if situation.most_do_not_fit:
+        return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+
+
+def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:
+    """The different hypotheses of some families, and what they promise; 0 where that is not asked.
+
+    Changes of a whole come with the most promising first; where nothing as large is seen to be wrong, those alone that
+    the start values speak for.
+    """
+    different: dict[tuple[str, tuple[str, ...]], Hypothesis] = {}
+    for family in stage:
+        for hypothesis in family(situation):
+            different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
+    found = list(different.values())
+    if stage is not OF_A_WHOLE or not found:
+        return [(hypothesis, 0.0) for hypothesis in found]
+    promised = promises(situation, found)
+    seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
+    least = -np.inf if seen else _BY_CHANCE
+    order = np.argsort(-promised, kind="stable").tolist()
+    return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
+
+
+def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[Offered, ...]:
+    """Those that are better than none by more than chance, the best first."""
+    good = _in_order(situation, [one for one in found if _is_good(situation, before, one.fit)])
+    if good and nothing_is_left(good[0].fit):  # then what explains much less is no rival
+        least = _RIVAL * _gain(situation, good[0].fit)
+        good = [one for one in good if _gain(situation, one.fit) >= least]
+    return tuple(
+        Offered(
+            one.hypothesis,
+            before.told,
+            before.freedom,
+            one.fit.omega,
+            one.fit.freedom,
+            _gain(situation, one.fit),
+            one.hypothesis.amount_at(one.fit.values),
+        )
+        for one in good[:OFFERED]
+    )
+
+
+def _in_order(situation: Situation, good: list[Tried]) -> list[Tried]:
+    """The shortest description first; of those that chance may put before it, what the start values speak for."""
+    by_gain = sorted(good, key=lambda one: -_gain(situation, one.fit))
+    alike = [
+        one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE
+    ]
+    told = sorted(alike, key=lambda one: -one.promised if one.promised > _BY_CHANCE else 0.0)
+    return [*told, *by_gain[len(alike) :]]
+
+
+def nothing_is_left(fit: Fit) -> bool:
+    """True where chance explains the residuals that a change leaves."""
+    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
+    return bool(p[0] > np.log(LEVEL))
+
+
+def _gain(situation: Situation, fit: Fit) -> float:
+    return float(situation.fit.length - fit.length)
+
+
+def _is_good(situation: Situation, before: Before, fit: Fit) -> bool:
+    """True where a change is better than none by more than chance."""
+    return (
+        _gain(situation, fit) > _BY_CHANCE and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
+    )
+
+
+def _before(situation: Situation, plain: Adjustment) -> Before:
+    freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
+    objective = plain.normals.objective
+    compared = objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
+    return Before(objective, compared, freedom)
+
+
+class Ended(NamedTuple):
+    """How the adjustment of a network ended, in which something is wrong."""
+
+    plain: Adjustment
+    """That of all observations."""
+    solution: Adjustment | None
+    """The adjustment there is in the end, without suspects it may be."""
+    quality: Quality | None
+    """That of the solution."""
+    rejected: Rejection = Rejection.LARGER
+    led: Values | None = None
+    """Where graduated weights lead from the start values of the plain one, where that is known."""
+
+
+def causes(
+    network: Network,
+    start: Values,
+    ended: Ended,
+    make: Make,
+    begin: Begin,
+    go_on: GoOn,
+) -> Diagnosis:
+    """Search for mistakes in a network whose plain adjustment did not end well, or is rejected.
+
+    ``start`` has the start values of the whole network, also of what was left out of the adjustment.
+    """
+    plain, solution = ended.plain, ended.solution
+    if not plain.problem.index.count:
+        return NOTHING_FOUND
+    whole = _is_of_all(plain, network)
+    if ended.rejected is Rejection.SMALLER and solution is not None:
+        values = solution.values if whole else _graduated(make(network, start, start), start)
+        there = solution if whole else None
+        situation = Situation(network, start, values, there, make, begin, larger=False)
+        return possible_causes(situation, _before(situation, plain), go_on)
+    useless = plain.outcome is Outcome.CONVERGED and ended.quality is None  # no number of it can be relied on
+    if not useless and plain.outcome is Outcome.SINGULAR and not plain.iterations:
+        situation = Situation(network, start, start, None, make, begin, settled=False)
+        if fit_of(make(network, start, start), start, 0, situation.count).scale <= _ABSURD:
+            return NOTHING_FOUND  # something is missing, a datum say; nothing contradicts anything
+        before = _before(situation, plain)
+        return possible_causes(situation, before._replace(compared=situation.fit.omega), go_on)
+    if not whole:
+        solution = None  # of a network without some of its things: what is wrong may be with them
+        values = _graduated(make(network, start, start), start)
+    else:
+        values = _where_most_fit(plain, solution, ended.led)
+    situation = Situation(network, start, values, solution, make, begin)
+    return possible_causes(situation, _before(situation, plain), go_on)
+
+
+def _is_of_all(plain: Adjustment, network: Network) -> bool:
+    """False where an adjustment is without some of the things of a network, or has points of it at infinity."""
+    adjusted = plain.problem.groups[: len(network.groups)]
+    return [group.count for group in adjusted] == [group.count for group in network.groups]
+
+
+def causes_without_start(
+    network: Network,
+    unstarted: Iterable[str],
+    make: Make,
+    begin: Begin,
+    go_on: GoOn,
+) -> Diagnosis:
+    """Search for changes that give start values to a network that has none for the objects named ``unstarted``."""
+    start = network.start
+    names = frozenset(unstarted)
+    situation = Situation(network, start, start, None, make, begin, names, settled=False)
+    return possible_causes(situation, Before(np.nan, np.inf, 0), go_on)
+
+
+def _is_an_explanation(fit: Fit, without: Fit) -> bool:
+    """False where half of all residuals stay absurd, and hardly become smaller: an iteration that ended elsewhere."""
+    return fit.scale <= max(_ABSURD, _LESS * without.scale)
+
+
+def _nearer(fit: Fit, before: Before) -> bool:
+    """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
+    if fit.omega <= before.compared:
+        return bool(before.compared - fit.omega > _BY_CHANCE)
+    ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
+    after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
+    return bool(after < now)
+
+
+def _graduated(problem: Problem, begin: Values) -> Values:
+    with np.errstate(all="ignore"):
+        return graduated_weights(problem, begin).values
+
+
+def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values | None) -> Values:
+    """The solution, or where graduated weights lead from the start values or from it: what costs least."""
+    problem = plain.problem
+    if solution is not None and problem.observations > SMALL:
+        return solution.values
+    known = [plain.values] if solution is None else [solution.values]
+    if solution is plain:
+        known.append(_graduated(problem, plain.values))
+    if solution is None or solution is plain:
+        known.append(_graduated(problem, plain.start) if led is None else led)
+    costs = [cost_of_residuals(sizes_of(problem.groups, values), problem.observations) for values in known]
+    best = known[int(np.argmin(costs))]
+    if problem.observations > SMALL:
+        return best
+    return reintersected(problem, best, sizes_of(problem.groups, best))
+
+
+_AS_EXPECTED = 2.0
+"""vᵀPv over its degrees of freedom up to which no other beginning is tried."""
+
+
+def tried(
+    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
+) -> Fit | None:
+    """How the network fits with the change; nothing where its adjustment does not converge.
+
+    ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
+    that the given ones speak for it clearly.
+    """
+    network = hypothesis.change(situation.network)
+    best: Fit | None = None
+    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
+        found = _adjusted(situation, network, begin, hypothesis)
+        if found is None:
+            continue
+        fit = _fit(situation, network, hypothesis, found)
+        if best is None or fit.length < best.length:
+            best = fit
+        if best.omega <= _AS_EXPECTED * best.freedom:
+            break
+    return best
+
+
+def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> Fit:
+    """How an adjustment of the changed network fits, the choice of the change counted in."""
+    values, defect = found.values, found.defect.datum.shape[1]
+    lost = 0 if situation.solution is None else situation.defect - defect
+    stretch = hypothesis.stretch
+    if stretch:
+        stretch *= controlled_part(situation, network, found)
+    cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
+    return fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
+
+
+def _beginnings(
+    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool
+) -> Iterator[Values]:
+    """Where to begin: where most observations fit; for what is not local, at new start values, too.
+
+    Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
+    """
+    missing = False
+    if situation.begun:
+        here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
+        open_ = dict(here)
+        for kind, blocks in hypothesis.anew.items():
+            given = network.start[kind][blocks]
+            told: BoolArray = np.asarray(np.isfinite(given.reshape(len(given), -1)).all(axis=1))
+            here[kind], open_[kind] = here[kind].copy(), here[kind].copy()
+            here[kind][blocks[told]] = open_[kind][blocks[told]] = given[told]
+            open_[kind][blocks[~told]] = np.nan
+            missing |= not told.all()
+        yield with_shared_components(network.blocks, here)
+        if missing:  # worked out from all else, which is known
+            begin = situation.begin(replace(network, start=open_))
+            if begin is not None:
+                yield begin
+    known = all_known(network.start)
+    # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees. A station
+    # or an image that was placed anew needs no other ones.
+    afresh &= hypothesis.afresh and (
+        spoken_for
+        or situation.most_do_not_fit
+        or (not missing and _most_of_it_does_not_fit(situation, network))
+    )
+    if not hypothesis.rows and (afresh or known or not situation.begun):
+        begin = situation.begin(network)
+        if begin is not None:
+            yield begin
+
+
+def _most_of_it_does_not_fit(situation: Situation, network: Network) -> bool:
+    """True where half of the rows that are changed do not fit as they are."""
+    count = bad = 0
+    changed = changed_observations(situation.network, network)
+    for mask, misfitting in zip(changed, situation.misfitting, strict=False):
+        rows = mask.any(axis=1)
+        count += int(np.count_nonzero(rows))
+        bad += int(np.count_nonzero(rows & misfitting.any(axis=1)))
+    return 2 * bad > count
+
+
+def _adjusted(
+    situation: Situation, network: Network, begin: Values, hypothesis: Hypothesis
+) -> Adjustment | None:
+    """The adjustment of the changed network.
+
+    With a change of few observations the others that do not fit are left out.
+    """
+    try:
+        problem = situation.make(network, begin, begin)
+        if hypothesis.rows:
+            out = [mask.copy() for mask in situation.misfitting]
+            for group, row in hypothesis.rows:
+                out[group][row] = False
+            masks = [o | g.left_out for o, g in zip(out, problem.groups, strict=True)]
+            found = attempt(exclude(problem, masks), begin)
+            if found.outcome.is_solution:
+                return _with_all(situation, problem, found)
+        found = attempt(problem, begin)
+    except (InputError, NotFiniteError, HopelessError):
+        return None
+    return found if found.outcome.is_solution else None
+
+
+def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Adjustment:
+    """The adjustment of all observations from there, where it converges and does not go anywhere else."""
+    try:
+        found = attempt(problem, reduced.values)
+    except (NotFiniteError, HopelessError):
+        return reduced
+    costs = [
+        cost_of_residuals(sizes_of(problem.groups, v), situation.count)
+        for v in (found.values, reduced.values)
+    ]
+    kept = found.outcome.is_solution and costs[0] <= costs[1] + 1.0
+    return found if kept else reduced
+
+
+def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
+    """Values (n, …) with those of blocks that were added."""
+    return values if len(values) == len(start) else np.concatenate([values, start[len(values) :]])
+
+
+_FITS = 2.0
+"""ln of how much less likely it is that an observation is wrong where it fits."""
+
+
+def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArray:
+    """(k,) what hypotheses promise; 0 where start values and residuals say nothing of it."""
+    network = situation.network
+    now = _misfit(network)
+    promised = []
+    for hypothesis in hypotheses:
+        changed = hypothesis.change(network)
+        own = hypothesis.stretch - _FITS * _fitting(situation, changed)
+        follow = changed.start is not network.start  # start values that were observed fit in any unit
+        promised.append(now - _misfit(changed) + (0.0 if follow else own))
+    return np.array(promised)
+
+
+def _fitting(situation: Situation, changed: Network) -> int:
+    """How many observations fit, and are changed."""
+    count = 0
+    groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
+    for old, new, bad in groups:
+        if old is not new:
+            count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
+    return count
+
+
+def _misfit(network: Network) -> float:
+    """Σ ln max(s, 1) over the observations that the given start values are enough for."""
+    return sum(_of_group(network, number) for number in range(len(network.groups)))
+
+
+def _of_group(network: Network, number: int) -> float:
+    group = network.groups[number]
+    if not group.count or any(slot.kind not in network.start for slot in group.type.slots):
+        return 0.0
+    with np.errstate(all="ignore"):
+        sizes: FloatArray = np.abs(misclosures(group, network.start)) / group.given_sigma
+    return float(np.sum(np.log(np.maximum(sizes[np.isfinite(sizes)], 1.0))))

@@ -1,1 +1,0 @@
-"""The mistakes that people make, one file for what they are made with."""
