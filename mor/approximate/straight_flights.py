@@ -146,7 +146,8 @@ def _solved(design: FloatArray, right: FloatArray) -> FloatArray | None:
     values = tolerant.singular_values(design / size)
     if len(design) < len(size) or not values[-1] > _LEAST_SINGULAR * values[0]:
         return None
-    return tolerant.lstsq(design / size, right, rcond=_LEAST_SINGULAR) / size
+    solution: FloatArray = tolerant.lstsq(design / size, right, rcond=_LEAST_SINGULAR) / size
+    return solution
 
 
 def _rms(wrong: FloatArray) -> float:

@@ -31,7 +31,7 @@ def principal_rows(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     By the triangle of QR: the left vectors of ten thousand rows, which nobody asks for, would fill the memory.
     """
-    triangle = np.linalg.qr(matrix, mode="r") if len(matrix) > matrix.shape[1] else matrix
+    triangle = np.asarray(np.linalg.qr(matrix, mode="r")) if len(matrix) > matrix.shape[1] else matrix
     _, found, right = tolerant.svd(triangle, full_matrices=True)
     values = np.zeros(matrix.shape[1])
     values[: len(found)] = found
