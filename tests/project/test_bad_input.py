@@ -23,7 +23,7 @@ def test_folder_instead_of_project_file(tmp_path: Path) -> None:
     run = mor("adjust", tmp_path)
     assert run.code == 2
     assert run.err.startswith(f"{tmp_path}: ")
-    assert "folder, expected" in run.err
+    assert "folder without a project file, expected" in run.err
     assert mor("adjust", ".").code == 2
 
 

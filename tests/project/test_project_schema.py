@@ -51,7 +51,8 @@ def test_a_new_project_fits_and_tells_editors_its_schema(tmp_path: Path) -> None
     shutil.copy(SAMPLES / "facade" / "image_points.csv", tmp_path)
     project = tmp_path / "p.yaml"
     (tmp_path / "mor.schema.json").write_text('{"title": "of an older version"}')
-    assert mor("new", project, tmp_path / "image_points.csv", "-c", "28").code == 0
+    assert mor("new", project, tmp_path / "image_points.csv", "-c", "28").code == 2
+    assert mor("new", project, tmp_path / "image_points.csv", "-c", "28", "--force").code == 0
     first = project.read_text().splitlines()[0]
     assert first == "# yaml-language-server: $schema=mor.schema.json"
     assert (tmp_path / "mor.schema.json").read_text() == project_schema()

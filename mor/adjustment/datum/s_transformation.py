@@ -18,6 +18,7 @@ import numpy as np
 from mor.adjustment.datum.defect import similarities
 from mor.adjustment.problem import Datum, Problem
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.geometry import tolerant
 from mor.parameters.index import Index, Values
 
 _SMALL_TURN = 0.1
@@ -112,7 +113,8 @@ def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
         return True
     columns = index.columns["point"]
     triangle = np.linalg.qr(null[columns[columns >= 0]], mode="r")
-    if triangle.shape[0] < triangle.shape[1] or not np.diagonal(triangle).all():
+    spread = np.linalg.svd(triangle, compute_uv=False)
+    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > 1e-9 * spread[0]:
         return False
     normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
     size = float(np.linalg.norm(normals, axis=0).max())
@@ -130,8 +132,12 @@ def into_datum(
     """
     total = corrections(problem.datum, problem.index, values) + np.where(constraint.mask, step, 0.0)
     missing, across = constraint.normals.T @ total, constraint.normals.T @ null
-    movement = np.linalg.solve(across, missing)
+    movement = tolerant.solve(across, missing)
     gain = 1.0
+    if not np.isfinite(
+        movement
+    ).all():  # the constraint does not bind the movements here: no step is in the datum
+        return np.full(len(step), np.nan), gain
     bent = _bent(null, problem, values, total)
     if bent is not None:
         relative = np.linalg.solve(across, bent.derivative) + np.eye(len(across))

@@ -11,7 +11,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option
-from mor.cli._output import quiet_option
+from mor.cli._output import InputPath, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command(name="diagnose")
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=InputPath())
 @click.option(
     "--limit",
     metavar="SECONDS",
@@ -48,7 +48,7 @@ def command(
     circle. Each is tried in an adjustment of its own. No file is written and no hypothesis is applied.
 
     \b
-    Exit codes: 0 nothing is rejected; 1 something is rejected, whether a hypothesis explains it or not; 2 input.
+    Exit codes: 0 nothing is rejected; 1 something is rejected, explained or not; 2 input.
     """
     from mor.api.project import Project
     from mor.cli._progress import progress

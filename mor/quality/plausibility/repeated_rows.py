@@ -15,7 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import Problem
@@ -70,7 +70,7 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
                 and bool((np.diff(row[first[found]][np.argsort(row[second[found]])]) > 0).all())
             )
             probability = float(
-                binom.sf(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean())))
+                bdtrc(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean())))
             )
             if probability > (_CHANCE_OF_TABLE if whole else _CHANCE):
                 continue

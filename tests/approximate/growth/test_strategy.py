@@ -39,7 +39,7 @@ def without_start(network: Network) -> Network:
         start["rotation"][loose] = np.nan
     if "base" in start:
         start["base"][network.blocks["base"].free] = np.nan
-    return replace(network, start=start)
+    return replace(network, start=start, datum=network.datum._replace(given=None))
 
 
 def of_project(path: Path) -> Network:

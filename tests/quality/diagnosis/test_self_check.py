@@ -39,7 +39,7 @@ def test_the_point_of_two_parallel_lines_is_named():
     scene.add("point", "far", [15.0, 4e4, 0.0], free=(True, True, False))
     for station in "AB":
         scene.observe("bearing", station, None, "far", None, sigma=1e-3)
-    adjustment = solve(scene, None, disturbed=1e-3)
+    adjustment = solve(scene, np.random.default_rng(0), disturbed=1e-3)
     found = checked(assess(adjustment))
     assert found.outcome is Outcome.SINGULAR
     assert found.reason == BEYOND_USE
