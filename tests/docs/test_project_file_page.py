@@ -32,11 +32,16 @@ def first_line(example: str) -> str:
 
 
 def into(base: dict[str, Any], fragment: dict[str, Any]) -> dict[str, Any]:
-    """The base project with a fragment in it: lists grow, mappings of names too, all else is replaced."""
+    """The base project with a fragment in it: lists grow, mappings of names too, all else is replaced.
+
+    A file of the fragment takes the place of the same file in the base: no file may be read twice.
+    """
     merged = dict(base)
     for key, value in fragment.items():
         if isinstance(value, list):
-            merged[key] = [*base.get(key, []), *value]
+            files = {entry["file"] for entry in value if isinstance(entry, dict) and "file" in entry}
+            kept = [e for e in base.get(key, []) if not (isinstance(e, dict) and e.get("file") in files)]
+            merged[key] = [*kept, *value]
         elif key in ("cameras", "instruments"):
             merged[key] = {**base.get(key, {}), **value}
         else:

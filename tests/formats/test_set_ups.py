@@ -415,7 +415,8 @@ def test_one_set_up_solves_with_and_without_coordinates(tmp_path: Path, known: s
     for name, length in (("B", 60.0), ("C", 45.0), ("D", 35.0)):
         assert np.linalg.norm(places[name] - places["A"]) == pytest.approx(length, abs=1e-4)
     if known:
-        assert places["A"] == pytest.approx([500.0, 600.0, 10.0], abs=1e-6)
+        # Start values are plane and the datum is free, so the curvature over 60 m moves all points by tenths of a mm.
+        assert places["A"] == pytest.approx([500.0, 600.0, 10.0], abs=5e-4)
 
 
 def test_a_name_used_again_elsewhere_is_another_point(tmp_path: Path) -> None:
