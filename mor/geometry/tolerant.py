@@ -82,6 +82,23 @@ def _each(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
         return operation(*stacks)
     except np.linalg.LinAlgError:
         pass
+    bad = ~np.isfinite(stacks[0]).all(axis=(-2, -1))
+    if operation in (np.linalg.solve, np.linalg.inv):
+        bad |= np.linalg.slogdet(np.where(bad[..., None, None], 0.0, stacks[0]))[0] == 0.0
+    try:  # all others at once, with unit matrices instead of the bad ones
+        found = operation(
+            np.where(bad[..., None, None], np.eye(*stacks[0].shape[-2:]), stacks[0]), *stacks[1:]
+        )
+    except np.linalg.LinAlgError:
+        return _one_by_one(operation, *stacks)
+    several = found if isinstance(found, tuple) else (found,)
+    marked = [
+        np.where(bad.reshape(bad.shape + (1,) * (part.ndim - bad.ndim)), np.nan, part) for part in several
+    ]
+    return tuple(marked) if isinstance(found, tuple) else marked[0]
+
+
+def _one_by_one(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
     count = np.broadcast_shapes(*(stack.shape[:-2] for stack in stacks))
     members = [
         np.broadcast_to(stack, (*count, *stack.shape[-2:])).reshape(-1, *stack.shape[-2:]) for stack in stacks

@@ -8,6 +8,7 @@ import numpy as np
 
 from mor.adjustment.datum.defect import network_components
 from mor.arrays import BoolArray
+from mor.geometry import tolerant
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
 from mor.quality.assess import Quality
@@ -126,7 +127,7 @@ def determined(quality: Quality) -> Determined:
     judged = np.flatnonzero((index.columns["point"] >= 0).any(axis=1) & ~told_by_user(quality, "point"))
     if len(judged) == 0:
         return Determined(size, 0, 0.0, 0.0, (), directions)
-    variance = np.linalg.eigvalsh(quality.cofactors["point"][judged])[:, -1]
+    variance = tolerant.eigvalsh(quality.cofactors["point"][judged])[:, -1]
     sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
     order = np.argsort(-sigma, kind="stable")
     order = order[sigma[order] > LARGEST_SIGMA * size]

@@ -232,7 +232,9 @@ def test_a_project_without_it_hears_of_the_curvature(tmp_path: Path) -> None:
     said = ran.out + ran.err
     assert "station B, to D over 545.7 m is off by 23 mm (3.4 sigma)" in said
     assert "curvature: true models it" in said
-    assert "Possible cause, to be checked: the curvature of the earth is not modelled." in said
+    assert (
+        "Possible cause, not verified (run mor diagnose): the curvature of the earth is not modelled." in said
+    )
     assert "A common offset" not in said
 
 
