@@ -113,7 +113,10 @@ def mistakes_in(file: str) -> Iterator[None]:
 
 
 class NoStartValuesError(InputError):
-    """Start values are missing; each of ``things`` says why, ``remarks`` what else was found in trying."""
+    """Start values are missing.
+
+    Each of ``things`` says why, ``remarks`` what else was found in trying, ``said`` is a hint.
+    """
 
     told_by = "mor approximate"
 
@@ -121,6 +124,7 @@ class NoStartValuesError(InputError):
         self,
         things: Iterable[Undeterminable],
         remarks: Iterable[str],
+        said: Iterable[str] = (),
     ):
         self.things = tuple(things)
         self.remarks = tuple(remarks)
@@ -132,7 +136,9 @@ class NoStartValuesError(InputError):
         )
         contradicted = bool(self.remarks) or any(thing.reason == CONTRADICTED for thing in self.things)
         hint = ("mor diagnose searches for mistakes that may be the cause",) if contradicted else ()
-        super().__init__([Problem(words) for words in (advice, *hint, *map(str, self.things), *self.remarks)])
+        super().__init__(
+            [Problem(words) for words in (advice, *said, *hint, *map(str, self.things), *self.remarks)]
+        )
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

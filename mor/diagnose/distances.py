@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.diagnose.hypothesis import Amount, Hypothesis, with_group, with_unknown
+from mor.diagnose.hypothesis import Hypothesis, with_group, with_unknown
 from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.solved import Amount
 
 DISTANCE, HORIZONTAL_DISTANCE = PLAIN_TYPES["distance"], PLAIN_TYPES["horizontal_distance"]
 _AT_LEAST = 3

@@ -16,11 +16,12 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
-from mor.diagnose.hypothesis import Amount, Hypothesis, with_blocks, with_unknown
+from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_unknown
 from mor.diagnose.situation import Situation
 from mor.errors import InputError
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.solved import Amount
 from mor.sparse.cholesky import NotFiniteError
 
 _TRIED = 8

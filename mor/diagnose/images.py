@@ -9,12 +9,13 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.diagnose.hypothesis import Amount, Hypothesis, with_group, with_observed
+from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, is_image_point
 from mor.parameters.index import Values
 from mor.project.edge import ImageScale
 from mor.project.network.build import Network
+from mor.quality.solved import Amount
 
 Change = Callable[[FloatArray], FloatArray]
 

@@ -86,7 +86,7 @@ def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]
     ``LEVEL`` and it explains more than the worst single observation does.
     """
     problem, values = quality.adjustment.problem, quality.adjustment.values
-    flagged = [flags.any(axis=1) for flags in quality.flagged]
+    flagged: list[BoolArray] = [np.asarray(flags.any(axis=1)) for flags in quality.flagged]
     candidates = list(_candidates(problem, network, values, quality, flagged))
     if not candidates:
         return ()
@@ -237,7 +237,7 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
     if not group.type.wraps.any() or group.type.distances is None:
         return
     stations = np.array(list(group.references[0]))
-    sets = [
+    sets: list[tuple[tuple[str, ...], IntArray]] = [
         ((name, group.name), np.flatnonzero(stations == name)) for name in dict.fromkeys(stations.tolist())
     ]
     if len(sets) > 1:

@@ -56,7 +56,7 @@ class Inside(NamedTuple):
     """(u, k) orthonormal if lengths are counted in units of ``lengths``, the movements among it."""
     datum: FloatArray
     """(u, d) the movements, in these units, too."""
-    index: Index
+    unknowns: Index
     lengths: FloatArray
     """(u,) units of the unknowns."""
 

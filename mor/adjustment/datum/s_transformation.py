@@ -112,7 +112,7 @@ def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
     if null.shape[1] == 0:
         return True
     columns = index.columns["point"]
-    triangle = np.linalg.qr(null[columns[columns >= 0]], mode="r")
+    triangle: FloatArray = np.asarray(np.linalg.qr(null[columns[columns >= 0]], mode="r"))
     spread = np.linalg.svd(triangle, compute_uv=False)
     if triangle.shape[0] < triangle.shape[1] or not spread[-1] > 1e-9 * spread[0]:
         return False
@@ -132,7 +132,7 @@ def into_datum(
     """
     total = corrections(problem.datum, problem.index, values) + np.where(constraint.mask, step, 0.0)
     missing, across = constraint.normals.T @ total, constraint.normals.T @ null
-    movement = tolerant.solve(across, missing)
+    movement: FloatArray = tolerant.solve(across, missing)
     gain = 1.0
     if not np.isfinite(
         movement
@@ -143,7 +143,7 @@ def into_datum(
         relative = np.linalg.solve(across, bent.derivative) + np.eye(len(across))
         least = float(np.linalg.eigvals(relative).real.min())
         settles = least > np.finfo(float).eps * float(np.linalg.norm(relative))
-        better = np.linalg.solve(relative, movement) if settles else movement
+        better = np.asarray(np.linalg.solve(relative, movement)) if settles else movement
         if float(np.abs(bent.turns @ better).max(initial=0.0)) < _SMALL_TURN:
             movement, gain = better, max(1.0, 1.0 / least) if settles else 1.0
     turned: FloatArray = step - null @ movement
