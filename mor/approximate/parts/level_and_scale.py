@@ -115,7 +115,7 @@ def _level_by_unit_vector(part: Part, scene: Scene, difference: FloatArray, dz: 
     """
     axes = tolerant.svd(difference, full_matrices=False)[2]
     in_plane: FloatArray = tolerant.lstsq(difference @ axes[:2].T, dz, rcond=None) @ axes[:2]
-    rest = float(np.sqrt(max(1.0 - in_plane @ in_plane, 0.0)))
+    rest = float(np.sqrt(max(1.0 - float(in_plane @ in_plane), 0.0)))
     both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
     misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
     best = int(np.argmin(misfits))

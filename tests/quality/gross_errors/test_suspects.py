@@ -11,7 +11,7 @@ from mor.adjustment.normals import objective
 from mor.adjustment.plan import make_plan
 from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.reweighting import normalised_misclosures, reweighted_plan
-from mor.adjustment.solve import adjust
+from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Outcome
 from mor.allowance import Allowance, allowed, counted_in
 from mor.quality.assess import Levels, assess
@@ -89,7 +89,7 @@ def test_where_most_rays_to_control_are_wrong_whole_groups_lead():
     start = disturbed(scene, np.random.default_rng(7005), 0.01, GON)
     given = np.flatnonzero(~(scene.problem.index.columns["point"] >= 0).any(axis=1))[:2]
     start["point"][given] = start["point"][given[::-1]]
-    rest, suspects, _ = without_suspects(adjust(scene.problem, start))
+    rest, suspects, _ = without_suspects(adjust(scene.problem, start, Settings(1)))
     assert rest.outcome is Outcome.CONVERGED
     of_both = np.isin(scene.problem.groups[0].blocks[-1], given)
     np.testing.assert_array_equal(suspects.masks[0].any(axis=1), of_both)
