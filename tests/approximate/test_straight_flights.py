@@ -64,6 +64,7 @@ def test_strips_start_from_control_and_tie_points(kind: str, seed: int) -> None:
     assert said(kind, seed) == ""
 
 
+@pytest.mark.slow
 def test_without_enough_control_the_knots_are_named() -> None:
     data, _, _ = flown("lines", 0)
     data["points"][0]["rows"] = data["points"][0]["rows"][:1]

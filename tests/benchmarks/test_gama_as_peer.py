@@ -23,6 +23,8 @@ from pathlib import Path
 import numpy as np
 from mor.pipeline import read_document, read_network, solve_network
 
+pytestmark = pytest.mark.slow
+
 network, options = Path(sys.argv[1]), dict(zip(sys.argv[2::2], sys.argv[3::2]))
 assert options["--cov-band"] == "0"
 document = read_document(network)

@@ -80,6 +80,7 @@ def test_the_shell_example(place):
     assert "two: global_test.accepted: True | False" in run.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a shell")
 def test_the_steps_of_the_ci_example(place):
     assert _bash("mor batch 'blocks/**/project.yaml' -o kept --quiet", place).returncode == 0

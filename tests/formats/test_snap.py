@@ -198,6 +198,7 @@ def _text(random: np.random.Generator) -> tuple[str, str, np.ndarray]:
     return stations, "\n".join(["Generated", *vectors, *slopes, ""]), places
 
 
+@pytest.mark.slow
 def test_generated_networks_come_back(tmp_path: Path) -> None:
     """Thirty of them: σ0 is 1 within its uncertainty, places are where they were."""
     omega = redundancy = 0.0

@@ -63,6 +63,7 @@ def test_plane_orientations_contain_the_truth(scenes, seed):
     np.testing.assert_allclose(best.normal, -made.cameras[0][1] @ made.normal, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("images", [2, 3])
 @pytest.mark.parametrize("noise", [0.0, 0.001, 0.005])
 def test_shape_of_a_plane_from_images(scenes, images, noise):
@@ -77,6 +78,7 @@ def test_shape_of_a_plane_from_images(scenes, images, noise):
     assert ambiguous < (6 if images == 2 else 2)
 
 
+@pytest.mark.slow
 def test_precision_of_the_shape_is_that_of_repeated_measurements(scenes):
     exact = scenes.plane_scene(5, images=3, n=10)
     rng = np.random.default_rng(1)
@@ -92,6 +94,7 @@ def test_precision_of_the_shape_is_that_of_repeated_measurements(scenes):
     assert np.mean(normalised) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_third_image_decides_what_two_leave_open(scenes):
     decided = 0
     for seed in range(60):

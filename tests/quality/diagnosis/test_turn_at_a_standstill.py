@@ -10,6 +10,7 @@ from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 CASE = Path(__file__).parents[2] / "cases" / "line_free_system" / "project.yaml"
 
 
+@pytest.mark.slow
 def test_a_line_through_a_free_system_leaves_a_turn_that_is_named() -> None:
     result = mor.adjust(CASE)
     adjustment = result.solved.adjustment
