@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 import mor
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 
