@@ -45,7 +45,7 @@ _ENTRIES = 20_000_000
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _JOINED = 12
-"""Mistakes of one kind that are joined to one cause."""
+"""Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
 
 class _Candidate(NamedTuple):
@@ -94,11 +94,9 @@ def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
     good = [one for one in scored if one.log_p < limit and one.length > _single(quality)]
-    good += [
-        one
-        for one in _joined(quality, candidates, count)
-        if one.log_p < limit and one.length > _single(quality)
-    ]
+    joined, too_many = _joined(quality, candidates, count)
+    good = [one for one in good if one.candidate.cause not in too_many]
+    good += [one for one in joined if one.log_p < limit and one.length > _single(quality)]
     return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
 
 
@@ -530,15 +528,21 @@ _TOGETHER = ("levelling sign", "vector sign", "camera of images", "antenna heigh
 """Causes of which several may have come together: the same person, the same day."""
 
 
-def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
-    """Mistakes of one kind together: one after the other, as long as each shortens the description."""
-    found = []
+def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> tuple[list[_Scored], set[str]]:
+    """Mistakes of one kind together: one after the other, as long as each shortens the description.
+
+    With them the causes of which there would be too many: something else looks like them.
+    """
+    found: list[_Scored] = []
+    too_many: set[str] = set()
     for cause in _TOGETHER:
         some = [one for one in candidates if one.cause == cause]
         if len(some) < 2 or len(some) * quality.adjustment.problem.observations > _ENTRIES:
             continue
         chosen = _greedy(quality, some, count)
-        if len(chosen) > 1:
+        if len(chosen) == _JOINED:
+            too_many.add(cause)
+        elif len(chosen) > 1:
             parts = tuple(part for one in chosen for part in one.candidate.parts)
             things = tuple(dict.fromkeys(name for one in chosen for name in one.candidate.things))
             lines = "; ".join(one.candidate.line for one in chosen)
@@ -548,7 +552,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> l
             p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
             length = sum(one.length for one in chosen)
             found.append(_Scored(together, np.zeros(0), gain, length, float(p[0])))
-    return found
+    return found, too_many
 
 
 def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_Scored]:
