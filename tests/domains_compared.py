@@ -82,5 +82,5 @@ def differences(one: Any, other: Any, path: str = "") -> list[str]:
     return [] if same else [f"{path}: {one} and {other}"]
 
 
-ELSEWHERE = ("identity", "notes", "iteration_log")
-"""Order of the files read; what domains note; other unknowns hold a free datum."""
+ELSEWHERE = ("identity", "notes", "iteration_log", "files")
+"""Order of the files read; what domains note; other unknowns hold a free datum; domains write a file of their own."""
