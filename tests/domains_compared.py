@@ -61,7 +61,9 @@ def named(rows: list[Any]) -> dict[str, Any] | None:
 
 
 def differences(one: Any, other: Any, path: str = "") -> list[str]:
-    """Places where two results differ, numbers by more than a millionth."""
+    """Places where two results differ, numbers by more than a millionth; domains do not judge determination."""
+    if path.endswith("verdict/determined") or path == "/files":
+        return []
     if isinstance(one, dict) and isinstance(other, dict):
         lost = [f"{path}/{key} in one only" for key in one.keys() ^ other.keys()]
         return lost + [
