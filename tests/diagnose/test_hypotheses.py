@@ -34,6 +34,7 @@ CASES = [
     ("offset", 1),
     ("wrong_station", 1),  # one of the few distances that give the scale
     ("instrument_height", 2400),  # it won its point against four others, which the robust way leaves out
+    ("wrong_station", 2401),  # two scale bars that drew a point away from 17 rays
     ("levelling_sign", 701),  # a line that is not controlled fully
     ("elevation", 700),  # a station that gets no start values
     ("counterclockwise", 2300),  # two stations among many images, which all fit without them
