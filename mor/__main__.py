@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import FrameType, ModuleType
+from typing import TextIO
 
 
 def main() -> None:
@@ -45,12 +46,33 @@ def main() -> None:
         code = 128 + int(next(iter(interruption.args), signal.SIGINT))
     except OSError:
         code = _NOT_WRITTEN
+    if not _all_said():
+        code = code or _NOT_WRITTEN
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
 
 
 _NOT_WRITTEN = 2
 """Exit code where something cannot be written."""
+
+
+def _all_said() -> bool:
+    """Whether the last words could be written. Where not, they go nowhere: Python would end with its own code."""
+    said = True
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:  # the reader has gone, which is no error
+            _lead_nowhere(stream)
+        except OSError:
+            said = False
+            _lead_nowhere(stream)
+    return said
+
+
+def _lead_nowhere(stream: TextIO) -> None:
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _open_closed_streams() -> None:

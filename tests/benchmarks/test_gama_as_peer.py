@@ -17,13 +17,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 RUNNER = ROOT / "benchmarks" / "run.py"
 
+pytestmark = pytest.mark.slow
+
 STAND_IN = """#!{python}
 import sys
 from pathlib import Path
 import numpy as np
 from mor.pipeline import read_document, read_network, solve_network
-
-pytestmark = pytest.mark.slow
 
 network, options = Path(sys.argv[1]), dict(zip(sys.argv[2::2], sys.argv[3::2]))
 assert options["--cov-band"] == "0"
