@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mor.cli import run
+from tests.selection import slow_but
 
 WORDS = {
     "four": ("fewer than eight homologous points", "share 4 points, relative orientation needs 8"),
@@ -92,7 +93,7 @@ def test_bad_pairs_are_named_by_the_orientation(scenes, tmp_path, capsys, name):
     assert "Traceback" not in printed.out + printed.err
 
 
-@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("name", slow_but(["four", "identical"], WORDS))
 def test_bad_pairs_are_named_by_a_project(scenes, tmp_path, capsys, name):
     path = project(tmp_path, bad(scenes, name), scenes.c)
     assert run(["approximate", path, "-o", str(tmp_path / "start")]) == 2

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tests.scenarios import orientations
+from tests.selection import slow_after
 
 
-@pytest.mark.parametrize("name", ["relative", "planar"])
+@pytest.mark.parametrize("name", slow_after(1, ["relative", "planar"]))
 def test_what_is_called_determined_is(name):
     trials = [getattr(orientations, name)(seed) for seed in range(60)]
     assert orientations.wrong(trials) == []
@@ -16,6 +17,7 @@ def test_what_is_called_determined_is(name):
     assert np.mean(squares) == pytest.approx(1.0, abs=5 * np.std(squares) / np.sqrt(len(squares)))
 
 
+@pytest.mark.slow
 def test_one_centre_and_one_normal_are_named():
     trials = [orientations.planar(seed) for seed in range(30)]
     assert {t.outcome for t in trials if t.kind == "one centre"} == {"NO_BASE"}

@@ -18,6 +18,7 @@ from mor.report.plots.network import covariances, ellipse_lines
 from mor.report.results.summary import SCHEMA_VERSION
 from mor.report.view import View
 from tests.scenarios.small_projects import LEVELLING, mor
+from tests.selection import slow_after
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
@@ -30,7 +31,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_after(1, KINDS))
 def test_same_results_same_picture(results: Path, tmp_path: Path, kind: str) -> None:
     for name in ("first.svg", "second.svg"):
         assert run(["plot", kind, str(results), "-o", str(tmp_path / name)]) == 0
@@ -127,6 +128,7 @@ def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
     assert network(bare).axes[0].get_xlabel() == "X [m]"
 
 
+@pytest.mark.slow
 def test_a_picture_in_german(results: Path, tmp_path: Path) -> None:
     """SVG has the letters of its texts in comments: words of both languages are told apart by them."""
     said = {}

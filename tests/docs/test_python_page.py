@@ -40,6 +40,7 @@ def test_code_of_the_page_runs(beside_facade: Path) -> None:
     assert (beside_facade / "results" / "results.json").is_file()
 
 
+@pytest.mark.slow
 def test_cells_of_the_notebook_run(beside_facade: Path) -> None:
     pytest.importorskip("matplotlib")
     notebook = json.loads((DOCS / "tutorials" / "python.ipynb").read_text(encoding="utf-8"))

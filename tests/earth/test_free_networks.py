@@ -162,6 +162,7 @@ def test_what_is_advised_leads_to_a_solution(
     assert (residuals["w"].drop_nulls().abs() < 5.0).all()
 
 
+@pytest.mark.slow
 def test_levelled_differences_without_instruments_and_systems_are_no_crash(tmp_path: Path) -> None:
     """Slopes and heights over 10 km: how the network is turned is known badly, or not, and said."""
     told = mor("adjust", write(tmp_path, json.dumps(survey(1e4, "sh"))), "-o", tmp_path / "out", "--no-html")

@@ -86,6 +86,7 @@ def test_its_own_test_of_all_observations_comes_back(tmp_path: Path) -> None:
         assert again.with_suffix(end).read_bytes() == path.with_suffix(end).read_bytes()
 
 
+@pytest.mark.slow
 def test_generated_networks_adjust_to_the_same(tmp_path: Path) -> None:
     for seed in range(8):
         stations, data, _ = _text(np.random.default_rng(seed))

@@ -68,6 +68,7 @@ def test_a_step_held_at_its_size_is_known_and_one_observed_is_between() -> None:
     assert sigmas[0] < sigmas[1] < sigmas[2]
 
 
+@pytest.mark.slow
 def test_true_movements_are_found_within_their_sigmas() -> None:
     truth, motions = moving_scene()
     found = []

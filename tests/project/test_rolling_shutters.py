@@ -98,6 +98,7 @@ def test_time_runs_from_one_edge_of_the_image_to_the_other(
     np.testing.assert_allclose(found, part[direction] - 0.5, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_adjusted_project_comes_to_rest_at_once_at_the_same_place(tmp_path: Path) -> None:
     first = results(drone(tmp_path / "a"), tmp_path / "one")
     again = results(tmp_path / "one" / "adjusted.yaml", tmp_path / "two")

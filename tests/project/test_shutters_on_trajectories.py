@@ -66,6 +66,7 @@ def test_points_are_where_an_independent_simulation_sees_them(tmp_path: Path, cu
     assert len({tuple(row) for row in np.stack(network.groups[0].blocks[:2]).T.tolist()}) > 12
 
 
+@pytest.mark.slow
 def test_readout_time_is_recovered_whatever_it_starts_with(tmp_path: Path) -> None:
     """Which rows belong to which interval is settled at the result: the adjusted project stands still."""
     found = []

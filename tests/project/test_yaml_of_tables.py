@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from mor.project.file import yaml_text as writing
+from tests.selection import slow_after
 
 NAMES = ["A", "b_1", "12", "0", "x", "Infinity", "_", None]
 NUMBERS = ["1.5", "-3e-5", "1E5", "0", "-0.0", "12345678.123456789", None]
@@ -28,8 +29,8 @@ def document(draw: np.random.Generator, strange: bool, first: bool) -> dict[str,
     return {"mor": "1", "observations": [table, {**said, "rows": rows[:3]}], "alone": {**said, "rows": rows}}
 
 
-@pytest.mark.parametrize("strange", [False, True])
-@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize("strange", slow_after(1, [True, False]))
+@pytest.mark.parametrize("first", slow_after(1, [False, True]))
 def test_long_tables_are_written_as_yaml_writes_them(
     monkeypatch: pytest.MonkeyPatch, strange: bool, first: bool
 ) -> None:

@@ -53,6 +53,8 @@ SETTLED_CASES = {
 }
 """Cases that have to be adjusted; of the others a documented end is asked here."""
 
+LONG_CASES = {"line_free_system/project.yaml", "mixture_in_a_bent_valley.yaml"}
+
 
 def _found() -> list[object]:
     found: list[object] = [pytest.param(project, True, id=name) for name, project in BLOCKS.items()]
@@ -61,7 +63,8 @@ def _found() -> list[object]:
         found.append(pytest.param(Project(path), True, id=path.parent.name))
     for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
         name = path.relative_to(CASES).as_posix()
-        found.append(pytest.param(Project(path), name in SETTLED_CASES, id=name))
+        marks = [pytest.mark.slow] if name in LONG_CASES else []
+        found.append(pytest.param(Project(path), name in SETTLED_CASES, id=name, marks=marks))
     return found
 
 

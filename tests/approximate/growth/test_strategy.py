@@ -62,7 +62,7 @@ def _begins_with_something(project: Path) -> bool:
 @pytest.mark.parametrize(
     "name",
     slow_but(
-        ("bridge", "facade", "stereo_rig"),
+        ("bridge", "facade"),
         sorted(p.parent.name for p in SAMPLES.glob("*/project.yaml") if not _begins_with_something(p)),
     ),
 )

@@ -6,6 +6,7 @@ import pytest
 from mor.approximate.bundle import image_bundle
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.robust import robust_relative_orientation
+from tests.selection import slow_after
 
 
 def spoilt(scenes, seed, kind, part, noise=0.002):
@@ -18,7 +19,7 @@ def spoilt(scenes, seed, kind, part, noise=0.002):
 
 
 @pytest.mark.parametrize("kind", ["scene", "plane_scene"])
-@pytest.mark.parametrize("part", [0.05, 0.3])
+@pytest.mark.parametrize("part", slow_after(1, [0.3, 0.05]))
 def test_wrong_pairs_are_left_out(scenes, kind, part):
     for seed in range(8):
         made, wrong = spoilt(scenes, seed, kind, part)
@@ -35,6 +36,7 @@ def test_wrong_pairs_are_left_out(scenes, kind, part):
         assert np.sum(~result.agreeing) <= len(wrong) + 1
 
 
+@pytest.mark.slow
 def test_one_pair_off_a_plane_does_not_decide_between_its_orientations(scenes):
     """The pair is made to fit the wrong one of two orientations."""
     checked = 0

@@ -29,7 +29,7 @@ GON = np.pi / 200.0
 
 @pytest.mark.parametrize("seed", slow_after(1, [1, 3]))
 @pytest.mark.parametrize("errors", slow_after(1, [0.1, 0.01]))
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_after(2, KINDS))
 def test_scenes_with_gross_errors_converge_and_name_them(kind, errors, seed):
     found = trial(kind, errors, seed)
     assert found.converged
@@ -57,6 +57,7 @@ def test_aerial_blocks_on_five_control_points_name_all_that_can_be(errors, seed)
     assert found.false <= 2 + 0.004 * found.rows
 
 
+@pytest.mark.slow
 def test_points_at_which_snooping_believed_the_wrong_rays_are_intersected_anew():
     """Of five rays three good ones went out before two wrong ones; the plain iteration converges, without suspects."""
     found = trial("close range", 0.1, 6004)
@@ -116,6 +117,7 @@ def test_sigma_too_small_throughout_is_no_gross_error():
     assert again is plain
 
 
+@pytest.mark.slow
 def test_the_rest_is_the_plain_adjustment_without_the_suspects():
     scene = spoiled(1, "mixture", 0.1)
     plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(1), 0.01, GON))

@@ -171,6 +171,7 @@ def test_a_length_of_next_to_nothing(tmp_path: Path) -> None:
     assert not [note for note in notes if "standard deviation" in note]
 
 
+@pytest.mark.slow
 def test_misclosures_of_error_free_networks_are_noted_at_their_level(tmp_path: Path) -> None:
     # at a level of 0.001 of all together one of a thousand would be noted by chance
     random, noted = np.random.default_rng(8), 0
@@ -190,6 +191,7 @@ def test_check_and_adjust_say_it(changed) -> None:  # type: ignore[no-untyped-de
         assert "twice, in line 12, too" in run.err
 
 
+@pytest.mark.slow
 def test_readings_in_gon_declared_as_radians(tmp_path: Path) -> None:
     """They are told before the adjustment, which comes to an end in words however far from sense it is."""
     shutil.copytree(SAMPLES / "bridge", tmp_path / "bridge")

@@ -89,6 +89,7 @@ def repetitions():
     return quality.redundancy, np.array(variances), np.array(errors), np.array(normalised)
 
 
+@pytest.mark.slow
 def test_sigma0_is_one_within_its_own_uncertainty(repetitions):
     redundancy, variances, _, _ = repetitions
     uncertainty = np.sqrt(2.0 / redundancy / REPETITIONS)
