@@ -70,27 +70,31 @@ def singular_values(matrix: NDArray[Any]) -> FloatArray:
 
 def lstsq(matrix: NDArray[Any], right: NDArray[Any], rcond: float | None = None) -> FloatArray:
     """Return the least-squares solution (n,) or (n, k) of one system matrix · x = right."""
-    try:
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=rcond)[0], dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.full((matrix.shape[1], *right.shape[1:]), np.nan)
+    if np.isfinite(matrix).all() and np.isfinite(right).all():
+        try:
+            return np.asarray(np.linalg.lstsq(matrix, right, rcond=rcond)[0], dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    return np.full((matrix.shape[1], *right.shape[1:]), np.nan)
 
 
 def _each(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
-    """Apply an operation to stacks of matrices, member by member if NumPy refuses them together."""
-    try:
-        return operation(*stacks)
-    except np.linalg.LinAlgError:
-        pass
+    """Apply an operation to stacks of matrices, member by member if NumPy refuses them together.
+
+    Matrices that are not finite never reach LAPACK, which writes of them to standard output.
+    """
     bad = ~np.isfinite(stacks[0]).all(axis=(-2, -1))
-    if operation in (np.linalg.solve, np.linalg.inv):
-        bad |= np.linalg.slogdet(np.where(bad[..., None, None], 0.0, stacks[0]))[0] == 0.0
+    if not bad.any():
+        try:
+            return operation(*stacks)
+        except np.linalg.LinAlgError:
+            if operation in (np.linalg.solve, np.linalg.inv):
+                bad = np.linalg.slogdet(stacks[0])[0] == 0.0
+    usable = np.where(bad[..., None, None], np.eye(*stacks[0].shape[-2:]), stacks[0]), *stacks[1:]
     try:  # all others at once, with unit matrices instead of the bad ones
-        found = operation(
-            np.where(bad[..., None, None], np.eye(*stacks[0].shape[-2:]), stacks[0]), *stacks[1:]
-        )
+        found = operation(*usable)
     except np.linalg.LinAlgError:
-        return _one_by_one(operation, *stacks)
+        found = _one_by_one(operation, *usable)
     several = found if isinstance(found, tuple) else (found,)
     marked = [
         np.where(bad.reshape(bad.shape + (1,) * (part.ndim - bad.ndim)), np.nan, part) for part in several
