@@ -58,7 +58,9 @@ LONG_CASES = {"line_free_system/project.yaml", "mixture_in_a_bent_valley.yaml"}
 
 def _found() -> list[object]:
     found: list[object] = [pytest.param(project, True, id=name) for name, project in BLOCKS.items()]
-    found += [pytest.param(Project(path), True, id=network_name(path)) for path in NETWORKS]
+    for number, path in enumerate(NETWORKS):
+        marks = [pytest.mark.slow] if number % 6 else []  # the default run adjusts them all in test_networks
+        found.append(pytest.param(Project(path), True, id=network_name(path), marks=marks))
     for path in sorted(SAMPLES.glob("*/project.yaml")):
         found.append(pytest.param(Project(path), True, id=path.parent.name))
     for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
