@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
 
 from mor import compilation, kernel_cache
-from mor.cli._compiler import FIRST_RUN, PLAIN, compiler_announced
 
 
 def test_compiling_is_announced_once_and_only_then(monkeypatch, tmp_path):

@@ -10,10 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from mor.cli._compiler import FIRST_RUN, PLAIN
 from rich.console import Console
 
 from mor.adjustment.state import Iteration
-from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
 from mor.cli._progress import Progress
 from mor.cli.commands.adjust import left_out
