@@ -52,7 +52,8 @@ DAMAGED = "the cache of kernels is damaged, mor compile renews it: {file}"
 # not-a-numbers keep their meaning, unlike under numba's unrestricted ``fastmath=True``.
 _FAST_SUMS = {"reassoc", "contract", "nsz"}
 
-available = find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+_installed = find_spec("numba") is not None
+available = _installed and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 """True where there is a compiler."""
 elsewhere = False
 """Whether kernels are used outside of networks that :func:`chosen_by_size` decides about; True in the tests."""
@@ -137,8 +138,9 @@ def _decided(observations: int, times: int) -> bool:
     asked = os.environ.get(ASKED, "auto")
     if observations < WORTH_COMPILING or asked == "numpy":
         return False
-    if find_spec("numba") is None:
-        _say.get()(MISSING)
+    if not available:
+        if not _installed:
+            _say.get()(MISSING)
         return False
     with _lock:
         if not _state:
@@ -374,16 +376,22 @@ def _load() -> None:
 def _compile_apart() -> None:
     """Fill the cache in another process, which leaves nothing of what it compiles with in this one."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MOR_LANG": "en"}
-    done = subprocess.run(
+    process = subprocess.Popen(
         [sys.executable, "-m", "mor", "compile", "--quiet"],
         env=environment,
         stdin=subprocess.DEVNULL,
-        capture_output=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         text=True,
     )
-    if done.returncode:
-        said = done.stderr.strip().splitlines() or [f"mor compile ended with {done.returncode}"]
-        raise _UnusableError(said[-1])
+    try:
+        _, said = process.communicate()
+    except BaseException:
+        process.terminate()  # it removes what it has begun
+        process.wait()
+        raise
+    if process.returncode:
+        raise _UnusableError((said.splitlines() or [f"mor compile ended with {process.returncode}"])[-1])
 
 
 def _remove_unused(root: Path) -> None:

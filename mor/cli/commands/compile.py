@@ -64,4 +64,5 @@ def _adjusted(sample: Path, folder: Path, options: tuple[str, ...]) -> None:
     from mor.cli.commands.adjust import command as adjust
 
     arguments = [str(sample / "project.yaml"), "-o", str(folder), "--quiet", *options]
-    adjust.main(arguments, standalone_mode=False)
+    with adjust.make_context("adjust", arguments) as context:
+        adjust.invoke(context)
