@@ -266,7 +266,7 @@ def _imported() -> Any:
 
     if "NUMBA_SLP_VECTORIZE" not in os.environ:
         # Blocks of six by six are written out entry by entry. Packed into vector registers that takes half the time.
-        numba.config.SLP_VECTORIZE = 1
+        numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
     return numba
 
 
@@ -344,7 +344,7 @@ def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None])
 
 
 def _seal(folder: Path) -> None:
-    signatures = [(one.__module__, one.__name__, one.in_numba.signatures) for one in _kernels if one.called]
+    signatures = [(one.__module__, one.py_func.__name__, one.in_numba.signatures) for one in _kernels if one.called]
     (folder / _SIGNATURES).write_bytes(pickle.dumps(signatures))
     sums = {path.relative_to(folder).as_posix(): _checksum(path) for path in _sealed_files(folder)}
     (folder / _SEAL).write_text(json.dumps(sums, indent=0))

@@ -289,10 +289,10 @@ def test_compiled_ahead_kernels_are_complete_and_give_the_numbers_of_numpy(tmp_p
         assert len(numpy["points"]) == len(numba["points"]) > 0
         for one, other in zip(numpy["points"], numba["points"], strict=True):
             for axis in "xyz":
-                sigma = one[f"sigma_{axis}"]
+                sigma = one[f"s{axis}"]
                 if sigma:
                     assert abs(one[axis] - other[axis]) <= 1e-9 * sigma + 4e-16 * abs(one[axis])
-                    assert other[f"sigma_{axis}"] == pytest.approx(sigma, rel=1e-9)
+                    assert other[f"s{axis}"] == pytest.approx(sigma, rel=1e-9)
     assert sorted((tmp_path / "cache").rglob("*.nbc")) == kept
 
 
