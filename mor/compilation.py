@@ -408,7 +408,7 @@ def _remove_unused(root: Path) -> None:
 # Which is sooner done: by the speed of this machine, measured once.
 
 _NUMPY_ROUNDS, _PYTHON_ROUNDS = 0.36, 300_000.0
-"""Rounds of :func:`_measured`: those in NumPy that an observation takes (0.1 ms), those in Python of compiling (180 s)."""
+"""Rounds of :func:`_measured`: in NumPy those an observation takes (0.1 ms), in Python those of compiling (180 s)."""
 
 
 def _compiling_is_sooner(observations: int) -> bool:
