@@ -245,7 +245,7 @@ def load_ahead() -> None:
 
     That takes some tenths of a second, in which the caller reads tables: most of it is done outside of the interpreter.
     """
-    if available and os.environ.get(ASKED) != "numpy":
+    if available and os.environ.get(ASKED) != "numpy" and _is_there():
         Thread(target=_imported_or_not, name="compiler").start()
 
 
@@ -314,7 +314,12 @@ def _state_of_code() -> str:
 
 
 def _is_sealed() -> bool:
-    return (_folder() / _SEAL).is_file()
+    return _is_there() and (_folder() / _SEAL).is_file()
+
+
+def _is_there() -> bool:
+    """Whether there is a sealed cache of any state: without one Numba need not be imported to find that out."""
+    return any(cache_root().glob(f"kernels-*/{_SEAL}"))
 
 
 def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None]) -> Path:
