@@ -15,7 +15,7 @@ def main(which: str) -> None:
     further = [line for group in project["optional-dependencies"].values() for line in group]
     chosen = [line for line in further if re.split("[<>=]", line)[0] in NEEDED]
     for line in dict.fromkeys([*project["dependencies"], *chosen]):
-        print(re.sub(">=", "==", line) + ".*" if which == "lowest" else line)
+        print(re.sub(r">=([^,]+).*", r"==\1.*", line) if which == "lowest" else line)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import scenes
 from measure import Seconds, now, resident, since
 from problems import as_problem
 
+from mor import compilation
 from mor.adjustment.normals import build_normals
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
@@ -19,6 +20,8 @@ from mor.arrays import FloatArray, IntArray
 from mor.quality.assess import Quality, assess
 from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
 from mor.quality.reliability.redundancy import observation_quality
+
+compilation.elsewhere = compilation.available
 
 _SMALL: dict[type, tuple[str, tuple[int, ...]]] = {
     scenes.Block: ("aerial", (2, 3)),

@@ -222,9 +222,10 @@ def variants(case: Case, folder: Path) -> list[Variant]:
     """Name, format of the tables, options and environment of the commands of a case."""
     plain_csv: Variant = ("csv", "csv", ["--no-html"], {})
     first: Variant = ("csv, first run", "csv", ["--no-html"], {"NUMBA_CACHE_DIR": str(folder / "cache")})
+    numpy: Variant = ("csv, numpy", "csv", ["--no-html", "--kernels", "numpy"], {})
     parquet: Variant = ("parquet", "parquet", ["--no-html"], {})
     html: Variant = ("csv, html", "csv", ["--html"], {})
-    chosen = [first] if case.first_run else []
+    chosen = [first, numpy] if case.first_run else []
     chosen += [plain_csv, parquet] if case.scene == "aerial" else [plain_csv]
     return chosen if case.scene == "aerial" and case.sizes[0] >= 100 else [*chosen, html]
 

@@ -22,6 +22,8 @@ FILES = (
 )
 ENVIRONMENT = (
     ("MOR_LANG", "language of what people read, en or de, where --lang does not tell it"),
+    ("MOR_KERNELS", "auto, numpy or numba, where --kernels does not tell it"),
+    ("NUMBA_CACHE_DIR", "folder for compiled kernels, in place of the cache of the user"),
     ("MOR_DEBUG", "1 shows where an internal error happened"),
 )
 

@@ -37,11 +37,11 @@ class Operation(Generic[Parameters, Result]):
         return self.py_func(*args, **kwargs)
 
     @property
-    def _numba_type_(self) -> Any:
-        """What numba takes the function for."""
-        from mor.registers_in_numba import function_type
+    def in_numba(self) -> Any:
+        """What Numba is given for the function."""
+        from mor import registers_in_numba
 
-        return function_type(self.py_func.__name__)
+        return getattr(registers_in_numba, self.py_func.__name__)
 
 
 @Operation

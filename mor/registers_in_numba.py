@@ -1,4 +1,4 @@
-"""What numba makes of ``registers``: a four is a vector of LLVM, an operation one or a few of its instructions."""
+"""What Numba makes of ``registers``: a four is a vector of LLVM, an operation one or a few of its instructions."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.datamodel import models
-from numba.core.typing.templates import AbstractTemplate, infer_global, make_intrinsic_template, signature
-from numba.extending import lower_builtin, register_model
+from numba import types
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 _VECTOR = ir.VectorType(ir.DoubleType(), 4)
 _PLACE = ir.IntType(32)
@@ -33,10 +31,13 @@ class _Model(models.PrimitiveModel):
     """A four is kept in a register."""
 
     def __init__(self, manager: Any, type_: Any) -> None:
-        super().__init__(manager, type_, _VECTOR)  # type: ignore[no-untyped-call]
+        super().__init__(manager, type_, _VECTOR)
 
 
-def _four(typing: Any, array: Any, place: Any) -> Any:
+@intrinsic
+def four(typing, array, place):  # type: ignore[no-untyped-def]
+    """Load four numbers."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
         begin = builder.bitcast(_address(context, builder, sig, args), _VECTOR.as_pointer())
         return builder.load(begin, align=_ALIGNED)
@@ -44,18 +45,26 @@ def _four(typing: Any, array: Any, place: Any) -> Any:
     return FOUR(array, place), generate
 
 
-def _same(typing: Any, number: Any) -> Any:
+@intrinsic
+def same(typing, number):  # type: ignore[no-untyped-def]
+    """Spread a number."""
     return FOUR(types.float64), lambda context, builder, sig, args: _spread(builder, args[0])
 
 
-def _each(typing: Any, array: Any, place: Any) -> Any:
+@intrinsic
+def each(typing, array, place):  # type: ignore[no-untyped-def]
+    """Load a number and spread it."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
         return _spread(builder, builder.load(_address(context, builder, sig, args)))
 
     return FOUR(array, place), generate
 
 
-def _put(typing: Any, array: Any, place: Any, numbers: Any) -> Any:
+@intrinsic
+def put(typing, array, place, numbers):  # type: ignore[no-untyped-def]
+    """Store four numbers."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
         begin = builder.bitcast(_address(context, builder, sig, args), _VECTOR.as_pointer())
         builder.store(args[2], begin, align=_ALIGNED)
@@ -64,7 +73,10 @@ def _put(typing: Any, array: Any, place: Any, numbers: Any) -> Any:
     return types.void(array, place, FOUR), generate
 
 
-def _total(typing: Any, numbers: Any) -> Any:
+@intrinsic
+def total(typing, numbers):  # type: ignore[no-untyped-def]
+    """Add the four."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
         a, b, c, d = (builder.extract_element(args[0], ir.Constant(_PLACE, k)) for k in range(4))
         return builder.fadd(builder.fadd(a, b), builder.fadd(c, d))
@@ -72,15 +84,16 @@ def _total(typing: Any, numbers: Any) -> Any:
     return types.float64(FOUR), generate
 
 
-def _fetch(typing: Any, array: Any, place: Any) -> Any:
+@intrinsic
+def fetch(typing, array, place):  # type: ignore[no-untyped-def]
+    """Bring a number into the cache of the processor: to read, to be kept, data."""
+
     def generate(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
-        byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, word, word, word])
-        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")  # type: ignore[no-untyped-call]
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, _PLACE, _PLACE, _PLACE])
+        prefetch = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
         address = builder.bitcast(_address(context, builder, sig, args), byte)
-        builder.call(
-            prefetch, [address, *(ir.Constant(word, k) for k in (0, 3, 1))]
-        )  # to read, to be kept, data
+        builder.call(prefetch, [address, *(ir.Constant(_PLACE, k) for k in (0, 3, 1))])
         return context.get_dummy_value()
 
     return types.void(array, place), generate
@@ -103,36 +116,18 @@ def _define(operation: Callable[..., Any], instruction: str) -> None:
     """Let fours be added or multiplied, one of the two being a number or both fours."""
     kinds = ((FOUR, FOUR), (types.float64, FOUR), (FOUR, types.float64))
 
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            return signature(FOUR, *args) if tuple(args) in kinds else None  # type: ignore[no-untyped-call]
-
-    infer_global(operation)(Template)  # type: ignore[no-untyped-call]
+    @type_callable(operation)
+    def _type(context: Any) -> Any:
+        return lambda one, other: FOUR if (one, other) in kinds else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
-        one, other = (
-            value if type_ == FOUR else _spread(builder, value)
-            for type_, value in zip(sig.args, args, strict=True)
-        )
+        pairs = zip(sig.args, args, strict=True)
+        one, other = (value if type_ == FOUR else _spread(builder, value) for type_, value in pairs)
         return getattr(builder, instruction)(one, other)
 
     for kind in kinds:
-        lower_builtin(operation, *kind)(lower)  # type: ignore[no-untyped-call]
+        lower_builtin(operation, *kind)(lower)
 
 
 for _operation, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
     _define(_operation, _instruction)
-
-_TYPES = {
-    define.__name__[1:]: types.Function(
-        make_intrinsic_template(  # type: ignore[no-untyped-call]
-            define, define, define.__name__, prefer_literal=False, kwargs={}
-        )
-    )
-    for define in (_four, _same, _each, _put, _total, _fetch)
-}
-
-
-def function_type(name: str) -> Any:
-    """The type of an operation."""
-    return _TYPES[name]

@@ -14,7 +14,7 @@ ROOT = Path(mor.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
 LAYERS = (
-    ("escapes", "kernel_cache", "registers_in_numba"),
+    ("escapes", "registers_in_numba"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("registers",),
     ("allowance",),

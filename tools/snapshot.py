@@ -91,7 +91,7 @@ VOLATILE = (
     (r"\b(Python|numpy|scipy|numba|polars) \d+\.\d+[\w.]*", r"\1 VERSION", "versions of dependencies"),
     (r"(?<![\w.-])\d+(\.\d+)? [GM]B\b", "MEMORY", "memory that the machine has, or that a run needs"),
     (r"\b(after|in|took) \d+(\.\d+)? s\b", r"\1 DURATION", "durations"),
-    (r"(?m)^note: first run on this machine: compiling.*\n", "", "whether compiled code is in the cache"),
+    (r"(?m)^note: compiling the kernels.*\n", "", "whether compiled code is in the cache"),
     (r", line \d+, in ", ", line LINE, in ", "lines of the program in tracebacks"),
 )
 """What is replaced in every text before two snapshots are compared: pattern, replacement, what it is.

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor import compilation
 from mor.adjustment.convergence import (
     ACCURACY,
     AT_THE_LAST_DIGIT,
@@ -104,6 +105,7 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
         constraint=bound,
         iterations=(),
         stride=Stride(np.zeros(0)),
+        kernels=compilation.wanted(),
     )
     return _judge_defect(state)
 

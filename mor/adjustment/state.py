@@ -102,6 +102,8 @@ class Adjustment(NamedTuple):
     """Damping μ with which the next damped step begins; the first is that of Ceres."""
     secants: Secants = NOTHING_LEARNT
     """What the last steps say of the curvature; empty where they do not creep."""
+    kernels: bool = False
+    """True where compiled kernels did the work, False where plain NumPy did."""
 
 
 Watcher = Callable[[Iteration], None]

@@ -33,6 +33,7 @@ COMMANDS = {
     "compare": "Compare two results number by number, as two epochs, or pairs of points.",
     "explain": "Say what a term, a column or an exit code means, and what to do.",
     "examples": "List the sample projects, copy one.",
+    "compile": "Compile the kernels for large projects ahead of their first use.",
     "schema": "Print the JSON Schema of project files, or of results.json.",
 }
 

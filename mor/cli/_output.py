@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import click
+
+from mor.compilation import ASKED, WAYS
 
 
 class _NamedPath(click.Path):
@@ -40,5 +43,28 @@ class OutputPath(_NamedPath):
     """
 
 
+def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> None:
+    """Tell this process and those that it begins, until the command ends."""
+    before = os.environ.get(ASKED)
+
+    def take_back() -> None:
+        os.environ.pop(ASKED, None)
+        if before is not None:
+            os.environ[ASKED] = before
+
+    ctx.call_on_close(take_back)
+    os.environ[ASKED] = value
+
+
 force_option = click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+kernels_option = click.option(
+    "--kernels",
+    type=click.Choice(WAYS),
+    default="auto",
+    envvar=ASKED,
+    show_default=f"{ASKED}, or auto",
+    expose_value=False,
+    callback=_ask_for_kernels,
+    help="Work in NumPy or by compiled kernels; auto takes what is sooner done, below 20 000 observations NumPy.",
+)
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")

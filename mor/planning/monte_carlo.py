@@ -83,7 +83,7 @@ def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
     assert truth is not None
     solve = _solver(ready)
     total = empty_tally(truth)
-    compiled = chosen_by_size(CHUNK * ready.network.observations)
+    compiled = chosen_by_size(ready.network.observations, CHUNK)
     with compiled, one_thread(), np.errstate(all="ignore"):
         for number in range(first, first + count):
             total = total + one_run(truth, ready.trial.seed, number, solve)

@@ -41,9 +41,8 @@ def moves() -> Moves:
     """Compiled ones where kernels are wanted, plain ones elsewhere."""
     if not compilation.wanted():
         return Moves(_assemble, _extract, _extend_add, _inherit, _mirror)
-    assemble, extract = kernels.assemble.compiled, kernels.extract.compiled
-    of = (kernels.extend_add, kernels.inherit, kernels.mirror)
-    return Moves(_by_blocks(assemble), _by_blocks(extract), *(kernel.compiled for kernel in of))
+    of_blocks = _by_blocks(kernels.assemble), _by_blocks(kernels.extract)
+    return Moves(*of_blocks, kernels.extend_add, kernels.inherit, kernels.mirror)
 
 
 def _by_blocks(kernel: _Move) -> _Move:

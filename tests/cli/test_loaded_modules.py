@@ -69,7 +69,8 @@ def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command,
 
 @pytest.mark.skipif(not compilation.available, reason="there is no compiler")
 def test_a_project_that_is_worth_it_takes_the_compiler(tmp_path):
-    few = "import mor.compilation\nmor.compilation.WORTH_COMPILING = 3"
+    few = "import mor.compilation\nmor.compilation.WORTH_COMPILING = 3\n"
+    few += "mor.compilation._is_sealed = lambda: True  # which its folder is asked for, and so numba"
     project = write(tmp_path, LEVELLING)
     assert "numba" in loaded("adjust", project, "-q", "--no-html", before=few)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from mor import compilation
 from mor.adjustment.state import Iteration
-from mor.cli._compiler import FIRST_RUN, PLAIN
 from mor.cli._iterations import MOST, iteration_line, iteration_table
 from mor.cli._progress import Progress
 from mor.cli.commands.adjust import left_out
@@ -76,7 +76,7 @@ def test_notes_are_there_in_german(outcome: Solved, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", 1)
     notes = [note.message for note in left_out(outcome, None, None)]
     assert len(notes) == 2
-    assert {*notes, FIRST_RUN, PLAIN} <= set(german)
+    assert {*notes, compilation.COMPILING, compilation.MISSING, compilation.FAILED} <= set(german)
 
 
 def test_of_many_iterations_the_first_and_the_last_are_shown() -> None:

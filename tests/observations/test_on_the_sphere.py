@@ -11,7 +11,7 @@ from mor.adjustment.rays.eliminable import eliminable_rays
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.arrays import FloatArray
-from mor.compilation import available, chosen_by_size
+from mor.compilation import available, kernels_used
 from mor.observations import ALL_TYPES
 from mor.observations._contract import ObservationGroup
 from mor.observations.on_the_sphere import on_the_sphere
@@ -95,8 +95,8 @@ def test_the_kernel_has_the_directions_of_the_equation(far: float) -> None:
     sphere = problem_on_the_sphere(scene.problem, start)
     assert sphere is not None
     found = []
-    for observations in (10**7, 1):
-        with chosen_by_size(observations):
+    for used in (True, False):
+        with kernels_used(used):
             found.append(build_normals(make_plan(sphere, eliminable_rays(sphere, start)), start))
     compiled, plain = found
     assert compiled.objective == pytest.approx(plain.objective, rel=1e-10)

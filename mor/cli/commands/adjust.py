@@ -20,7 +20,7 @@ from mor.cli._domains import (
 )
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell
-from mor.cli._output import InputPath, OutputPath, quiet_option
+from mor.cli._output import InputPath, OutputPath, kernels_option, quiet_option
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -173,6 +173,7 @@ class Asked(NamedTuple):
     type=OutputPath(),
     help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
 )
+@kernels_option
 @quiet_option
 @click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
 def command(**given: Any) -> int:
@@ -200,8 +201,8 @@ def command(**given: Any) -> int:
 def run(asked: Asked) -> int:
     """Adjust a project and write what was asked for; the exit code."""
     asked = asked._replace(project=only_project(asked.project, asked.source_format))
-    from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.compilation import notes_told_by
     from mor.input_files import files_read
     from mor.output_files import lines_into
     from mor.pipeline import read_document
@@ -217,7 +218,7 @@ def run(asked: Asked) -> int:
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
-        held.enter_context(compiler_announced(say.note))
+        held.enter_context(notes_told_by(say.note))
         say.phase("reading")
         document = read_document(project, asked.source_format or "")
         replaces = asked.force or is_repeated(folder, project, asked.told)

@@ -10,7 +10,7 @@ import click
 
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
-from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, kernels_option, quiet_option
 from mor.counting import counted
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 @language_option("the report and the picture")
+@kernels_option
 @quiet_option
 def command(
     project: Path,
@@ -96,8 +97,7 @@ def command(
 
 
 def _approximated(network: Network, quiet: bool) -> Approximation:
-    from mor.cli._compiler import compiler_announced
-    from mor.compilation import chosen_by_size
+    from mor.compilation import chosen_by_size, notes_told_by
     from mor.errors import screenful
     from mor.preparation import worked_out
     from mor.quality.diagnosis.determinable import completed_or_at_infinity
@@ -105,7 +105,7 @@ def _approximated(network: Network, quiet: bool) -> Approximation:
 
     for note in screenful(network.notes, "mor check --all") if not quiet else ():
         tell_note(note)
-    with compiler_announced(partial(_note, quiet)), chosen_by_size(network.observations):
+    with notes_told_by(partial(_note, quiet)), chosen_by_size(network.observations):
         found = worked_out(network)
     critical = critical_value(network.project.settings.snooping_level)
     start, missing = completed_or_at_infinity(network, found.start, found.missing, critical)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mor.cli._language import language_option
-from mor.cli._output import InputPath, OutputPath, quiet_option
+from mor.cli._output import InputPath, OutputPath, kernels_option, quiet_option
 from mor.errors import ExitCode, InputError, Problem
 from mor.input_files import TABLE, read_text
 from mor.output_files import check_file, write_file
@@ -65,6 +65,7 @@ SCHEMA = "mor-results"
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
 @language_option("the page and of what the terminal says")
+@kernels_option
 @quiet_option
 def command(
     results: tuple[Path, ...],

@@ -11,7 +11,7 @@ import click
 
 from mor.cli._format import format_option
 from mor.cli._language import language_option
-from mor.cli._output import InputPath, quiet_option
+from mor.cli._output import InputPath, kernels_option, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
 @click.option("--table", is_flag=True, help="Print all hypotheses that were tried.")
 @language_option("what is printed")
+@kernels_option
 @quiet_option
 def command(
     project: Path, limit: float, source_format: str | None, as_json: bool, table: bool, lang: str, quiet: bool

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli._language import language_option, tell
-from mor.cli._output import InputPath, OutputPath, quiet_option
+from mor.cli._output import InputPath, OutputPath, kernels_option, quiet_option
 from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode, InputError, Problem
 
@@ -62,6 +62,7 @@ _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
 )
 @click.option("--json", "as_json", is_flag=True, help="Print batch.json on standard output.")
 @language_option("the tables and reports")
+@kernels_option
 @quiet_option
 def command(
     projects: tuple[str, ...],

@@ -9,7 +9,7 @@ import click
 
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option
-from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, kernels_option, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     "--json", "as_json", is_flag=True, help="Print design.json on standard output; files only with -o."
 )
 @language_option("the report")
+@kernels_option
 @quiet_option
 def command(
     project: Path,

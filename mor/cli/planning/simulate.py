@@ -12,7 +12,7 @@ import click
 
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell, tell_note
-from mor.cli._output import InputPath, OutputPath, force_option, quiet_option
+from mor.cli._output import InputPath, OutputPath, force_option, kernels_option, quiet_option
 from mor.cli.planning._jobs import cluster_option, jobs_here, jobs_option
 from mor.errors import ExitCode
 
@@ -98,6 +98,7 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print montecarlo.json on standard output as well.")
 @language_option("the report of many runs")
+@kernels_option
 @quiet_option
 def command(
     project: Path,
@@ -212,8 +213,8 @@ def _many(
     lang: str,
     quiet: bool,
 ) -> int:
-    from mor.cli._compiler import compiler_announced
     from mor.cli._progress import progress
+    from mor.compilation import notes_told_by
     from mor.input_files import files_read
     from mor.output_files import write_among
     from mor.planning.monte_carlo import prepared, run_trial
@@ -233,7 +234,7 @@ def _many(
         return ExitCode.SINGULAR
     with (
         progress(quiet, False, words=words) as say,
-        compiler_announced(say.note),
+        notes_told_by(say.note),
         _workers(folder / "runs", jobs, cluster, files) as work,
     ):
         tally = run_trial(ready, runs, work, folder / "runs", files, say.phase("simulating", runs))

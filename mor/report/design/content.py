@@ -26,7 +26,9 @@ OBSERVATIONS = (
     *("r", "nabla", "external"),
 )
 """Columns of the table of planned observations."""
-_OF_MEASUREMENT = ("iterations", "iteration_log", "global_test", "flagged", "sigma0", "critical_w", "schema")
+_OF_MEASUREMENT = (
+    *("iterations", "iteration_log", "kernels", "global_test", "flagged", "sigma0", "critical_w", "schema"),
+)
 
 
 def design_data(solved: Solved, judged: Sequence[Judged], of: Identity) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
+from mor.compilation import are_loaded
 from mor.errors import Problem
 from mor.project.domains.parts import group_names
 from mor.project.file.model import Project
@@ -138,7 +139,9 @@ def ended_of(
     iterations: Sequence[Any],
 ) -> Ended:
     """How it ended, with the numbers of observations and unknowns."""
-    return Ended(outcome, reason, solution, *sizes, movements, datum_name(project.datum), iterations)
+    return Ended(
+        outcome, reason, solution, *sizes, movements, datum_name(project.datum), iterations, are_loaded()
+    )
 
 
 def _ids(frame: pl.DataFrame | None) -> list[str]:

@@ -10,6 +10,7 @@ IGNORED = {
     "identity",
     "title",
     "iterations",
+    "kernels",
     "iteration_log",
     "tables",
     "files",

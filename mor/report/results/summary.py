@@ -32,6 +32,7 @@ class Ended(NamedTuple):
     movements: Sequence[str]
     datum: str
     iterations: Sequence[Iteration]
+    kernels: bool
 
 
 def summary(solved: Solved) -> dict[str, Any]:
@@ -46,6 +47,7 @@ def summary(solved: Solved) -> dict[str, Any]:
         adjustment.defect.movements,
         adjustment.problem.datum.name,
         adjustment.iterations,
+        adjustment.kernels,
     )
     things = undeterminable_rows(solved)
     return summary_of(solved.network.project, ended, _undetermined(solved), things, statistics(solved))
@@ -70,6 +72,7 @@ def summary_of(
         "reason": ended.reason,
         "solution": ended.solution,
         "iterations": len(ended.iterations),
+        "kernels": "numba" if ended.kernels else "numpy",
         "observations": ended.observations,
         "unknowns": ended.unknowns,
         "defect": len(ended.movements),

@@ -88,6 +88,9 @@ class Results(Part):
         default=None, description="Number of observations with r below settings.least_redundancy"
     )
     iteration_log: list[Step] = Field(description="The iterations")
+    kernels: Literal["numpy", "numba"] = Field(
+        default="numpy", description="What did the work: plain NumPy, or kernels compiled by Numba"
+    )
     points: list[Point] | None = Field(description="null beyond 10 000: read the table")
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
     motions: list[Motion] = Field(default=[], description="What moves points")
