@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.along_trajectories import seen_along_trajectories, without_trajectories
 from mor.approximate.approximation import Approximation, untied
 from mor.approximate.assembly.assembly import Assembly
@@ -45,8 +44,6 @@ from mor.project.network.build import Network
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
-ADJUSTMENTS = 3
-"""Adjustments of a large network that other answers may take."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree."""
 _ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
@@ -100,7 +97,6 @@ def _likeliest(
         attempt,
         judged,
         lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1)),
-        Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5)),
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 
