@@ -45,7 +45,9 @@ from mor.project.network.build import Network
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
 OTHERS_TRIED = 12
-"""Other answers that are tried where start values do not agree."""
+"""Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
+FEW = 1_000
+"""Observations from which fewer are tried, in inverse proportion, one at least."""
 _ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
 """Types of observations that determine how the network is turned."""
 _TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
@@ -96,7 +98,7 @@ def _likeliest(
     assembly, choices = likeliest(
         attempt,
         judged,
-        lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1)),
+        lambda: max(others * FEW // max(network.observations, FEW), min(others, 1)),
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mor
-from mor.approximate.observation_ties.tie_by_observations import SEARCHES, tie_by_observations
+from mor.approximate.observation_ties.tie_by_observations import SEARCHED, tie_by_observations
 from mor.approximate.parts.part import empty_part
 from mor.approximate.parts.scene import scene_of
 from mor.approximate.similarity import Similarity, SimilarityOutcome
@@ -112,7 +112,7 @@ def test_the_number_of_searches_in_a_network_is_limited(tmp_path):
     draw = np.random.default_rng(5)
     at = places(draw)
     network, scene, target, source = two_parts(distances(at, draw), at, tmp_path)
-    searched = {bytes([k]): None for k in range(SEARCHES)}
+    searched = {k.to_bytes(2): None for k in range(SEARCHED)}
     assert tie_by_observations(network, target, source, replace(scene, tied=searched)) is None
     source.asked_for_ties.clear()
     assert tie_by_observations(network, target, source, scene) is not None
