@@ -30,8 +30,8 @@ from mor.project.network.build import Network
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 LARGEST = 1_000
 """Observations of a network up to which it is tried."""
-TRIES = 30
-"""Random starts: if one in five leads to the solution, two of 30 do with a probability of 99 %."""
+TRIES = 20
+"""Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
 _DRAWN = frozenset(("point", "rotation", "scale"))
 """Kinds of blocks that have random start values."""
 _AIMED = 0.3
