@@ -16,7 +16,7 @@ from mor.adjustment.state import Outcome
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.putting_back import put_back
-from mor.quality.gross_errors.suspects import left_out, may_be_absurd, without_suspects
+from mor.quality.gross_errors.suspects import BY_WEIGHTS, left_out, may_be_absurd, without_suspects
 from tests.scenarios.gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.selection import slow_after
@@ -133,6 +133,16 @@ def test_far_start_values_are_no_gross_errors():
     wrong = np.concatenate([mask.any(axis=1) for mask in scene.wrong])
     named = np.concatenate([mask.any(axis=1) for mask in found.suspects])
     assert np.count_nonzero(named & ~wrong) <= 0.01 * len(wrong)
+
+
+@pytest.mark.slow
+def test_a_solution_from_repaired_start_values_says_so():
+    scene = spoiled(3, "aerial", 0.0)
+    plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(3), 0.4, 40.0 * GON))
+    assert plain.outcome is not Outcome.CONVERGED
+    found = without_suspects(plain)
+    assert found.is_complete
+    assert found.note == BY_WEIGHTS
 
 
 def test_factors_of_one_change_nothing_and_factors_are_those_of_weights():
