@@ -14,9 +14,8 @@ import numpy as np
 
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome, Watcher, counting_on
+from mor.adjustment.state import Adjustment, Watcher, counting_on
 from mor.adjustment.undefined import undefined_rows
-from mor.allowance import ITERATIONS, LEAST, Allowance, SpentError, allowed, counted_in, of_iteration, within
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
@@ -40,13 +39,11 @@ from mor.quality.diagnosis.unsettled import with_fitting_reason
 from mor.quality.effort import Done, effort
 from mor.quality.gross_errors.putting_back import put_back
 from mor.quality.gross_errors.suspects import (
-    ADJUSTMENTS,
     SUSPECT,
-    Rescued,
+    Attempt,
     Suspects,
     left_out,
     lost_blocks,
-    may_be_absurd,
     without_suspects,
 )
 from mor.quality.plausibility.curvature import neglected_curvature
@@ -118,7 +115,7 @@ def solve_network(
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
     with chosen_by_size(network.observations), mistakes_in(network.file):
-        return with_poses(_solved(network, watch, assessing).solved)
+        return with_poses(_assessed(_adjusted(network, watch), assessing))
 
 
 def diagnose_network(
@@ -134,74 +131,94 @@ def diagnose_network(
     """
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
         try:
-            adjusted = _solved(network, watch, assessing)
+            adjusted = _adjusted(network, watch)
         except NoStartValuesError as error:
             from mor.diagnose.search import causes_without_start
 
             names = {thing.name for thing in error.things}
             found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
             return None, found
-        return with_poses(adjusted.solved), _diagnosis(network, adjusted, go_on)
+        solved = _assessed(adjusted, assessing)
+        return with_poses(solved), _diagnosis(adjusted, solved, go_on)
 
 
 class _Adjusted(NamedTuple):
-    """An adjustment with what a diagnosis begins from."""
+    """A network with its start values and its adjustment."""
 
-    solved: Solved
-    start: Mapping[str, FloatArray]
-    """Start values of the whole network."""
-    plain: Adjustment
-    """The adjustment of all observations."""
-    led: Mapping[str, FloatArray] | None
-    """Where graduated weights lead, if they were asked."""
     whole: Network
-    """The network before anything was left out."""
+    start: Mapping[str, FloatArray]
+    network: Network
+    """The network without what cannot be determined or was left out."""
+    attempt: Attempt
 
 
-def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], Done] | None) -> _Adjusted:
-    settings = network.project.settings
-    rescued: list[Rescued] = []
+def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
+    """Adjust a network as far as its observations determine it."""
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         with one_thread():
-            network, start = determinable_start(network)
-        whole = network
-        further = _further(network)
-        network, adjustment = adjust_determinable(network, start, _means(settings, watch, rescued, further))
-    rescue = next((one for one in rescued if one.adjustment is adjustment), None)
-    if rescue is None and not further.is_left:
-        network = replace(network, notes=(*network.notes, _not_followed(network, further)))
-    suspects = rescue.suspects if rescue is not None else None
-    led = rescue.led if rescue is not None else None
-    plain = suspects.plain if suspects is not None else adjustment
+            whole, start = determinable_start(network)
+        means = Means(
+            lambda some, values: make_problem(some, values, values),
+            lambda some, values: _attempt(some, values, watch),
+            critical_value(network.project.settings.snooping_level),
+        )
+        network, attempt = adjust_determinable(whole, start, means)
+    adjustment, notes = attempt.adjustment, []
+    if attempt.note:
+        notes.append(Mistake(attempt.note))
     bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
-    network = replace(network, notes=(*network.notes, bent)) if bent is not None else network
-    network = _with_lost_held(network, suspects.lost) if suspects is not None else network
+    if bent is not None:
+        notes.append(bent)
+    if not adjustment.outcome.is_solution:
+        notes += network.untied
+    network = replace(network, notes=(*network.notes, *notes))
+    if attempt.suspects is not None:
+        network = _with_lost_held(network, attempt.suspects.lost)
+    return _Adjusted(whole, start, network, attempt)
+
+
+def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
+    """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
+    settings = Settings(network.project.settings.max_iterations)
+    problem = make_problem(network, start, start)
+    try:
+        plain = adjust(problem, start, settings, watch)
+    except NotFiniteError:
+        raise InputError(_undefined(problem, start)) from None
+    plain = _with_settled_sigma(network, plain, watch)
+    found = without_suspects(plain, settings, counting_on(watch, len(plain.iterations)))
+    if found.adjustment is plain:
+        return found
+    return found._replace(adjustment=_with_settled_sigma(network, found.adjustment, watch, found.suspects))
+
+
+def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> Solved:
+    """Assess an adjustment, and treat gross errors and weights as the project asks."""
+    network, adjustment, suspects = adjusted.network, adjusted.attempt.adjustment, adjusted.attempt.suspects
+    settings = network.project.settings
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
         ended = adjustment if known else with_fitting_reason(adjustment, bool(network.untied))
-        network = replace(network, notes=(*network.notes, *network.untied))
-        return _Adjusted(Solved(network, ended, None), start, plain, led, whole)
+        return Solved(network, ended, None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
     quality = assess(adjustment, levels(settings), aposteriori, done)
     sound = checked(quality)
     if not sound.outcome.is_solution:
-        return _Adjusted(Solved(network, sound, None, None, suspects), start, plain, led, whole)
+        return Solved(network, sound, None, None, suspects)
     if suspects is not None:
         again = Settings(settings.max_iterations)
         quality, suspects = put_back(
             quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
         )
-        adjustment = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-        plain = adjustment if suspects is None else plain
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
     possible = _possible_causes(quality, network, tests)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
-    solved = Solved(network, last, replace(quality, adjustment=last), treatment, suspects, possible, tested)
-    return _Adjusted(solved, start, plain, led, whole)
+    quality = replace(quality, adjustment=last)
+    return Solved(network, last, quality, treatment, suspects, possible, tested)
 
 
 def _possible_causes(quality: Quality, network: Network, tests: GroupTests) -> tuple[PossibleCause, ...]:
@@ -214,57 +231,22 @@ def _possible_causes(quality: Quality, network: Network, tests: GroupTests) -> t
         return score_tests(quality, network)
 
 
-def _diagnosis(network: Network, adjusted: _Adjusted, go_on: GoOn) -> Diagnosis:
+def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
     """Hypotheses about an adjustment, tried by adjusting anew."""
     from mor.diagnose.search import Ended, causes
 
-    solved, plain = adjusted.solved, adjusted.plain
+    attempt, quality = adjusted.attempt, solved.quality
     solution = solved.adjustment if solved.adjustment.outcome.is_solution else None
-    quality, told = solved.quality, Rejection.LARGER  # if there is no solution, or none of all observations
+    plain = attempt.adjustment  # of all observations
+    if attempt.suspects is not None:
+        plain = solved.adjustment if solved.suspects is None else attempt.suspects.plain
+    told = Rejection.LARGER  # if there is no solution, or none of all observations
     if solution is not None and quality is not None and solved.suspects is None:
         told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
     if told is Rejection.NOTHING:
         return NOTHING_FOUND
-    ended = Ended(plain, solution, quality, told, adjusted.led)
+    ended = Ended(plain, solution, quality, told, attempt.robust)
     return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
-
-
-def _further(network: Network) -> Allowance:
-    """What all ways to a solution may take together once the plain adjustment has failed."""
-    rows = sum(group.count for group in network.groups)
-    times = sum(group.count * group.type.work for group in network.groups) / max(rows, 1)
-    return Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5, times))
-
-
-def _not_followed(network: Network, further: Allowance) -> Mistake:
-    """The word that there may be a solution without gross errors all the same."""
-    times = int(further.most) // (ITERATIONS * of_iteration(network.observations))
-    return Mistake(
-        "ways to a solution without gross errors were not followed to their end: "
-        f"that would have taken longer than {times} adjustments of this size"
-    )
-
-
-def _without_gross_errors(
-    network: Network, adjustment: Adjustment, watch: Watcher | None, further: Allowance
-) -> Rescued | None:
-    """A solution without gross errors, where all observations together have none; nothing where they have one.
-
-    Nor where that takes more than is left of what is allowed further.
-    """
-    plain = adjustment.outcome
-    if plain is Outcome.SINGULAR and not adjustment.iterations:
-        return None
-    if plain in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(adjustment):
-        return None
-    settings = Settings(network.project.settings.max_iterations)
-    try:
-        with within(further):
-            found = without_suspects(adjustment, settings, counting_on(watch, len(adjustment.iterations)))
-    except SpentError:
-        return None
-    settled = _with_settled_sigma(network, found.adjustment, watch, found.suspects)
-    return found._replace(adjustment=settled)
 
 
 def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
@@ -333,45 +315,6 @@ def check_named(named: int, free: Sequence[str]) -> None:
         movements = ", ".join(free) or "none"
         words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
         raise InputError([Mistake(f"{words} ({movements})")])
-
-
-def _means(
-    settings: ProjectSettings, watch: Watcher | None, rescued: list[Rescued], further: Allowance
-) -> Means:
-    """How networks with these settings become problems and are solved.
-
-    To ``rescued`` come the solutions that graduated weights were asked for, and the suspects among the observations.
-    What else is tried once an adjustment has failed takes what ``further`` allows.
-    """
-
-    def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
-        problem = make_problem(network, start, start)
-        with counted_in(
-            further if further.spent else Allowance()
-        ):  # the first adjustment is what was asked for
-            try:
-                adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
-            except NotFiniteError:
-                raise InputError(_undefined(problem, start)) from None
-            adjustment = _with_settled_sigma(network, adjustment, watch)
-        found = _without_gross_errors(network, adjustment, watch, further)
-        if found is None:
-            return adjustment
-        rescued.append(found)
-        return found.adjustment
-
-    def complete(adjustment: Adjustment) -> bool:
-        return adjustment.outcome.is_solution and all(
-            one.adjustment is not adjustment or one.suspects is None for one in rescued
-        )
-
-    return Means(
-        lambda network, start: make_problem(network, start, start),
-        solve,
-        critical_value(settings.snooping_level),
-        complete,
-        lambda: further.is_left,
-    )
 
 
 def _with_settled_sigma(

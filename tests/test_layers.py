@@ -17,7 +17,6 @@ LAYERS = (
     ("escapes", "registers_in_numba"),
     ("errors", "units", "compilation", "counting", "arrays"),
     ("registers",),
-    ("allowance",),
     ("sparse",),
     ("geometry", "input_files", "machine"),
     ("parameters", "cluster", "output_files"),

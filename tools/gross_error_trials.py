@@ -66,8 +66,8 @@ def adjusted(
     middle = time.process_time()
     if plain.outcome is Outcome.CONVERGED and not may_be_absurd(plain):
         return plain, None, 1.0
-    found, suspects, _ = without_suspects(plain)
-    return found, suspects, (time.process_time() - begin) / max(middle - begin, 1e-9)
+    found = without_suspects(plain)
+    return found.adjustment, found.suspects, (time.process_time() - begin) / max(middle - begin, 1e-9)
 
 
 def trial(kind: str, errors: float, seed: int, part: float = 0.01, angle: float = GON) -> Found:

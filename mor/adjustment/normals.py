@@ -15,14 +15,10 @@ from mor.adjustment.rays.linearised import Rays
 from mor.adjustment.rays.plan import RayPlan
 from mor.adjustment.rays.point_solutions import add_to_others
 from mor.adjustment.rays.reduced_system import ReducedSystem, empty_reduced_system
-from mor.allowance import spend
 from mor.arrays import FloatArray, IntArray
 from mor.parameters.index import Values
 from mor.sparse.block_matrix import BlockMatrix
 from mor.sparse.rows import accumulate_rows
-
-OBJECTIVE = 2
-"""Times that the sum of squares is less work than an iteration, whose point coordinates are worked out thereafter."""
 
 
 class Normals(NamedTuple):
@@ -55,7 +51,6 @@ class WhiteRows(NamedTuple):
 
 def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
     """One pass over all rows; ``damping`` μ adds μ diag N (Levenberg-Marquardt)."""
-    spend(plan.work)
     structure = plan.target.structure
     block_values = np.zeros(int(structure.position[-1]))
     reduced_rhs = np.zeros(structure.unknowns)
@@ -130,7 +125,6 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
 
 def objective(plan: Plan, values: Values) -> float:
     """lᵀPl at the given values, without derivatives; infinite where an equation cannot be evaluated."""
-    spend(plan.work // OBJECTIVE)
     total = sum(in_lanes(plan.rays, 0, lambda rays: ray_objective(plan.problem, rays, values)))
     for row_set in plan.row_sets:
         misclosure = misclosures_of(plan.problem, row_set.group, values, row_set.rows)

@@ -17,7 +17,6 @@ from mor.adjustment.correlated_rows import (
 )
 from mor.adjustment.problem import Cluster, Problem
 from mor.adjustment.rays.plan import RayPlan, plan_rays
-from mor.allowance import of_iteration
 from mor.arrays import FloatArray, IntArray, ranges
 from mor.observations import ObservationGroup
 from mor.sparse.block_matrix import BlockStructure, structure_from_cliques
@@ -57,13 +56,6 @@ class Plan:
     elimination: Elimination
     row_sets: tuple[RowSet, ...]
     clusters: tuple[ClusterRows, ...]
-
-    @cached_property
-    def work(self) -> int:
-        """Units of work of an iteration (:mod:`mor.allowance`)."""
-        counts = [int(np.count_nonzero(group.mask)) for group in self.problem.groups]
-        work = sum(n * group.type.work for n, group in zip(counts, self.problem.groups, strict=True))
-        return of_iteration(sum(counts), work / max(sum(counts), 1))
 
     @cached_property
     def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[AlikeClusters, ...]]:

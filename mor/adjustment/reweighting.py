@@ -13,12 +13,10 @@ import numpy as np
 
 from mor.adjustment.correlated_rows import ClusterRows
 from mor.adjustment.linearise import misclosures, misclosures_of
-from mor.adjustment.normals import OBJECTIVE
 from mor.adjustment.plan import Plan
 from mor.adjustment.rays.chunks import ray_residuals
 from mor.adjustment.rays.lanes import in_lanes
 from mor.adjustment.rays.plan import Measurements, RayPlan
-from mor.allowance import spend
 from mor.arrays import FloatArray
 from mor.parameters.index import Values
 
@@ -27,7 +25,6 @@ Factors = Sequence[FloatArray]
 
 def normalised_misclosures(plan: Plan, values: Values) -> tuple[FloatArray, ...]:
     """(observed − computed)/σ of every group (n, m), 0 where not observed; correlated ones each by its own σ."""
-    spend(plan.work // OBJECTIVE)
     problem = plan.problem
     found = tuple(np.zeros(group.observed.shape) for group in problem.groups)
 

@@ -27,7 +27,7 @@ from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
 from mor.adjustment.memory import LESS, memory_of_adjustment
-from mor.adjustment.normals import OBJECTIVE, build_normals
+from mor.adjustment.normals import build_normals
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
@@ -44,7 +44,6 @@ from mor.adjustment.state import (
     Watcher,
 )
 from mor.adjustment.step_control import Taken, accept, accept_whole
-from mor.allowance import ITERATION, spend
 from mor.arrays import LARGEST, FloatArray
 from mor.machine import check_room
 from mor.parameters.index import Values, move
@@ -87,7 +86,6 @@ def _begin(plan: Plan, start: Values) -> Adjustment:
     problem = plan.problem
     normals = build_normals(plan, start)
     anchored = find_anchors(plan, normals)
-    spend(len(anchored.unknowns) * ((plan.work - ITERATION) // OBJECTIVE))  # each is a movement of all rows
     inverse = invert(plan, normals, start, *anchored)
     defect = explain_defect(inverse.null, problem, start)
     bound = constraint(defect.datum, problem, start)

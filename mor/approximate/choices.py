@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from mor.allowance import Allowance, SpentError, within
 from mor.arrays import FloatArray
 from mor.observations import ObservationGroup, some_rows, wrap
 
@@ -116,22 +115,16 @@ def likeliest(
     attempt: Callable[[Choices], Found],
     judged: Callable[[Found], Judgement],
     most: Callable[[], int],
-    further: Allowance,
 ) -> tuple[Found, Choices]:
     """What the choices lead to that agree best: one answer after another is changed, as long as that helps.
 
-    ``most``: attempts beside the first one, at the most; asked only where that one does not agree. All of them together
-    take what ``further`` allows.
+    ``most``: attempts beside the first one, at the most; asked only where that one does not agree.
     """
     choices = Choices()
     best = attempt(choices)
     if not choices.asked:
         return best, choices
-    try:
-        with within(further):
-            judgement = judged(best)
-    except SpentError:
-        return best, choices
+    judgement = judged(best)
     tried, left = {choices.wanted}, _tries(choices, judgement, most)
     while left > 0:
         wanted = _next(choices, tried, judgement.agrees)
@@ -139,12 +132,8 @@ def likeliest(
             break
         tried.add(wanted)
         other = Choices(wanted)
-        try:
-            with within(further):
-                found = attempt(other)
-                of_it = judged(found)
-        except SpentError:
-            break
+        found = attempt(other)
+        of_it = judged(found)
         left -= 1
         if of_it.beats(judgement):
             left = min(left, SECOND_TRIES) if of_it.agrees else left

@@ -1,6 +1,7 @@
-"""What was found for the same arrays before: growing begins again and again from what is there, and mostly finds it so.
+"""A cache for pure functions of arrays.
 
-Where wrong names or wrong start values keep parts from fitting together, nine of ten questions are old ones.
+The growth of parts starts again and again from the same state. If wrong names or start values keep parts from fitting
+together, nine of ten calls repeat earlier ones.
 """
 
 from __future__ import annotations
@@ -12,33 +13,30 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from mor.allowance import answer
-
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
 
 def remembered(most: int) -> Callable[[Callable[Given, Found]], Callable[Given, Found]]:
-    """Decorate a pure function of arrays and of what can be hashed; its last ``most`` answers are kept.
+    """Decorate a pure function of arrays and hashable values; keep its last ``most`` results.
 
-    Answers are shared: nobody may change them.
+    Callers share the results and must not change them.
     """
 
     def decorate(function: Callable[Given, Found]) -> Callable[Given, Found]:
-        known: OrderedDict[Hashable, tuple[Found, int]] = OrderedDict()
+        known: OrderedDict[Hashable, Found] = OrderedDict()
 
         @wraps(function)
-        def asked(*args: Given.args, **kwargs: Given.kwargs) -> Found:
+        def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
             key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
-            found = answer((function, key), known.get(key), lambda: function(*args, **kwargs))
             if key not in known:
-                known[key] = found
+                known[key] = function(*args, **kwargs)
                 if len(known) > most:
                     known.popitem(last=False)
             known.move_to_end(key)
-            return found[0]
+            return known[key]
 
-        return asked
+        return cached
 
     return decorate
 

@@ -6,8 +6,6 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from mor.adjustment.domains.domain import Domain, Key, plan_domain
 from mor.adjustment.domains.store import Store
 from mor.adjustment.memory import memory_of_adjustment
@@ -45,8 +43,6 @@ class Head(NamedTuple):
     inner: int
     """Number of the other ones."""
     observations: int
-    work: float
-    """Work of an iteration, in units of an observation (:mod:`mor.allowance`)."""
     need: float
     """Bytes that iterations and statistics take, by the estimate."""
     resident: float
@@ -103,13 +99,11 @@ def head_of(domain: Domain, part: PartNetwork, d: int) -> Head:
     """What is known of a planned domain; the first one has the notes."""
     problem, notes = domain.problem, part.network.notes if d == 0 else ()
     inner = problem.index.count - len(domain.outer)
-    work = sum(np.count_nonzero(group.mask) * group.type.work for group in problem.groups)
     need = memory_of_adjustment(domain.plan) + 3.0 * 8.0 * len(domain.outer) ** 2
     return Head(
         domain.keys(),
         inner,
         problem.observations,
-        float(work),
         need,
         largest_resident(),
         notes,

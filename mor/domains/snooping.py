@@ -14,7 +14,6 @@ from mor.adjustment.domains.adjust import Joined, adjust
 from mor.adjustment.domains.domain import Domain, Key
 from mor.adjustment.domains.store import Store
 from mor.adjustment.domains.tree import Engine
-from mor.allowance import LEAST, Allowance, allowed, of_iteration, spend, uncounted
 from mor.domains.elsewhere import STAGE, out_where_moved, seen
 from mor.domains.prepared import Prepared, numbered
 from mor.domains.preparing import Head, take_out
@@ -22,8 +21,6 @@ from mor.domains.settling import Solution, quality_of, solution_of, with_cofacto
 from mor.project.domains.part_network import PartNetwork
 from mor.quality.diagnosis.self_check import beyond_use, is_complete
 from mor.quality.gross_errors.data_snooping import (
-    ADJUSTMENTS,
-    ASSESSING,
     Ended,
     Excluded,
     Out,
@@ -147,14 +144,12 @@ class InDomains(NamedTuple):
         if not out:
             return None
         count, stage = self.joined.sizes.observations + len(self.excluded), self.joined.values
-        with uncounted():
-            here = seen(self.engine, self.joined.domains, stage, count)
-            others = out_where_moved(self.engine, here, stage, self._by_domain(out))
+        here = seen(self.engine, self.joined.domains, stage, count)
+        others = out_where_moved(self.engine, here, stage, self._by_domain(out))
         found = self._tried(others, STAGE) if others is not None else None
         if found is None or others is None:
             return None
-        with uncounted():
-            there = seen(found.engine, self.joined.domains, found.joined.values, count)
+        there = seen(found.engine, self.joined.domains, found.joined.values, count)
         if there.cost < here.cost:
             self._forget()
             return found, others
@@ -164,20 +159,14 @@ class InDomains(NamedTuple):
     def _tried(self, out: Out, stage: str) -> InDomains | None:
         """The same without other entries, from the values of a stage; nothing where that is no solution."""
         engine, last = self.engine.layer(f"{next(self.numbers)}"), self.engine.store
-        with uncounted():
-            tasks = [
-                engine.submit(take_out, d, some, last, stage) for d, some in enumerate(self._by_domain(out))
-            ]
-            heads: list[Head] = [engine.result(task) for task in tasks]
-            ready = numbered(engine, engine.store.load("divided"), heads)
-            joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free)
-            found = None
-            if joined.outcome.is_solution:
-                solution = solution_of(engine, joined, ready.project.settings)
-                found = tested(engine, ready, joined, solution, self.numbers)
-        count = ready.sizes.observations + len(out)
-        iterations = len(joined.iterations) + 1 + ASSESSING * joined.outcome.is_solution
-        spend(iterations * of_iteration(count, sum(head.work for head in heads) / count))
+        tasks = [engine.submit(take_out, d, some, last, stage) for d, some in enumerate(self._by_domain(out))]
+        heads: list[Head] = [engine.result(task) for task in tasks]
+        ready = numbered(engine, engine.store.load("divided"), heads)
+        joined = adjust(engine, ready.boundaries, ready.sizes, self.joined.free)
+        found = None
+        if joined.outcome.is_solution:
+            solution = solution_of(engine, joined, ready.project.settings)
+            found = tested(engine, ready, joined, solution, self.numbers)
         if found is None or not is_complete(found.redundancy_sum, found.redundancy):
             engine.store.clear()
             return None
@@ -206,5 +195,4 @@ def tested(
 
 def snoop(first: InDomains) -> Ended[InDomains]:
     """Snoop from a tested adjustment of all observations."""
-    further = Allowance(allowed(first.joined.sizes.observations, ADJUSTMENTS, LEAST // 2))
-    return rounds(first, Out(), first.redundancy, further)
+    return rounds(first, Out(), first.redundancy)

@@ -72,8 +72,6 @@ class ObservationType(NamedTuple):
     """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
     through_air: bool = False
     """True where a length is measured by the time that light takes: the air makes it longer."""
-    work: int = 1
-    """How many times the work of others it is, where something is looked for at every observation."""
     still: ObservationType | None = None
     """Of points that move, the same observation of points that do not."""
     flat: ObservationType | None = None

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray
 from mor.compilation import chosen_by_size
 from mor.errors import InputError, mistakes_in
@@ -30,6 +29,7 @@ from mor.project.trajectories.poses import with_image_poses
 from mor.quality.assess import assess
 from mor.quality.design.sighted import Sighted
 from mor.quality.diagnosis.determinable import Means, adjust_determinable
+from mor.quality.gross_errors.suspects import Attempt
 from mor.quality.precision.image_poses import with_poses
 from mor.quality.simulation.implied import conditions, place_with_errors
 from mor.quality.simulation.measurements import measured_at
@@ -115,18 +115,18 @@ def solve_plan(network: Network) -> Solved:
     """
     settings = network.project.settings
 
-    def solve(some: Network, start: Values) -> Adjustment:
-        return adjust(make_problem(some, start, start), start, Settings(settings.max_iterations))
+    def solve(some: Network, start: Values) -> Attempt:
+        problem = make_problem(some, start, start)
+        return Attempt(adjust(problem, start, Settings(settings.max_iterations)))
 
     means = Means(
         lambda some, start: make_problem(some, start, start),
         solve,
         critical_value(settings.snooping_level),
-        lambda adjustment: adjustment.outcome.is_solution,
-        lambda: True,
     )
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
-        network, adjustment = adjust_determinable(network, network.start, means)
+        network, attempt = adjust_determinable(network, network.start, means)
+        adjustment = attempt.adjustment
         if not adjustment.outcome.is_solution:
             return Solved(network, adjustment, None)
         check_minimal(network, adjustment)

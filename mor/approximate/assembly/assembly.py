@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mor.allowance import Allowance
 from mor.approximate.growth.grow_bundles import ENOUGH
 from mor.approximate.growth.seed_bundles import Pairs
 from mor.approximate.parts.part import Part
@@ -33,7 +32,7 @@ class Assembly:
     that a doubtful orientation was tried of."""
     pairs: Pairs | None = None
     reasons: list[Rule] = field(default_factory=list)
-    in_doubt: Allowance = field(default_factory=Allowance)
-    """What beginnings in doubt may take, each of which is grown before it is judged."""
+    doubtful: int = 0
+    """How often a part began with a doubtful pair, or none of the pairs tried led to one."""
     begun: int = 0
     """Parts that have begun so far, the object system aside."""

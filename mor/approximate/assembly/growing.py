@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.allowance import of_iteration, spend
-from mor.approximate import work
 from mor.approximate.growth.bearing_network import grow_by_bearings
 from mor.approximate.growth.grow_bundles import FEWEST, grow_bundles
 from mor.approximate.growth.grow_levelled import grow_arcs, grow_levelled
@@ -32,7 +30,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
     while not part.handed and _grow_shape(part, scene):
         pass
     while part.handed:
-        spend(of_iteration(len(scene.seen.frame), work.TURN))
         grown = level_and_scale(part, scene)
         grown |= _grow_levelled(part, scene)
         _sets_and_poses(part, scene)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow, grow_until_tied
 from mor.approximate.assembly.seeds import next_seed
@@ -37,8 +36,6 @@ from mor.approximate.parts.scene import Scene
 from mor.approximate.parts.transfer import starting_part
 from mor.project.network.build import Network
 
-ADJUSTMENTS = 15
-"""Adjustments of a large network that beginnings in doubt may take."""
 CONTROL = 3
 """Points that a part must know to grow by itself."""
 
@@ -46,8 +43,7 @@ CONTROL = 3
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
     parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
-    in_doubt = Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5))
-    assembly = Assembly(network, scene, parts, in_doubt=in_doubt, begun=len(parts) - 1)
+    assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
     waits = _known_ones_wait(assembly)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.allowance import SpentError, within
 from mor.approximate.assembly.assembly import Assembly
 from mor.approximate.assembly.growing import grow
 from mor.approximate.choices import ROWS
@@ -20,6 +19,8 @@ from mor.arrays import BoolArray
 
 BEGINNINGS = 4
 """Pairs that a part may begin with, where what it leads to does not agree."""
+DOUBTFUL = 4
+"""Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs."""
 
 
 def next_seed(assembly: Assembly) -> Part | None:
@@ -49,15 +50,12 @@ def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
     """A part of two frames whose orientation is in doubt, where nothing else is left."""
     scene = assembly.scene
     open_ = free & ~assembly.given_up[2]
-    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2:
+    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == DOUBTFUL:
         return None
+    assembly.doubtful += 1
     assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
     among = np.flatnonzero(open_[pairs.first] & open_[pairs.second])
-    try:
-        with within(assembly.in_doubt):
-            part = seed_doubtful(scene, among, pairs, lambda part, most: grow(part, scene, FEWEST, most))
-    except SpentError:
-        part = None
+    part = seed_doubtful(scene, among, pairs, lambda part, most: grow(part, scene, FEWEST, most))
     assembly.given_up[2] |= open_ if part is None else np.isin(np.arange(len(open_)), list(part.poses))
     return part
 

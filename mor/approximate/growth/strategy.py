@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.allowance import LEAST, Allowance, allowed
 from mor.approximate.along_trajectories import seen_along_trajectories, without_trajectories
 from mor.approximate.approximation import Approximation, untied
 from mor.approximate.assembly.assembly import Assembly
@@ -45,10 +44,10 @@ from mor.project.network.build import Network
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
-ADJUSTMENTS = 3
-"""Adjustments of a large network that other answers may take."""
 OTHERS_TRIED = 12
-"""Other answers that are tried where start values do not agree."""
+"""Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
+FEW = 1_000
+"""Observations from which fewer are tried, in inverse proportion, one at least."""
 _ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
 """Types of observations that determine how the network is turned."""
 _TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
@@ -99,8 +98,7 @@ def _likeliest(
     assembly, choices = likeliest(
         attempt,
         judged,
-        lambda: max(others * ROWS // max(network.observations, ROWS), min(others, 1)),
-        Allowance(allowed(network.observations, ADJUSTMENTS, LEAST // 5)),
+        lambda: max(others * FEW // max(network.observations, FEW), min(others, 1)),
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

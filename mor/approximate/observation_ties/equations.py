@@ -11,10 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.allowance import spend
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.scene import Scene
-from mor.approximate.work import RESIDUALS
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, is_image_point, read_out_at_once, some_rows, wrap
 from mor.project.network.build import Network
@@ -286,7 +284,6 @@ def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
 def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
     """(k, n) misclosures of all rows, in units of what they are good to."""
     k = len(moves.scale)
-    spend(k * sum(one.group.count * one.group.type.work for one in rows) // RESIDUALS)
     points, turns = placed(sides, moves)
     found = [np.zeros((k, 0))]
     for one in rows:

@@ -6,7 +6,6 @@ from hashlib import sha256
 
 import numpy as np
 
-from mor.allowance import SpentError, within
 from mor.approximate.observation_ties.equations import PRECISION, Moves, Rows, Sides, rows_between, sides_of
 from mor.approximate.observation_ties.robust_minimum import Minima, minima, some
 from mor.approximate.observation_ties.search import Search, Sight, extent, stance_of, standing, starts
@@ -31,6 +30,12 @@ OPEN = 0.1
 APART = 0.05
 SMALL = 5_000
 """Observations of a network up to which it is tried."""
+SEARCHED = 400
+"""Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
+
+A search refines hundreds of starts, and if nothing fits, there is always another pair of parts. All searches together
+take at most a few times as long as the largest one.
+"""
 
 
 def tie_by_observations(
@@ -39,7 +44,7 @@ def tie_by_observations(
     """The movement from source to target that most observations agree with.
 
     ``None`` where fewer than ``redundant`` beyond those it takes agree, where nothing came in since it was asked, or
-    where too much has been looked for already.
+    after too many searches in the network (``SEARCHED``).
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
     if network.observations > SMALL or not (known.any() or source.poses):
@@ -57,26 +62,22 @@ def tie_by_observations(
     if told < search.unknowns - search.stance.unknowns + redundant - (3 if not len(common) else 0):
         return None
     search = standing(search._replace(sights=_sights(scene, sides)).compressed())
-    try:
-        with within(scene.ties):
-            return _remembered(search, redundant, scene.tied)
-    except SpentError:
-        if scene.ties.is_left:
-            raise
-        return None
+    return _remembered(search, told, redundant, scene.tied)
 
 
-def _remembered(search: Search, redundant: int, tied: dict[bytes, Movement | None]) -> Movement | None:
+def _remembered(
+    search: Search, observations: int, redundant: int, tied: dict[bytes, Movement | None]
+) -> Movement | None:
     """The movement looked for; other answers to what was in doubt elsewhere come to the same question again."""
     told = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
     arrays = [array for one in told for array in (one if isinstance(one, tuple) else (one,))]
     asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
     words = repr(asked).encode()
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
-    if key not in tied:
+    if key not in tied and observations * (len(tied) + 1) <= SEARCHED:
         with np.errstate(all="ignore"):
             tied[key] = _judged(search, minima(search, starts(search)), redundant)
-    return tied[key]
+    return tied.get(key)
 
 
 def _search(

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.allowance import LEAST, Allowance
 from mor.approximate.choices import Choices
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.frames import Frame, given_pose, image_frames, theodolite_frames
@@ -18,10 +17,6 @@ from mor.approximate.terrestrial.clusters import Cluster, clusters
 from mor.approximate.terrestrial.sights import Terrestrial, terrestrial
 from mor.arrays import FloatArray, IntArray
 from mor.project.network.build import Network
-
-TIES = LEAST // 2
-"""Units for ties by all observations, twice what any of 165 sound networks of all kinds took: each is a search
-among hundreds of beginnings, and where nothing fits there is always another pair of parts."""
 
 
 class StereoPair(NamedTuple):
@@ -84,8 +79,6 @@ class Scene:
     """Which of several answers that fit alike are taken."""
     tied: dict[bytes, Movement | None] = field(default_factory=dict)
     """Movements that all observations between two parts told, by what was asked."""
-    ties: Allowance = field(default_factory=lambda: Allowance(TIES))
-    """What looking for these may take."""
 
     def rays_for(self, part: Part) -> tuple[tuple[Frame, ...], Sightings]:
         """The frames and rays that a part can use."""

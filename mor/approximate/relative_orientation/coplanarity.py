@@ -16,8 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.allowance import spend
-from mor.approximate import work
 from mor.approximate.bundle import Bundle
 from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
 from mor.approximate.vectors import cross, tangent_axes
@@ -104,7 +102,6 @@ def adjust_coplanarity(
     Converged when a step no longer changes the parameters by more than rounding, or the objective stands
     still.
     """
-    spend(work.COPLANARITY)
     state = misfit(a, b, base, rotation)
     objective = float(state.residuals @ state.residuals)
     damping, converged = 0.0, False

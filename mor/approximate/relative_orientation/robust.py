@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.allowance import spend
-from mor.approximate import work
 from mor.approximate.bundle import Bundle
 from mor.approximate.planar.homography import fit_homography
 from mor.approximate.relative_orientation.assessment import BEHIND, candidate, failed
@@ -158,7 +156,6 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
     drawn = 0
     for chosen in _samples(len(a), generator):
         drawn += len(chosen)
-        spend(work.BATCH)
         unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
         if len(unknowns):
             residuals = first_order_residuals(a, b, unknowns)

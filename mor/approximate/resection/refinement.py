@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mor import compilation
-from mor.allowance import spend
-from mor.approximate import work
 from mor.approximate.bundle import Bundle
 from mor.approximate.growth.compiled import poses as kernels
 from mor.approximate.reprojection import reproject
@@ -56,7 +54,6 @@ def adjust_pose(
 
     A position ``observed`` beforehand counts with its σ.
     """
-    spend(work.POSE)
     if not compilation.wanted():
         return adjust_pose_plainly(bundle, points, pose, iterations, observed)
     place, weight = (np.zeros(3), np.zeros(3)) if observed is None else (observed.place, 1.0 / observed.sigma)

@@ -14,8 +14,6 @@ from math import comb
 
 import numpy as np
 
-from mor.allowance import spend
-from mor.approximate import work
 from mor.approximate.bundle import Bundle
 from mor.approximate.reprojection import misfits
 from mor.approximate.resection.outcome import Resection, ResectionOutcome, failed_resection, judged
@@ -85,7 +83,6 @@ def _triples(count: int, generator: np.random.Generator) -> Iterator[IntArray]:
 
 def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -> list[Pose]:
     """The best poses of samples, of which so many are drawn as it takes for one without a wrong point (RANSAC)."""
-    spend(work.SAMPLES)
     planar = resect_plane(bundle, points) if len(points) >= 4 and is_plane(object_plane(points)) else None
     poses, drawn = [] if planar is None else [Pose(*planar)], 0
     costs = [_truncated(bundle, points, poses)]

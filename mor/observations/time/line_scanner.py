@@ -94,7 +94,6 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         ),
         equation=equation,
         constants=(*MEASURED, *model.constants, *ROW, *clock_constants(knots)),
-        work=4,
     )
 
 

@@ -94,7 +94,6 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
         slots=(*FRAME_SLOTS, *MOTION_SLOTS, Slot(interior_key(model.key), "image", "interior"), POINT_SLOT),
         equation=equation,
         constants=(*MEASURED, *model.constants, *PHASE),
-        work=3,
     )
 
 

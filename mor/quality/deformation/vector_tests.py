@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri, chndtr, chndtrinc, fdtri, ncfdtr, ncfdtrinc
+from scipy.special import chdtri, chndtrinc, fdtri, ncfdtrinc
 
 from mor.arrays import FloatArray, IntArray
 from mor.geometry import tolerant
@@ -62,10 +62,3 @@ def noncentrality_of(freedom: int, level: float, power: float, redundancy: int |
     if redundancy is None:
         return float(chndtrinc(float(chdtri(freedom, level)), freedom, 1.0 - power))
     return float(ncfdtrinc(freedom, redundancy, 1.0 - power, float(fdtri(freedom, redundancy, 1.0 - level))))
-
-
-def power_of(freedom: int, level: float, ncp: float, redundancy: int | None = None) -> float:
-    """Probability that the test of h degrees of freedom at a level rejects with the non-centrality λ."""
-    if redundancy is None:
-        return 1.0 - float(chndtr(float(chdtri(freedom, level)), freedom, ncp))
-    return 1.0 - float(ncfdtr(freedom, redundancy, ncp, float(fdtri(freedom, redundancy, 1.0 - level))))

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.adjustment.state import Adjustment, Outcome
+from mor.adjustment.state import Outcome
 from mor.approximate.points_at_infinity import RayPoints, nearly_parallel
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.errors import NoStartValuesError, Undeterminable
@@ -32,6 +32,7 @@ from mor.quality.diagnosis.loose_things import OPEN, without_loose, without_move
 from mor.quality.diagnosis.misfit import misfit
 from mor.quality.diagnosis.parallax import with_free_poses
 from mor.quality.diagnosis.unsettled import only_here
+from mor.quality.gross_errors.suspects import Attempt
 
 ONE_PLACE = "all its rays come from one place: it is anywhere along them"
 AT_INFINITY: Final = "at infinity"
@@ -51,12 +52,8 @@ class Means(NamedTuple):
     """How a network becomes a problem and is solved, and the critical value of the test for parallel rays."""
 
     make: Callable[[Network, Values], Problem]
-    solve: Callable[[Network, Values], Adjustment]
+    solve: Callable[[Network, Values], Attempt]
     critical: float
-    complete: Callable[[Adjustment], bool]
-    """Whether it is a solution, of all observations."""
-    goes_on: Callable[[], bool]
-    """Whether more may be tried after an adjustment has failed."""
 
 
 def completed(
@@ -112,7 +109,7 @@ def without_unknown(network: Network, start: Values, missing: Sequence[Undetermi
     return without_blocks(replace(network, start=start), unknown, left)
 
 
-def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[Network, Adjustment]:
+def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[Network, Attempt]:
     """The network as far as it is adjusted, and its adjustment.
 
     Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
@@ -122,12 +119,12 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     """
     found = nearly_parallel(network, start)
     first = _with_far_points(network, start, start, found, means)
-    if found.from_one_place().all() or means.complete(first[1]) or not means.goes_on():
+    if found.from_one_place().all() or first[1].is_complete:
         return first
     others = without_points(network, found.points, NARROW_ANGLE)
     if not any(group.count for group in others.groups):
         return first
-    adjustment = means.solve(others, start)
+    adjustment = means.solve(others, start).adjustment
     if not adjustment.outcome.is_solution:
         return first
     there = _values_of(network, adjustment.values, found.points)
@@ -135,12 +132,12 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     begun = _with_coordinates(there, again)
     begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
     second = _with_far_points(network, start, begun, again, means)
-    return second if means.complete(second[1]) else first
+    return second if second[1].is_complete else first
 
 
 def _with_far_points(
     network: Network, start: Values, values: Values, found: RayPoints, means: Means
-) -> tuple[Network, Adjustment]:
+) -> tuple[Network, Attempt]:
     """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
     plain, first, doubted = network, values, found.points
     failed = np.zeros(0, dtype=np.int64)
@@ -148,7 +145,8 @@ def _with_far_points(
     far = _beyond_reach(network, values, found, means)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
-        reduced, adjustment = _adjusted(network, values, far, blind, means)
+        reduced, attempt = _adjusted(network, values, far, blind, means)
+        adjustment = attempt.adjustment
         there = _values_of(network, adjustment.values, far.points)
         found = nearly_parallel(network, there)
         if adjustment.outcome.is_solution:
@@ -157,7 +155,7 @@ def _with_far_points(
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             failures += 1
-            if failures == FAILURES or np.isin(now.points, failed).all() or not means.goes_on():
+            if failures == FAILURES or np.isin(now.points, failed).all():
                 break
             values = first
             now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
@@ -172,8 +170,8 @@ def _with_far_points(
         network = _with_reference(plain, start, there, doubted)
         values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
         values = values if adjustment.outcome.is_solution else start
-        reduced, adjustment = _adjusted(network, values, far, blind, means, far_too=True)
-    return reduced, adjustment
+        reduced, attempt = _adjusted(network, values, far, blind, means, far_too=True)
+    return reduced, attempt
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
@@ -208,7 +206,7 @@ def _beyond_reach(network: Network, values: Values, found: RayPoints, means: Mea
 
 def _adjusted(
     network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means, far_too: bool = False
-) -> tuple[Network, Adjustment]:
+) -> tuple[Network, Attempt]:
     """One adjustment with some points at infinity, and without what is loose where that is to be left out.
 
     ``blind`` are the points all of whose rays come from one place; ``far_too`` leaves out the points at infinity.
@@ -221,18 +219,19 @@ def _adjusted(
     if loose and not leave and len(loose) <= EXPLAINED:
         return replace(whole, undeterminable=named), means.solve(whole, begun)
     _check_something_left(reduced)
-    adjustment = means.solve(reduced, begun)
+    attempt = means.solve(reduced, begun)
     if loose and not leave:
         reduced = replace(reduced, undeterminable=named)
-        return reduced, adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN)
+        return reduced, Attempt(attempt.adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN))
     for _ in range(ROUNDS if leave else 0):
+        adjustment = attempt.adjustment
         further = None if only_here(adjustment) else without_moved(reduced, adjustment)
         if further is None:
             break
         reduced = without_loose(further, begun, means.make)
         _check_something_left(reduced)
-        adjustment = means.solve(reduced, begun)
-    return reduced, adjustment
+        attempt = means.solve(reduced, begun)
+    return reduced, attempt
 
 
 def _check_something_left(network: Network) -> None:

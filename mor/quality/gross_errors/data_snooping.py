@@ -21,7 +21,6 @@ import numpy as np
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Iteration
-from mor.allowance import LEAST, Allowance, allowed, counted_in, spend
 from mor.arrays import BoolArray
 from mor.parameters.index import Values
 from mor.quality.assess import Levels, Quality, assess
@@ -30,11 +29,8 @@ from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.other_places import Masks, cost_at, other_places
 from mor.quality.gross_errors.worst_first import Entry, Tested, candidates, flagged_rows, worst_first
 
-_MOST_ROUNDS = 500
-ADJUSTMENTS = 100
-"""Adjustments that snooping may take where a network is large."""
-ASSESSING = 3
-"""Iterations that are as much work as assessing an adjustment."""
+_MOST_ROUNDS = 100
+"""Rounds after which snooping ends, clean or not; a round takes out every error that does not hide another one."""
 _MOST_OUT = 0.5
 """Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
 
@@ -135,14 +131,13 @@ def snoop(
         )
         begun = first.without(out)
     tried, out = (begun, out) if begun is not None else (first, Out())
-    further = Allowance(allowed(problem.observations, ADJUSTMENTS, LEAST // 2))
-    ended = rounds(tried, out, first.redundancy, further)
+    ended = rounds(tried, out, first.redundancy)
     kept_out = tuple(group.left_out for group in problem.groups)
     return Snooping(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
 
 
-def rounds(tried: T, out: Out, redundancy: int, further: Allowance) -> Ended[T]:
-    """Take out and put back until nothing else is to be done, or all is spent that it may take.
+def rounds(tried: T, out: Out, redundancy: int) -> Ended[T]:
+    """Take out and put back until nothing else is to be done, in at most 100 rounds.
 
     ``redundancy`` is that of all observations.
     """
@@ -156,8 +151,7 @@ def rounds(tried: T, out: Out, redundancy: int, further: Allowance) -> Ended[T]:
             fitting = _fitting(tried, for_good)
             for_good.update(one.entry for one in fitting)
         if not chosen and not fitting:
-            with counted_in(further):
-                elsewhere = tried.elsewhere(out) if further.is_left else None
+            elsewhere = tried.elsewhere(out)
             if elsewhere is not None:
                 there, others = elsewhere
                 steps += _steps(number, _tested(tried, out - others), out)
@@ -168,12 +162,9 @@ def rounds(tried: T, out: Out, redundancy: int, further: Allowance) -> Ended[T]:
             break
         if len(out) > _MOST_OUT * redundancy:
             break  # it is not single errors that do not fit
-        if not further.is_left:
-            break
         for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
             wanted = out ^ {one.entry for one in change}
-            with counted_in(further):
-                found = tried.without(wanted)
+            found = tried.without(wanted)
             if found is not None:
                 steps += _steps(number, change, out)
                 stays_out |= out - wanted
@@ -263,7 +254,6 @@ class _Whole(NamedTuple):
         adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
         if not adjustment.outcome.is_solution:
             return None
-        spend(ASSESSING * adjustment.plan.work)
         quality = assess(adjustment, self.levels, self.aposteriori)
         complete = is_complete(quality.redundancy_sum, quality.redundancy)
         return self._replace(quality=quality) if complete else None

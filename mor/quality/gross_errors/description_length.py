@@ -8,7 +8,7 @@ through are compared by −2 ln of how likely the observations are (J. Rissanen 
 with s = |v|/(k σ). An observation that does not fit at all costs what it takes to say which of n it is, and how large
 its error: a model is not judged by errors that it is not about. k is 1, or where that is shorter the robust factor of
 all σ: no model is better than another for σ that are all too small. q additional unknowns, the best of m alike; r is
-the part of the changed observations that is controlled (``hypotheses/controlled_part.py``).
+the part of the changed observations that is controlled (:func:`mor.diagnose.situation.controlled_part`).
 """
 
 from __future__ import annotations

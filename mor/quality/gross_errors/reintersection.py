@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.problem import Problem
-from mor.allowance import spend
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry import tolerant
 from mor.observations import Computed, ObservationGroup, wrap
@@ -275,7 +274,6 @@ def _equations(told: list[_Observed], values: Values, places: FloatArray) -> lis
     for numbers in alike.values():
         blocks, constants = zip(*(_arguments(told[k], values, places) for k in numbers), strict=True)
         type_, ends = told[numbers[0]].group.type, np.cumsum([len(own) for own in constants])
-        spend(int(ends[-1]) * type_.work)
         with np.errstate(all="ignore"):
             every = type_.equation(
                 [np.concatenate(of_slot) for of_slot in zip(*blocks, strict=True)], np.concatenate(constants)

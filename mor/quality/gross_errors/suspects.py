@@ -54,12 +54,15 @@ _FROM_FAR = 40
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
-ADJUSTMENTS = 70
-"""Adjustments that all ways to a solution without suspects may take where a network is large.
-
-Of thirty random scenes they took what 16 to 350 iterations take, a block of 50 images with one row in a hundred wrong
-200, one of 25 uncalibrated images whose far points bend it 500.
-"""
+BY_WEIGHTS = (
+    "the start values lead to no solution, or to one that fits badly; "
+    "all observations were adjusted from where graduated weights lead"
+)
+BY_DIRECTIONS = (
+    "the start values lead to no solution, or to one that fits badly; "
+    "all observations were adjusted from where directions instead of image coordinates lead"
+)
+"""Notes on how the start values were repaired."""
 _GIVEN_UP = ("point", "rotation")
 """Kinds of blocks that are given up where suspects are most of what tells of them."""
 
@@ -83,13 +86,20 @@ class Suspects:
         return _count(self.masks)
 
 
-class Rescued(NamedTuple):
-    """What there is in place of a plain adjustment that has no solution, or an absurd one."""
+class Attempt(NamedTuple):
+    """An adjustment, and what it took to reach it from the start values."""
 
     adjustment: Adjustment
-    suspects: Suspects | None
-    led: Values
-    """Where graduated weights lead from the start values."""
+    suspects: Suspects | None = None
+    robust: Values | None = None
+    """Values found with graduated weights, if the plain adjustment was not enough."""
+    note: str = ""
+    """How the start values were repaired, if they were."""
+
+    @property
+    def is_complete(self) -> bool:
+        """True for a solution of all observations."""
+        return self.adjustment.outcome.is_solution and self.suspects is None
 
 
 def may_be_absurd(adjustment: Adjustment) -> bool:
@@ -103,8 +113,8 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
 
 def without_suspects(
     plain: Adjustment, settings: Settings | None = None, watch: Watcher | None = None
-) -> Rescued:
-    """A solution in place of a plain adjustment that has none, or an absurd one.
+) -> Attempt:
+    """Return the plain adjustment if it is a sensible solution; otherwise repair start values, then leave out suspects.
 
     All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
     left out. A solution is absurd where another one is known that half of the observations fit three times better. In
@@ -117,6 +127,10 @@ def without_suspects(
     Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
     are wrong, by those of whole groups.
     """
+    if plain.outcome is Outcome.SINGULAR and not plain.iterations:
+        return Attempt(plain)
+    if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
+        return Attempt(plain)
     first = _led(plain, settings, watch, by_parts=True)
     if first.adjustment.outcome is Outcome.CONVERGED or not any(
         is_image_point(group.type) for group in plain.problem.groups
@@ -126,24 +140,24 @@ def without_suspects(
     return other if other.adjustment.outcome is Outcome.CONVERGED else first
 
 
-def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Rescued:
+def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Attempt:
     """What there is where graduated weights lead; ``by_parts``: where most of every part is right."""
     found = graduated_weights(plain.problem, plain.start, watch, by_parts)
     found = _with_points_moved(plain.problem, found, plain.start, watch)
-    return Rescued(*_rescued(plain, found, settings, watch), found.values)
+    return _attempt(plain, found, settings, watch)._replace(robust=found.values)
 
 
-def _rescued(
+def _attempt(
     plain: Adjustment, found: Graduated, settings: Settings | None, watch: Watcher | None
-) -> tuple[Adjustment, Suspects | None]:
+) -> Attempt:
     problem = plain.problem
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
-        return plain, None
+        return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     again = adjust(problem, found.values, most, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
-        return again, None
+        return Attempt(again, note=BY_WEIGHTS)
     suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
@@ -157,14 +171,15 @@ def _rescued(
                 _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
             ):
                 break
-            anew = _from_far(plain, settings, watch) if _are_mostly_lost(problem, suspects) else plain
-            return (anew, None) if anew is not plain else (rest, suspects)
+            mostly_lost = _are_mostly_lost(problem, suspects)
+            anew = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
+            return anew if anew.adjustment is not plain else Attempt(rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return _from_far(plain, settings, watch), None
+    return _from_far(plain, settings, watch)
 
 
 def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
@@ -210,7 +225,7 @@ def _from_near(settings: Settings | None) -> Settings:
     return Settings(min((settings or Settings()).max_iterations, _FROM_NEAR))
 
 
-def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Adjustment:
+def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Attempt:
     """All observations once more, all with their weights, from where directions in place of coordinates lead.
 
     Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
@@ -218,12 +233,13 @@ def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | Non
     """
     sphere = problem_on_the_sphere(plain.problem, plain.start)
     if sphere is None:
-        return plain
+        return Attempt(plain)
     there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
     if there.outcome is not Outcome.CONVERGED:
-        return plain
+        return Attempt(plain)
     again = adjust(plain.problem, there.values, _from_near(settings), watch)
-    return again if again.outcome is Outcome.CONVERGED and not may_be_absurd(again) else plain
+    fits = again.outcome is Outcome.CONVERGED and not may_be_absurd(again)
+    return Attempt(again, note=BY_DIRECTIONS) if fits else Attempt(plain)
 
 
 def _are_few(plain: Adjustment, rest: Adjustment) -> bool:

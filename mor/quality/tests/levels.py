@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, chndtrix, fdtrc, ncfdtri, ndtr, ndtri
+from scipy.special import chdtrc, chndtrix, ndtr, ndtri
 
 
 class Limit(NamedTuple):
@@ -47,12 +47,6 @@ def chi2_level(freedom: float, ncp: float, power: float) -> Limit:
     """χ² test (critical value of the sum of squares) of the B-method, for one or more degrees of freedom."""
     critical = float(chndtrix(1.0 - power, freedom, ncp))
     return Limit(critical, float(chdtrc(freedom, critical)))
-
-
-def f_level(freedom: float, redundancy: float, ncp: float, power: float) -> Limit:
-    """F test (critical value of the mean square over that of the residuals) of the B-method."""
-    critical = float(ncfdtri(freedom, redundancy, ncp, 1.0 - power))
-    return Limit(critical, float(fdtrc(freedom, redundancy, critical)))
 
 
 def sidak(familywise: float, tests: int) -> float:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import mor
-from mor.allowance import Allowance, SpentError, within
-from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
+from mor.approximate.observation_ties.tie_by_observations import SEARCHED, tie_by_observations
 from mor.approximate.parts.part import empty_part
 from mor.approximate.parts.scene import scene_of
 from mor.approximate.similarity import Similarity, SimilarityOutcome
@@ -109,14 +108,12 @@ def test_observations_of_one_sort_tie_two_parts(observed, tmp_path):
     np.testing.assert_allclose(found.shift, -TURN.T @ SHIFT / SCALE, atol=1e-4)
 
 
-def test_ties_have_an_allowance_and_one_around_it_is_told_of(tmp_path):
+def test_the_number_of_searches_in_a_network_is_limited(tmp_path):
     draw = np.random.default_rng(5)
     at = places(draw)
     network, scene, target, source = two_parts(distances(at, draw), at, tmp_path)
-    assert tie_by_observations(network, target, source, replace(scene, ties=Allowance(1000))) is None
-    source.asked_for_ties.clear()
-    with pytest.raises(SpentError), within(Allowance(1000)):
-        tie_by_observations(network, target, source, scene)
+    searched = {k.to_bytes(2): None for k in range(SEARCHED)}
+    assert tie_by_observations(network, target, source, replace(scene, tied=searched)) is None
     source.asked_for_ties.clear()
     assert tie_by_observations(network, target, source, scene) is not None
 

@@ -351,12 +351,11 @@ def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypa
     assert alone.clean
 
 
-def test_snooping_ends_when_all_is_spent_that_it_may_take(block, monkeypatch):
-    """Rounds are counted as work: where less is allowed than one takes there is one round."""
+def test_snooping_ends_after_a_number_of_rounds(block, monkeypatch):
     scene, start = block
     _, spoil = _spoiled(np.random.default_rng(1), 20)
     problem, quality = _assessed(scene, start, 1, spoil)
-    monkeypatch.setattr("mor.quality.gross_errors.data_snooping.allowed", lambda *_: 1)
+    monkeypatch.setattr("mor.quality.gross_errors.data_snooping._MOST_ROUNDS", 1)
     found = snoop(problem, quality, Levels(), True)
     assert {step.round for step in found.steps} == {1}
     assert not found.clean

@@ -48,12 +48,3 @@ def test_redundancy_numbers_add_up_whatever_is_taken_out(tmp_path, seed):
     assert run.code in (0, 1), run.err
     results = json.loads((tmp_path / "project.results" / "results.json").read_text())
     assert results["redundancy_sum"] == pytest.approx(results["redundancy"], abs=1e-6)
-
-
-@pytest.mark.parametrize("enough", [True, False])
-def test_that_ways_to_a_solution_were_not_followed_to_their_end_is_said(tmp_path, monkeypatch, enough):
-    if not enough:
-        monkeypatch.setattr("mor.pipeline.allowed", lambda *_: 5_000)
-    mor("adjust", write(tmp_path, _traverse(14)), "--no-html", "--tables", "none", "--lang", "de")
-    report = (tmp_path / "project.results" / "report.txt").read_text()
-    assert ("wurden nicht zu Ende gegangen" in report) != enough

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.allowance import spend
 from mor.approximate.bundle import direction_bundle
 from mor.approximate.growth.seed_bundles import common_rays
 from mor.approximate.observation_ties.robust_minimum import Minima, minima, some
@@ -26,7 +25,6 @@ from mor.approximate.relative_orientation.fitting import FEWEST, fitting_orienta
 from mor.approximate.remembered import remembered
 from mor.approximate.resection.three_points import nearly_resect_three_points
 from mor.approximate.vectors import unit
-from mor.approximate.work import CONDITIONS
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
@@ -94,7 +92,6 @@ class Conditions(NamedTuple):
 
     def residuals(self, poses: Poses) -> FloatArray:
         """(k, 2n + m) in units of what the rays are good to."""
-        spend(len(poses.centre) * self.equations // CONDITIONS)
         towards = unit((self.targets - poses.centre[:, None]) @ np.swapaxes(poses.rotation, 1, 2))
         away = np.arccos(np.clip(np.sum(towards * self.rays, axis=2), -1.0, 1.0))
         stretched = away / np.maximum(np.sin(away), 1e-12) / self.sigma
