@@ -344,7 +344,7 @@ def _means(
     What else is tried once an adjustment has failed takes what ``further`` allows.
     """
 
-    def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
+    def plainly(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
         problem = make_problem(network, start, start)
         with counted_in(
             further if further.spent else Allowance()
@@ -353,7 +353,10 @@ def _means(
                 adjustment = adjust(problem, start, Settings(settings.max_iterations), watch)
             except NotFiniteError:
                 raise InputError(_undefined(problem, start)) from None
-            adjustment = _with_settled_sigma(network, adjustment, watch)
+            return _with_settled_sigma(network, adjustment, watch)
+
+    def solve(network: Network, start: Mapping[str, FloatArray]) -> Adjustment:
+        adjustment = plainly(network, start)
         found = _without_gross_errors(network, adjustment, watch, further)
         if found is None:
             return adjustment
@@ -368,6 +371,7 @@ def _means(
     return Means(
         lambda network, start: make_problem(network, start, start),
         solve,
+        plainly,
         critical_value(settings.snooping_level),
         complete,
         lambda: further.is_left,

@@ -121,6 +121,7 @@ def solve_plan(network: Network) -> Solved:
     means = Means(
         lambda some, start: make_problem(some, start, start),
         solve,
+        solve,
         critical_value(settings.snooping_level),
         lambda adjustment: adjustment.outcome.is_solution,
         lambda: True,

@@ -52,6 +52,8 @@ class Means(NamedTuple):
 
     make: Callable[[Network, Values], Problem]
     solve: Callable[[Network, Values], Adjustment]
+    plainly: Callable[[Network, Values], Adjustment]
+    """The same of all observations alone, whether that has a solution or not."""
     critical: float
     complete: Callable[[Adjustment], bool]
     """Whether it is a solution, of all observations."""
@@ -146,6 +148,12 @@ def _with_far_points(
     failed = np.zeros(0, dtype=np.int64)
     failures = 0
     far = _beyond_reach(network, values, found, means)
+    given = np.isfinite(start["point"][far.points]).all(axis=1)
+    if given.any():
+        begun = _from_given_places(network, start, values, found, far.take(~given), means)
+        if begun is not None:
+            values, found, far = begun
+            network = _with_reference(plain, start, values, doubted)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
@@ -174,6 +182,28 @@ def _with_far_points(
         values = values if adjustment.outcome.is_solution else start
         reduced, adjustment = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, adjustment
+
+
+def _from_given_places(
+    network: Network, start: Values, values: Values, found: RayPoints, far: RayPoints, means: Means
+) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
+    """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
+
+    The given values say too little of the poses to tell which points are at infinity. Those that seem to be do not
+    carry the datum. ``None`` if no point is far where the adjustment leads to, or it leads nowhere.
+    """
+    beyond = _beyond_reach(network, values, found, means).points
+    begun = _with_reference(network, start, values, np.setdiff1d(beyond, far.points))
+    blind = found.points[found.from_one_place()]
+    reduced, adjustment = _adjusted(begun, values, far, blind, means._replace(solve=means.plainly))
+    there = _values_of(network, adjustment.values, far.points)
+    met = nearly_parallel(network, there)
+    if adjustment.outcome.is_solution:
+        met = with_free_poses(network, reduced, adjustment, there, met, means.critical)
+    beyond_there = _beyond_reach(network, there, met, means)
+    if not adjustment.outcome.is_solution and not len(beyond_there.points):
+        return None
+    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, beyond_there
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
