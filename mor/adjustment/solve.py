@@ -51,6 +51,8 @@ from mor.parameters.index import Values, move
 from mor.sparse.blas_threads import threads_for
 
 
+_ALIKE = 10.0
+"""Condition of the movements of a network, each of length one, from which on it is anchored anew while it turns."""
 _SMALL_STEP = 1e-4
 """Movement, in parts of the size of the network, by which second derivatives are taken."""
 
@@ -240,7 +242,21 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
         # A point on its way to infinity is not determined here; whether the solution is, its own defect says.
         return checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
     inverse = invert_alike(state.plan, normals, values, state.anchors)
+    turns = taken.share < 1.0 and taken.damping == 0.0
+    if turns and _are_alike(inverse.null / units_of_length(state.problem.index, values)[:, None]):
+        anchored = find_anchors(state.plan, normals)
+        inverse = invert(state.plan, normals, values, *anchored)
+        moved = moved._replace(anchors=anchored.unknowns)
+        return _with_defect(moved, inverse, explain_defect(inverse.null, state.problem, values))
     return _with_defect(moved, inverse, replace(state.defect, datum=inverse.null))
+
+
+def _are_alike(movements: FloatArray) -> bool:
+    """Return True if movements (u, d) are hardly independent: the network has turned away from its anchors."""
+    sizes = np.linalg.norm(movements, axis=0)
+    if movements.shape[1] < 2 or not (np.isfinite(sizes).all() and sizes.all()):
+        return False
+    return bool(np.linalg.cond(np.linalg.qr(movements / sizes, mode="r")) > _ALIKE)
 
 
 def _at_minimum(state: Adjustment) -> Adjustment:

@@ -43,6 +43,8 @@ FAILURES = 3
 """Adjustments without a solution after which it is not points at infinity that keep it from one."""
 FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
+_RUN_AWAY = 1e-3
+"""Inverse distance, in units of its σ, below which a point has run away: vᵀPv is the same to 1e-6 at infinity."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -149,10 +151,12 @@ def _with_far_points(
     failures = 0
     far = _beyond_reach(network, values, found, means)
     given = np.isfinite(start["point"][far.points]).all(axis=1)
+    finite = np.zeros(0, dtype=np.int64)
     if given.any():
         begun = _from_given_places(network, start, values, found, far.take(~given), means)
         if begun is not None:
             values, found, far = begun
+            finite = np.setdiff1d(found.points, far.points)
             network = _with_reference(plain, start, values, doubted)
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
@@ -162,6 +166,7 @@ def _with_far_points(
         if adjustment.outcome.is_solution:
             found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
+        now = now.take(~np.isin(now.points, finite))
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             failures += 1
@@ -190,7 +195,8 @@ def _from_given_places(
     """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
 
     The given values say too little of the poses to tell which points are at infinity. Those that seem to be do not
-    carry the datum. ``None`` if no point is far where the adjustment leads to, or it leads nowhere.
+    carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
+    place. ``None`` if it leads nowhere.
     """
     beyond = _beyond_reach(network, values, found, means).points
     begun = _with_reference(network, start, values, np.setdiff1d(beyond, far.points))
@@ -200,10 +206,11 @@ def _from_given_places(
     met = nearly_parallel(network, there)
     if adjustment.outcome.is_solution:
         met = with_free_poses(network, reduced, adjustment, there, met, means.critical)
-    beyond_there = _beyond_reach(network, there, met, means)
-    if not adjustment.outcome.is_solution and not len(beyond_there.points):
+    distance = np.linalg.norm(there["point"][met.points] - met.centres, axis=1)
+    gone = ~met.from_one_place() & ~(distance * met.sigma * _RUN_AWAY < 1.0)
+    if not adjustment.outcome.is_solution and not gone.any():
         return None
-    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, beyond_there
+    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, met.take(gone)
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
