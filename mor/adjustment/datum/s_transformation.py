@@ -21,6 +21,8 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry import tolerant
 from mor.parameters.index import Index, Values
 
+_SPREAD = 1e-12
+"""Least of the sizes of movements on the points of the datum, as a part of the largest."""
 _SMALL_TURN = 0.1
 """Radians, or part of the scale, up to which a movement is told by its first two derivatives."""
 _NEAR = 1e-2
@@ -107,15 +109,17 @@ def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
 def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
     """Return True if the constraint determines every movement (u, d) of the network.
 
-    The movements are made orthonormal on the point coordinates first. So the answer depends neither on the unit of
-    length nor on how the movements are combined.
+    The movements are made orthonormal on the points of the datum first. So the answer depends neither on the unit of
+    length, nor on how the movements are combined, nor on how far away other points are.
     """
     if null.shape[1] == 0:
         return True
     columns = index.columns["point"]
-    triangle: FloatArray = np.asarray(np.linalg.qr(null[columns[columns >= 0]], mode="r"))
+    carries = ((columns >= 0) & constraint.mask[columns]).any(axis=1)
+    own = columns[carries]
+    triangle: FloatArray = np.asarray(np.linalg.qr(null[own[own >= 0]], mode="r"))
     spread = np.linalg.svd(triangle, compute_uv=False)
-    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > 1e-9 * spread[0]:
+    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > _SPREAD * spread[0]:
         return False
     normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
     size = float(np.linalg.norm(normals, axis=0).max())
