@@ -151,13 +151,15 @@ def _with_far_points(
     failures = 0
     far = _beyond_reach(network, values, found, means)
     given = np.isfinite(start["point"][far.points]).all(axis=1)
-    finite = np.zeros(0, dtype=np.int64)
     if given.any():
         begun = _from_given_places(network, start, values, found, far.take(~given), means)
         if begun is not None:
-            values, found, far = begun
-            finite = np.setdiff1d(found.points, far.points)
-            network = _with_reference(plain, start, values, doubted)
+            there, met, gone = begun
+            blind = met.points[met.from_one_place()]
+            settled = _with_reference(plain, start, there, doubted)
+            reduced, adjustment = _adjusted(settled, there, gone, blind, means)
+            if adjustment.outcome.is_solution and not (len(gone.points) and _leaves_out(network)):
+                return reduced, adjustment
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, adjustment = _adjusted(network, values, far, blind, means)
@@ -166,7 +168,6 @@ def _with_far_points(
         if adjustment.outcome.is_solution:
             found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
-        now = now.take(~np.isin(now.points, finite))
         if not adjustment.outcome.is_solution:
             failed = np.union1d(failed, far.points)
             failures += 1
@@ -194,12 +195,11 @@ def _from_given_places(
 ) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
     """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
 
-    The given values say too little of the poses to tell which points are at infinity. Those that seem to be do not
-    carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
+    The given values say too little of the poses to tell which points are at infinity. Points under a narrow angle do
+    not carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
     place. ``None`` if it leads nowhere.
     """
-    beyond = _beyond_reach(network, values, found, means).points
-    begun = _with_reference(network, start, values, np.setdiff1d(beyond, far.points))
+    begun = _with_reference(network, start, values, found.points)
     blind = found.points[found.from_one_place()]
     reduced, adjustment = _adjusted(begun, values, far, blind, means._replace(solve=means.plainly))
     there = _values_of(network, adjustment.values, far.points)
