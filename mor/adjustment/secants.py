@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from mor.adjustment.inverse import Inverse
 from mor.arrays import FloatArray
 

@@ -50,7 +50,6 @@ from mor.machine import check_room
 from mor.parameters.index import Values, move
 from mor.sparse.blas_threads import threads_for
 
-
 _ALIKE = 10.0
 """Condition of the movements of a network, each of length one, from which on it is anchored anew while it turns."""
 _SMALL_STEP = 1e-4
@@ -240,7 +239,9 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
     if state.inverse.weak.shape[1] or state.defect.inside:
         checked = _with_checked_defect(moved)
         # A point on its way to infinity is not determined here; whether the solution is, its own defect says.
-        return checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
+        return (
+            checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
+        )
     inverse = invert_alike(state.plan, normals, values, state.anchors)
     turns = taken.share < 1.0 and taken.damping == 0.0
     if turns and _are_alike(inverse.null / units_of_length(state.problem.index, values)[:, None]):

@@ -137,7 +137,9 @@ def projected(cameras: FloatArray, points: FloatArray) -> tuple[FloatArray, Floa
         radial[:, None, None] * np.eye(2)
         + (2.0 * (k1 + 2.0 * k2 * r2))[:, None, None] * p[:, :, None] * p[:, None, :]
     )
-    p_by_P = np.concatenate([np.tile(-np.eye(2), (len(p), 1, 1)), -p[:, :, None]], axis=2) / P[:, 2, None, None]
+    p_by_P = (
+        np.concatenate([np.tile(-np.eye(2), (len(p), 1, 1)), -p[:, :, None]], axis=2) / P[:, 2, None, None]
+    )
     by_P = by_p @ p_by_P
     by_camera = np.empty((len(p), 2, 9))
     by_camera[:, :, :3] = -by_P @ _cross(turned) @ left
@@ -171,7 +173,14 @@ def by_scipy(problem: BalProblem, evaluations: int = 2000) -> Minimum:
     start = np.concatenate([problem.cameras.ravel(), problem.points.ravel()])
     with np.errstate(all="ignore"):
         found = scipy.optimize.least_squares(
-            residuals, start, jacobian, method="lm", x_scale="jac", ftol=1e-12, xtol=1e-12, max_nfev=evaluations
+            residuals,
+            start,
+            jacobian,
+            method="lm",
+            x_scale="jac",
+            ftol=1e-12,
+            xtol=1e-12,
+            max_nfev=evaluations,
         )
     return Minimum(float(found.cost), len(counted), found.status > 0)
 
@@ -208,7 +217,9 @@ def main() -> None:
             if not well[-1]:
                 print(seed, own, peer, flush=True)
     mine, theirs = np.median(iterations, axis=0)
-    print(f"{sum(well)} of {len(well)} at the same minimum or lower; median of iterations {mine:.0f}, {theirs:.0f}")
+    print(
+        f"{sum(well)} of {len(well)} at the same minimum or lower; median of iterations {mine:.0f}, {theirs:.0f}"
+    )
 
 
 if __name__ == "__main__":

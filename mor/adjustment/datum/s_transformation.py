@@ -175,7 +175,9 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
     if not within.any():
         return None
     centre = points[within].mean(axis=0)
-    size = float(np.median(np.abs(points[within] - centre)))  # a far point says nothing of the size of the rest
+    size = float(
+        np.median(np.abs(points[within] - centre))
+    )  # a far point says nothing of the size of the rest
     if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
         return None
     fields = similarities(points[within], centre)
