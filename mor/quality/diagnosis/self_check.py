@@ -33,6 +33,8 @@ _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
 _SEEN, _BENT = 9.0, 100.0
 """Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
+_NARROW = 0.05
+"""σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
 _LENGTHS = ("point", "base")
 _TOLD = 1000
 
@@ -128,7 +130,9 @@ def _has_direction(quality: Quality, block: int, size: float) -> bool:
                 return False
     variances = np.sort(tolerant.eigvalsh(quality.cofactors["point"][block]))
     sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variances, 0.0))
-    return bool(np.isfinite(sigma).all() and sigma[-2] <= size)
+    points = quality.adjustment.values["point"]
+    distance = float(np.linalg.norm(points[block] - np.median(points, axis=0)))
+    return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))
 
 
 def network_size(adjustment: Adjustment) -> float:
