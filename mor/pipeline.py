@@ -160,6 +160,7 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
         means = Means(
             lambda some, values: make_problem(some, values, values),
             lambda some, values: _attempt(some, values, watch),
+            lambda some, values: Attempt(_plainly(some, values, watch)),
             critical_value(network.project.settings.snooping_level),
         )
         network, attempt = adjust_determinable(whole, start, means)
@@ -179,17 +180,22 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
 
 def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
     """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
+    plain = _plainly(network, start, watch)
     settings = Settings(network.project.settings.max_iterations)
-    problem = make_problem(network, start, start)
-    try:
-        plain = adjust(problem, start, settings, watch)
-    except NotFiniteError:
-        raise InputError(_undefined(problem, start)) from None
-    plain = _with_settled_sigma(network, plain, watch)
     found = without_suspects(plain, settings, counting_on(watch, len(plain.iterations)))
     if found.adjustment is plain:
         return found
     return found._replace(adjustment=_with_settled_sigma(network, found.adjustment, watch, found.suspects))
+
+
+def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
+    """Adjust all observations from the start values."""
+    problem = make_problem(network, start, start)
+    try:
+        adjustment = adjust(problem, start, Settings(network.project.settings.max_iterations), watch)
+    except NotFiniteError:
+        raise InputError(_undefined(problem, start)) from None
+    return _with_settled_sigma(network, adjustment, watch)
 
 
 def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> Solved:

@@ -11,15 +11,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from mor.adjustment.inverse import Inverse
 from mor.arrays import FloatArray
 
 _KEPT = 6
 """Pairs that are remembered at most: half of the unknowns of a point or pose and its neighbour."""
-_CURVED = 1e-6
-"""Cosine of the angle between s and y from which on a pair says something of a curvature."""
+_CURVED = 1e-3
+"""Part of sᵀb from which on sᵀy says something of a curvature."""
 
 
 class Secants(NamedTuple):
@@ -33,7 +31,7 @@ class Secants(NamedTuple):
     def after(self, step: FloatArray, before: FloatArray, now: FloatArray) -> Secants:
         """With a step (u,) that has led from b = ``before`` to ``now``; what it contradicts is forgotten."""
         change = before - now
-        if step @ change <= _CURVED * np.sqrt((step @ step) * (change @ change)):
+        if not step @ change > _CURVED * abs(float(step @ before)):
             return NOTHING_LEARNT
         steps, taken_away = (*self.steps, step), (*self.taken_away, change)
         return Secants(steps[-_KEPT:], taken_away[-_KEPT:])

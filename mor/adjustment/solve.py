@@ -22,12 +22,12 @@ from mor.adjustment.convergence import (
     stands_still,
     without_progress,
 )
-from mor.adjustment.datum.defect import Defect, explain_defect
+from mor.adjustment.datum.defect import Defect, explain_defect, units_of_length
 from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
 from mor.adjustment.memory import LESS, memory_of_adjustment
-from mor.adjustment.normals import build_normals
+from mor.adjustment.normals import OBJECTIVE, build_normals, gradient_elsewhere
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays
@@ -45,9 +45,15 @@ from mor.adjustment.state import (
 )
 from mor.adjustment.step_control import Taken, accept, accept_whole
 from mor.arrays import LARGEST, FloatArray
+from mor.geometry import tolerant
 from mor.machine import check_room
 from mor.parameters.index import Values, move
 from mor.sparse.blas_threads import threads_for
+
+_ALIKE = 10.0
+"""Condition of the movements of a network, each of length one, from which on it is anchored anew while it turns."""
+_SMALL_STEP = 1e-4
+"""Movement, in parts of the size of the network, by which second derivatives are taken."""
 
 
 class Settings(NamedTuple):
@@ -199,7 +205,7 @@ def _converged(state: Adjustment) -> Adjustment:
 
 def _redundancy(state: Adjustment) -> int:
     problem = state.problem
-    return problem.observations - problem.index.count + int(state.defect.datum.shape[1])
+    return problem.observations - problem.index.count + state.defect.dimension
 
 
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:
@@ -230,10 +236,28 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
     moved = state._replace(values=values, normals=normals, iterations=iterations)
     if last:
         return _at_minimum(moved)
-    if state.inverse.weak.shape[1]:
-        return _with_checked_defect(moved)
+    if state.inverse.weak.shape[1] or state.defect.inside:
+        checked = _with_checked_defect(moved)
+        # A point on its way to infinity is not determined here; whether the solution is, its own defect says.
+        return (
+            checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
+        )
     inverse = invert_alike(state.plan, normals, values, state.anchors)
+    turns = taken.share < 1.0 and taken.damping == 0.0
+    if turns and _are_alike(inverse.null / units_of_length(state.problem.index, values)[:, None]):
+        anchored = find_anchors(state.plan, normals)
+        inverse = invert(state.plan, normals, values, *anchored)
+        moved = moved._replace(anchors=anchored.unknowns)
+        return _with_defect(moved, inverse, explain_defect(inverse.null, state.problem, values))
     return _with_defect(moved, inverse, replace(state.defect, datum=inverse.null))
+
+
+def _are_alike(movements: FloatArray) -> bool:
+    """Return True if movements (u, d) are hardly independent: the network has turned away from its anchors."""
+    sizes = np.linalg.norm(movements, axis=0)
+    if movements.shape[1] < 2 or not (np.isfinite(sizes).all() and sizes.all()):
+        return False
+    return bool(np.linalg.cond(np.linalg.qr(movements / sizes, mode="r")) > _ALIKE)
 
 
 def _at_minimum(state: Adjustment) -> Adjustment:
@@ -245,7 +269,45 @@ def _at_minimum(state: Adjustment) -> Adjustment:
     inverse = invert(state.plan, state.normals, state.values, *anchored)
     defect = explain_defect(inverse.null, state.problem, state.values)
     again = _with_defect(checked._replace(anchors=anchored.unknowns), inverse, defect)
-    return again._replace(reason=SINGULAR_MINIMUM) if again.outcome is Outcome.SINGULAR else again
+    if again.outcome is not Outcome.SINGULAR:
+        return again
+    return _bound_by_curvature(again) or again._replace(reason=SINGULAR_MINIMUM)
+
+
+def _bound_by_curvature(state: Adjustment) -> Adjustment | None:
+    """The state at a minimum where residuals determine what no observation does to first order; ``None`` if not.
+
+    Movements G of the network with A G = 0 change vᵀPv by the second derivatives of the observations alone. Where
+    GᵀSG, S = −Σ p l ∂²f, is positive and keeps the movement small, vᵀPv has a minimum there, and G (GᵀSG)⁻¹ Gᵀ is its
+    part of the cofactors.
+    """
+    datum, problem = state.defect.datum, state.problem
+    if problem.datum.free or state.defect.inside or datum.shape[1] == 0:
+        return None
+    units = units_of_length(problem.index, state.values)[:, None]
+    movements = units * np.linalg.qr(datum / units)[0]
+    curvature = np.empty((movements.shape[1], movements.shape[1]))
+    for k, movement in enumerate(movements.T):
+        there = [
+            gradient_elsewhere(
+                state.plan, move(problem.index, state.values, sign * _SMALL_STEP * movement), state.values
+            )
+            for sign in (1.0, -1.0)
+        ]
+        curvature[:, k] = movements.T @ (there[1] - there[0]) / (2.0 * _SMALL_STEP)
+    sizes, axes = tolerant.eigh(0.5 * (curvature + curvature.T))
+    if not sizes[0] > 0.0:
+        return None
+    weak = movements @ (axes / np.sqrt(sizes))
+    if not float(np.abs(weak / units).max()) < NOTHING_KNOWN:
+        return None
+    none = np.zeros((problem.index.count, 0))
+    defect = replace(state.defect, movements=(), datum=none, to_second_order=datum.shape[1])
+    inverse = state.inverse._replace(null=none, weak=np.concatenate([state.inverse.weak, weak], axis=1))
+    bound = constraint(none, problem, state.values)
+    return state._replace(
+        outcome=Outcome.NOT_CONVERGED, reason="", inverse=inverse, defect=defect, constraint=bound
+    )
 
 
 def _with_checked_defect(state: Adjustment) -> Adjustment:

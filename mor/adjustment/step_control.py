@@ -25,7 +25,7 @@ from mor.adjustment.state import Adjustment
 from mor.arrays import LARGEST, FloatArray
 from mor.parameters.index import move
 
-_CORRECTIONS = 3
+_CORRECTIONS = 6
 """Regular steps that lead back to the solution at most."""
 _BACK = 5
 """Steps that lead back to the floor of a valley at most."""
@@ -111,12 +111,13 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
     without = move(index, state.values, regular)
     if objective(state.plan, without) > _limit(state):
         return None
-    for share in _first_share(state, along) * 0.25 ** np.arange(6):
-        values = move(index, state.values, regular + share * along)
+    for share in _first_share(state, along) * 0.5 ** np.arange(10):
+        values, before = move(index, state.values, regular + share * along), np.inf
         for _ in range(_CORRECTIONS):
             normals = build_normals(state.plan, values)
-            if not np.isfinite(normals.objective):
+            if not normals.objective < 0.5 * before:
                 break
+            before = normals.objective
             inverse = invert(state.plan, normals, values, state.anchors)
             values = move(index, values, inverse.parts_of_step(normals)[0])
             if objective(state.plan, values) <= _limit(state):

@@ -122,6 +122,7 @@ def solve_plan(network: Network) -> Solved:
     means = Means(
         lambda some, start: make_problem(some, start, start),
         solve,
+        solve,
         critical_value(settings.snooping_level),
     )
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):

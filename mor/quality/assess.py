@@ -99,7 +99,7 @@ def assess(
     datum = datum_transformation(adjustment)
     if levels.familywise is not None:
         levels = levels._replace(snooping=sidak(levels.familywise, problem.observations))
-    redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
+    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
     whole = Whole(redundancy, adjustment.normals.objective, levels, aposteriori)
     return assessed(adjustment, cofactors, datum, whole, done)
 

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from mor.adjustment.solve import adjust
-from mor.adjustment.state import SINGULAR_MINIMUM, Outcome
+from mor.adjustment.state import Outcome
+from mor.parameters.index import move
 from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.diagnosis.self_check import checked
 from tests.scenarios.hard_starts import by_scipy, hard_start
+from tools.far_start_trials import _dense
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,34 @@ def test_a_point_that_a_touching_distance_holds_is_a_solution_with_all_redundanc
 
 
 def test_an_iteration_whose_steps_alternate_goes_on_to_the_minimum():
-    """At the minimum a turn of the network changes no observation, and that is the outcome."""
+    """There a movement changes no observation to first order. What binds it is the curvature of the sum of squares."""
     found = _adjusted(CASES / "fixed_components" / "project.yaml")
+    assert found.outcome is Outcome.CONVERGED
     assert found.normals.objective == pytest.approx(425.614452870, rel=1e-10)
-    assert found.reason == SINGULAR_MINIMUM
+    quality = assess(found)
+    assert quality.redundancy == 391
+    assert quality.redundancy_sum == pytest.approx(391.0, abs=1e-6)
+    assert checked(quality).outcome is Outcome.CONVERGED
+
+
+def test_what_the_curvature_binds_has_its_standard_deviation_from_the_sum_of_squares():
+    """Along the movement, v'Pv rises by 1 at one standard deviation, all other unknowns adjusted to it."""
+    found = _adjusted(CASES / "fixed_components" / "project.yaml")
+    weak = found.inverse.weak[:, 0]
+    column = int(np.argmax(np.abs(weak)))
+    rises = []
+    for sign in (1.0, -1.0):
+        start = move(found.problem.index, found.values, 0.3 * sign * weak)
+        rises.append(_constrained(found, start, column))
+    assert np.mean(rises) == pytest.approx(0.09, rel=0.1)
+
+
+def _constrained(found, values, column):
+    """What v'Pv rises by where one unknown is held and the others are adjusted, by dense Gauss-Newton steps."""
+    others = np.delete(np.arange(found.problem.index.count), column)
+    for _ in range(6):
+        misclosures, J = _dense(found.problem, values)
+        step = np.zeros(found.problem.index.count)
+        step[others] = np.linalg.lstsq(J[:, others], -misclosures, rcond=None)[0]
+        values = move(found.problem.index, values, step)
+    return float(np.sum(_dense(found.problem, values)[0] ** 2)) - found.normals.objective

@@ -37,6 +37,13 @@ class Defect:
     """What else there is."""
     beyond_use: tuple[Undetermined, ...] = ()
     """What is determined so badly that it is as good as not."""
+    to_second_order: int = 0
+    """Movements that change no observation to first order, and that the curvature of vᵀPv determines."""
+
+    @property
+    def dimension(self) -> int:
+        """Unknowns less the rank of the normal matrix, apart from what is not determined inside the network."""
+        return self.datum.shape[1] + self.to_second_order
 
     @cached_property
     def undetermined(self) -> tuple[Undetermined, ...]:

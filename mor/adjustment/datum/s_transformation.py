@@ -21,10 +21,13 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.geometry import tolerant
 from mor.parameters.index import Index, Values
 
+_SPREAD = 1e-12
+"""Least of the sizes of movements on the points of the datum, as a part of the largest."""
 _SMALL_TURN = 0.1
 """Radians, or part of the scale, up to which a movement is told by its first two derivatives."""
 _NEAR = 1e-2
-"""Corrections in parts of the network below which its movements stay the same on the way into the datum."""
+"""Corrections in parts of the median distance of a coordinate from the centre below which movements stay the same on
+the way into the datum."""
 
 
 class Constraint(NamedTuple):
@@ -106,15 +109,17 @@ def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
 def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
     """Return True if the constraint determines every movement (u, d) of the network.
 
-    The movements are made orthonormal on the point coordinates first. So the answer depends neither on the unit of
-    length nor on how the movements are combined.
+    The movements are made orthonormal on the points of the datum first. So the answer depends neither on the unit of
+    length, nor on how the movements are combined, nor on how far away other points are.
     """
     if null.shape[1] == 0:
         return True
     columns = index.columns["point"]
-    triangle: FloatArray = np.asarray(np.linalg.qr(null[columns[columns >= 0]], mode="r"))
+    carries = ((columns >= 0) & constraint.mask[columns]).any(axis=1)
+    own = columns[carries]
+    triangle: FloatArray = np.asarray(np.linalg.qr(null[own[own >= 0]], mode="r"))
     spread = np.linalg.svd(triangle, compute_uv=False)
-    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > 1e-9 * spread[0]:
+    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > _SPREAD * spread[0]:
         return False
     normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
     size = float(np.linalg.norm(normals, axis=0).max())
@@ -140,10 +145,10 @@ def into_datum(
         return np.full(len(step), np.nan), gain
     bent = _bent(null, problem, values, total)
     if bent is not None:
-        relative = np.linalg.solve(across, bent.derivative) + np.eye(len(across))
-        least = float(np.linalg.eigvals(relative).real.min())
+        relative = tolerant.solve(across, bent.derivative) + np.eye(len(across))
+        least = float(np.abs(tolerant.eigvals(relative)).min())
         settles = least > np.finfo(float).eps * float(np.linalg.norm(relative))
-        better = np.asarray(np.linalg.solve(relative, movement)) if settles else movement
+        better = tolerant.solve(relative, movement) if settles else movement
         if float(np.abs(bent.turns @ better).max(initial=0.0)) < _SMALL_TURN:
             movement, gain = better, max(1.0, 1.0 / least) if settles else 1.0
     turned: FloatArray = step - null @ movement
@@ -167,10 +172,14 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
     columns, points = problem.index.columns["point"], values["point"]
     used = chosen & (columns >= 0)
     within = used.any(axis=1)
-    size = float(np.ptp(points[within], axis=0).max()) if within.any() else 0.0
-    if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
+    if not within.any():
         return None
     centre = points[within].mean(axis=0)
+    size = float(
+        np.median(np.abs(points[within] - centre))
+    )  # a far point says nothing of the size of the rest
+    if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
+        return None
     fields = similarities(points[within], centre)
     movements = np.asarray(np.linalg.lstsq(fields[used[within]], null[columns[used]], rcond=1e-12)[0], float)
     apart = np.zeros((len(fields), 3))

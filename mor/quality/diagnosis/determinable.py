@@ -44,6 +44,8 @@ FAILURES = 3
 """Adjustments without a solution after which it is not points at infinity that keep it from one."""
 FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
+_RUN_AWAY = 1e-3
+"""Inverse distance, in units of its σ, below which a point has run away: vᵀPv is the same to 1e-6 at infinity."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -53,6 +55,8 @@ class Means(NamedTuple):
 
     make: Callable[[Network, Values], Problem]
     solve: Callable[[Network, Values], Attempt]
+    plainly: Callable[[Network, Values], Attempt]
+    """The same of all observations alone, whether that has a solution or not."""
     critical: float
 
 
@@ -143,6 +147,16 @@ def _with_far_points(
     failed = np.zeros(0, dtype=np.int64)
     failures = 0
     far = _beyond_reach(network, values, found, means)
+    given = np.isfinite(start["point"][far.points]).all(axis=1)
+    if given.any():
+        begun = _from_given_places(network, start, values, found, far.take(~given), means)
+        if begun is not None:
+            there, met, gone = begun
+            blind = met.points[met.from_one_place()]
+            settled = _with_reference(plain, start, there, doubted)
+            reduced, attempt = _adjusted(settled, there, gone, blind, means)
+            if attempt.adjustment.outcome.is_solution and not (len(gone.points) and _leaves_out(network)):
+                return reduced, attempt
     for _ in range(ROUNDS):
         blind = found.points[found.from_one_place()]
         reduced, attempt = _adjusted(network, values, far, blind, means)
@@ -172,6 +186,30 @@ def _with_far_points(
         values = values if adjustment.outcome.is_solution else start
         reduced, attempt = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, attempt
+
+
+def _from_given_places(
+    network: Network, start: Values, values: Values, found: RayPoints, far: RayPoints, means: Means
+) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
+    """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
+
+    The given values say too little of the poses to tell which points are at infinity. Points under a narrow angle do
+    not carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
+    place. ``None`` if it leads nowhere.
+    """
+    begun = _with_reference(network, start, values, found.points)
+    blind = found.points[found.from_one_place()]
+    reduced, attempt = _adjusted(begun, values, far, blind, means._replace(solve=means.plainly))
+    adjustment = attempt.adjustment
+    there = _values_of(network, adjustment.values, far.points)
+    met = nearly_parallel(network, there)
+    if adjustment.outcome.is_solution:
+        met = with_free_poses(network, reduced, adjustment, there, met, means.critical)
+    distance = np.linalg.norm(there["point"][met.points] - met.centres, axis=1)
+    gone = ~met.from_one_place() & ~(distance * met.sigma * _RUN_AWAY < 1.0)
+    if not adjustment.outcome.is_solution and not gone.any():
+        return None
+    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, met.take(gone)
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:

@@ -20,6 +20,7 @@ from mor.adjustment.normals import image_of, objective
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray
 from mor.geometry import tolerant
+from mor.observations import can_be_at_infinity, target_slot
 from mor.parameters.index import move
 from mor.quality.assess import Quality
 
@@ -32,6 +33,8 @@ _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
 _SEEN, _BENT = 9.0, 100.0
 """Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
+_NARROW = 0.05
+"""σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
 _LENGTHS = ("point", "base")
 _TOLD = 1000
 
@@ -71,6 +74,8 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             components = np.flatnonzero(beyond[block])
             if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
                 continue
+            if kind == "point" and _has_direction(quality, int(block), limit):
+                continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
             found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
@@ -109,6 +114,25 @@ def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
         objective(adjustment.plan, move(problem.index, values, sign * direction)) for sign in (1.0, -1.0)
     ]
     return min(moved) - before > max(_SEEN, _BENT * linear)
+
+
+def _has_direction(quality: Quality, block: int, size: float) -> bool:
+    """Return True if a point is far away, seen by rays alone: they determine its direction, hardly its distance.
+
+    The adjustment has converged at a finite distance. The verdict names the point as not determined.
+    """
+    problem = quality.adjustment.problem
+    for group in problem.groups:
+        for k, numbers in enumerate(group.blocks):
+            if group.type.slots[k].kind != "point" or not (numbers == block).any():
+                continue
+            if not can_be_at_infinity(group.type) or k != target_slot(group.type):
+                return False
+    variances = np.sort(tolerant.eigvalsh(quality.cofactors["point"][block]))
+    sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variances, 0.0))
+    points = quality.adjustment.values["point"]
+    distance = float(np.linalg.norm(points[block] - np.median(points, axis=0)))
+    return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))
 
 
 def network_size(adjustment: Adjustment) -> float:

@@ -105,7 +105,7 @@ class Attempt(NamedTuple):
 def may_be_absurd(adjustment: Adjustment) -> bool:
     """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
     problem = adjustment.problem
-    redundancy = problem.observations - problem.index.count + adjustment.defect.datum.shape[1]
+    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
     if redundancy <= 0 or adjustment.normals.objective <= redundancy * _WORSE**2:
         return False
     return _overall(adjustment) > _WORSE
@@ -297,7 +297,7 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
 
 def _freedom(adjustment: Adjustment) -> int:
     """Redundancy of what takes part."""
-    return _used(adjustment.problem) - adjustment.problem.index.count + int(adjustment.defect.datum.shape[1])
+    return _used(adjustment.problem) - adjustment.problem.index.count + adjustment.defect.dimension
 
 
 def _used(problem: Problem) -> int:

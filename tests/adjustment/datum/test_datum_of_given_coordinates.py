@@ -37,9 +37,7 @@ def test_constraint_holds_on_the_result(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_constraint_holds_on_the_results_of_many_networks(kind: str) -> None:
     found = np.array([misclosure(kind, seed, ROUGH[seed % len(ROUGH)]) for seed in range(24)])
-    solved = found[np.isfinite(found)]
-    assert solved.max() < 1e-6
-    assert len(solved) >= 22, "at most two of 24 networks end without a solution"
+    assert found.max() < 1e-6  # NaN, of a network without a solution, is not
 
 
 def test_replaced_start_value_of_a_datum_point_does_not_move_the_datum() -> None:
