@@ -197,21 +197,25 @@ def _solved(network: Network, watch: Watcher | None, assessing: Callable[[int], 
         plain = adjustment if suspects is None else plain
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
-    possible = _possible_causes(quality, network, tests)
+    possible = _possible_causes(quality, network, tests, suspects)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
     solved = Solved(network, last, replace(quality, adjustment=last), treatment, suspects, possible, tested)
     return _Adjusted(solved, start, plain, led, whole)
 
 
-def _possible_causes(quality: Quality, network: Network, tests: GroupTests) -> tuple[PossibleCause, ...]:
-    """Score tests of the usual mistakes, if something is rejected because residuals are too large."""
-    if rejection(quality, network, tests) is not Rejection.LARGER:
+def _possible_causes(
+    quality: Quality, network: Network, tests: GroupTests, suspects: Suspects | None
+) -> tuple[PossibleCause, ...]:
+    """Score tests of the usual mistakes, if suspects are left out or residuals are too large."""
+    rejected = rejection(quality, network, tests) is Rejection.LARGER
+    if suspects is None and not rejected:
         return ()
-    from mor.diagnose.score_tests import score_tests  # loading it takes its time
+    from mor.diagnose.score_tests import score_tests, score_tests_with_suspects  # loading it takes its time
 
     with np.errstate(all="ignore"):
-        return score_tests(quality, network)
+        found = score_tests_with_suspects(quality, network, suspects) if suspects is not None else ()
+        return found or (score_tests(quality, network) if rejected else ())
 
 
 def _diagnosis(network: Network, adjusted: _Adjusted, go_on: GoOn) -> Diagnosis:

@@ -64,7 +64,7 @@ def _amount(network: Network, amount: Amount | None) -> dict[str, Any] | None:
     """The value of an additional parameter, with its unit."""
     if amount is None:
         return None
-    units = {"offset": network.project.units.length, "scale": ""}
+    units = {"offset": network.project.units.length, "scale": "", "sigma factor": ""}
     units["height"] = units["offset"]
     unit = units.get(amount.name, next((scale.unit for scale in network.scales.values()), ""))
     return {"name": amount.name, "value": amount.value, "unit": unit}
